@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
 use surefoot_net::client::Link;
-use surefoot_net::levels::{Made, MapPool, SharedMap};
+use surefoot_net::levels::{BaseMap, MapPool, SharedMap};
 use surefoot_net::memory::Reservation;
 use surefoot_world::map::Piece;
 use surefoot_world::{Map, MapSpec, exchange};
@@ -115,7 +115,7 @@ impl Maps {
     }
 
     async fn generated(&self, spec: MapSpec, map_hash: &str) -> Result<HeldMade, String> {
-        let shared = self.pool.get("worlds", &Made::Spec(spec)).await.map_err(|error| error.to_string())?;
+        let shared = self.pool.get("worlds", &BaseMap::Spec(spec)).await.map_err(|error| error.to_string())?;
         if shared.map().hash().to_hex() != map_hash {
             return Err("this version generates another map than the server".to_owned());
         }

@@ -127,7 +127,7 @@ impl Planner {
 
     /// Builds or loads the graph of the map of a job without pieces.
     async fn plain_graph(&self, job: &Job) -> Result<Arc<Hosted>, PlannerError> {
-        let plain = MapSource::from(job.source.made().clone());
+        let plain = MapSource::from(job.source.base().clone());
         let build = self.start_build((plain, job.body.clone(), job.settings), SERVICE)?;
         tokio::select! {
             () = build.ended() => {}
@@ -139,10 +139,10 @@ impl Planner {
 
     /// The graph in memory of the same map, body and settings whose pieces differ in the fewest from those of a job.
     fn find_relative(&self, job: &Job) -> Option<Arc<Hosted>> {
-        let made = job.source.made().key();
+        let made = job.source.base().key();
         let is_relative = |hosted: &Arc<Hosted>| {
             let Origin { settings, body, source, .. } = &hosted.origin;
-            *settings == job.settings && *body == job.body && source.made().key() == made && !hosted.is_interim()
+            *settings == job.settings && *body == job.body && source.base().key() == made && !hosted.is_interim()
         };
         let wanted = job.source.pieces();
         let difference = |hosted: &Arc<Hosted>| {

@@ -1,6 +1,6 @@
 //! Where a graph comes from: its map, body, settings and policy, and the level that its layers belong to.
 
-use surefoot_net::levels::{Made, MapSource};
+use surefoot_net::levels::{BaseMap, MapSource};
 use surefoot_planner::edits::Edited;
 use surefoot_planner::live::LiveEvidence;
 use surefoot_planner::store::LevelId;
@@ -38,9 +38,9 @@ impl Origin {
     /// Returns the level that layers belong to. An imported level is identified by its name, so that its layers outlive changes
     /// of its map; a generated map, by its spec.
     pub fn level(&self) -> LevelId {
-        match self.source.made() {
-            Made::Spec(spec) => LevelId::of_spec(spec),
-            Made::Level(level) => LevelId::of(level.name.as_bytes()),
+        match self.source.base() {
+            BaseMap::Spec(spec) => LevelId::of_spec(spec),
+            BaseMap::Level(level) => LevelId::of(level.name.as_bytes()),
         }
     }
 

@@ -162,7 +162,7 @@ impl Planner {
              # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
              # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n\
              # HELP surefoot_graphs_built_total Graphs built by this planner.\n# TYPE surefoot_graphs_built_total counter\nsurefoot_graphs_built_total {built}\n\
-             # HELP surefoot_lease_sure Whether nobody can have taken over what this process has.\n# TYPE surefoot_lease_sure gauge\nsurefoot_lease_sure {sure}\n\
+             # HELP surefoot_lease_held Whether nobody can have taken over what this process has.\n# TYPE surefoot_lease_held gauge\nsurefoot_lease_held {sure}\n\
              # HELP surefoot_stale_publishes_total Graphs not published, because their claims had been lost.\n# TYPE surefoot_stale_publishes_total counter\nsurefoot_stale_publishes_total {stale_publishes}\n\
              {provers}"
         )
@@ -190,7 +190,7 @@ impl Planner {
     /// that may block.
     pub(crate) fn map_of(&self, source: &MapSource) -> Arc<Map> {
         let maps = self.shared.config.maps.clone();
-        let shared = tokio::runtime::Handle::current().block_on(maps.get("graphs", source.made()));
+        let shared = tokio::runtime::Handle::current().block_on(maps.get("graphs", source.base()));
         // Where there is no memory to keep it, it is made for this once.
         let Ok(shared) = shared else { return source.map() };
         let mut recent = self.shared.recent_maps.lock().expect(POISON);

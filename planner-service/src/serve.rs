@@ -4,7 +4,7 @@ use crate::config::PlannerConfig;
 use crate::grpc::PlannerApi;
 use crate::planner::{Planner, PlannerStores};
 use std::time::Duration;
-use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
+use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown};
 use surefoot_policy::Policy;
 use surefoot_proto::planner::v1::planner_service_server::{PlannerServiceServer, SERVICE_NAME};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
@@ -35,7 +35,7 @@ pub async fn serve(
     };
     let (holds_lease, standing) = watch::channel(true);
     tokio::spawn(report_standing(planner.clone(), holds_lease));
-    let endpoint = endpoint.with_standing(standing);
+    let endpoint = endpoint.with_lease(standing);
     let mut routes = tonic::service::Routes::builder();
     let grpc = PlannerServiceServer::new(PlannerApi::new(planner.clone()))
         .max_decoding_message_size(endpoint.limits().max_message_bytes)
@@ -43,8 +43,8 @@ pub async fn serve(
     let maps = MapServiceServer::new(planner.levels().clone())
         .max_decoding_message_size(endpoint.limits().max_import_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    routes.add_service(with_grpc_web(grpc)).add_service(with_grpc_web(maps));
-    let endpoint = endpoint.within(planner.levels().memory().clone());
+    routes.add_service(grpc).add_service(maps);
+    let endpoint = endpoint.with_memory(planner.levels().memory().clone());
     let result = endpoint.serve(routes, &[SERVICE_NAME, MAP_SERVICE], metrics, shutdown).await;
     planner.cancel_builds();
     let end = tokio::task::spawn_blocking(move || planner.leave());

@@ -8,7 +8,7 @@ use crate::jobs::{BuildPhase, Job};
 use prost::Message;
 use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;
-use surefoot_net::levels::{LevelStore, Made, MapSource, grpc};
+use surefoot_net::levels::{BaseMap, LevelStore, MapSource, grpc};
 use surefoot_net::status;
 use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::live::{Reported, Reporter};
@@ -29,9 +29,9 @@ pub type Wanted = (MapSource, CharacterProfile, BuildSettings);
 
 /// Encodes how to make a graph, for all planners that share a store: as the request that asks for it.
 pub fn recipe((source, body, settings): (&MapSource, &CharacterProfile, &BuildSettings)) -> Vec<u8> {
-    let (map, map_hash) = match source.made() {
-        Made::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
-        Made::Level(level) => (None, level.map.hash().to_hex()),
+    let (map, map_hash) = match source.base() {
+        BaseMap::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
+        BaseMap::Level(level) => (None, level.map.hash().to_hex()),
     };
     let mut encoded = settings_to_wire(settings);
     if f64::from(encoded.threshold) != settings.threshold {
@@ -325,9 +325,9 @@ pub fn report_to_wire(report: Reported) -> wire::Report {
 
 /// Returns the spec of a generated map, or else the name of an imported level.
 fn source_to_wire(source: &MapSource) -> (Option<MapSpec>, String) {
-    match source.made() {
-        Made::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
-        Made::Level(level) => (None, level.name.clone()),
+    match source.base() {
+        BaseMap::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
+        BaseMap::Level(level) => (None, level.name.clone()),
     }
 }
 
@@ -407,7 +407,7 @@ mod tests {
         let own = settings_from_wire(Some(&own), &config).unwrap();
         for settings in [defaults, own] {
             for body in BODIES.iter().map(|preset| preset.profile()) {
-                let source = MapSource::from(Made::Spec(spec));
+                let source = MapSource::from(BaseMap::Spec(spec));
                 let bytes = recipe((&source, &body, &settings));
                 let (read, read_body, read_settings) = read_recipe(&bytes, &levels, &config).await.unwrap();
                 assert_eq!((read.key(), read_body, read_settings), (source.key(), body, settings));

@@ -5,7 +5,7 @@ use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::sync::{self, Arc, TryLockError};
 use std::time::{Duration, Instant, SystemTime};
-use surefoot_net::levels::{Made, MapError, MapPool, SharedMap};
+use surefoot_net::levels::{BaseMap, MapError, MapPool, SharedMap};
 use surefoot_net::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
 use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env, Episodes, Route};
@@ -86,7 +86,7 @@ pub trait Host: Send + Sync + std::fmt::Debug {
 
 /// Where environments run.
 #[derive(Debug, Clone)]
-pub enum Grounds {
+pub enum EnvBackend {
     /// In our worlds, on these maps.
     Maps(MapPool),
     /// In a game.
@@ -97,7 +97,7 @@ pub enum Grounds {
 #[derive(Debug, Clone)]
 pub struct EnvSettings {
     /// Source of the map; `None` for a game's own level.
-    pub source: Option<Made>,
+    pub source: Option<BaseMap>,
     /// Body of the NPCs.
     pub body: CharacterProfile,
     /// Whether the NPCs get in each other's way and see each other.
@@ -159,7 +159,7 @@ pub struct Envs {
     limit: usize,
     quota: Arc<Quota>,
     idle_limit: Duration,
-    grounds: Grounds,
+    backend: EnvBackend,
     memory: MemoryBudget,
     inner: Arc<Mutex<Inner>>,
 }
@@ -175,14 +175,14 @@ struct Inner {
 impl Envs {
     /// At most `limit` environments at a time, and `limit_per_client` of each client; those that are unused for
     /// `idle_limit` are removed.
-    pub fn new(limit: usize, limit_per_client: usize, idle_limit: Duration, grounds: Grounds) -> Self {
-        let memory = match &grounds {
-            Grounds::Maps(maps) => maps.memory().clone(),
+    pub fn new(limit: usize, limit_per_client: usize, idle_limit: Duration, backend: EnvBackend) -> Self {
+        let memory = match &backend {
+            EnvBackend::Maps(maps) => maps.memory().clone(),
             // The game has its own memory; this is for answers that are kept.
-            Grounds::Game(_) => MemoryBudget::new(DEFAULT_MAX_MEMORY_BYTES),
+            EnvBackend::Game(_) => MemoryBudget::new(DEFAULT_MAX_MEMORY_BYTES),
         };
         let what = "environments, the most it may have (--max-envs-per-client)";
-        Self { limit, quota: Quota::new(limit_per_client, what), idle_limit, grounds, memory, inner: Arc::default() }
+        Self { limit, quota: Quota::new(limit_per_client, what), idle_limit, backend, memory, inner: Arc::default() }
     }
 
     /// The memory budget of the service.
@@ -230,16 +230,16 @@ impl Envs {
         caller: &Caller,
         EnvSettings { source, body, solid_npcs, episodes }: EnvSettings,
     ) -> Result<(Env, Option<(Arc<SharedMap>, Reservation)>), EnvError> {
-        match (&self.grounds, source) {
-            (Grounds::Maps(maps), Some(source)) => {
+        match (&self.backend, source) {
+            (EnvBackend::Maps(maps), Some(source)) => {
                 let memory = maps.memory().reserve(&caller.name, episodes.npc_count() as u64 * NPC_BYTES)?;
                 let shared = maps.get(&caller.name, &source).await?;
                 let map = shared.map().clone();
                 let env = tokio::task::spawn_blocking(move || Env::new(map, body, solid_npcs, episodes)).await??;
                 Ok((env, Some((shared, memory))))
             }
-            (Grounds::Maps(_), None) => Err(EnvError::NoMap),
-            (Grounds::Game(host), _) => {
+            (EnvBackend::Maps(_), None) => Err(EnvError::NoMap),
+            (EnvBackend::Game(host), _) => {
                 let host = host.clone();
                 let opened = tokio::task::spawn_blocking(move || host.open(&body, solid_npcs, episodes)).await?;
                 Ok((opened.map_err(EnvError::Host)?, None))

@@ -1,9 +1,9 @@
 //! The inbox of a world's thread: what must not wait first, then the calls of clients, each client in turn.
 //!
-//! Answers of workers and calls of the server itself have a lane of their own, so a flood from one client can neither cut workers off
+//! Answers of workers and calls of the server itself have a queue of their own, so a flood from one client can neither cut workers off
 //! nor delay another client by more than one call.
 
-use crate::errors::SimError;
+use crate::sim::SimError;
 use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ const MAX_URGENT: usize = 4096;
 
 /// Who calls.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Lane {
+pub enum CallQueue {
     /// The server itself, or a worker's answer.
     Urgent,
     /// A client, by name.
@@ -71,19 +71,19 @@ impl<T> Inbox<T> {
         self.queues.lock()
     }
 
-    /// Adds an item at the end of a lane.
+    /// Adds an item at the end of a queue.
     ///
     /// # Errors
-    /// [`SimError::Busy`] if the lane is full, [`SimError::Stopped`] if the inbox is closed.
-    pub fn push(&self, lane: &Lane, item: T) -> Result<(), SimError> {
+    /// [`SimError::Busy`] if the queue is full, [`SimError::Stopped`] if the inbox is closed.
+    pub fn push(&self, queue: &CallQueue, item: T) -> Result<(), SimError> {
         let mut queues = self.queues();
         if queues.is_closed {
             return Err(SimError::Stopped);
         }
-        match lane {
-            Lane::Urgent if queues.urgent.len() >= MAX_URGENT => return Err(SimError::Busy),
-            Lane::Urgent => queues.urgent.push_back(item),
-            Lane::Client(client) => {
+        match queue {
+            CallQueue::Urgent if queues.urgent.len() >= MAX_URGENT => return Err(SimError::Busy),
+            CallQueue::Urgent => queues.urgent.push_back(item),
+            CallQueue::Client(client) => {
                 let waiting = queues.clients.get(client).map_or(0, VecDeque::len);
                 if waiting >= MAX_CALLS_PER_CLIENT || queues.client_calls >= MAX_CLIENT_CALLS {
                     return Err(SimError::Busy);
@@ -159,8 +159,8 @@ impl<T> Queues<T> {
 mod tests {
     use super::*;
 
-    fn client(name: &str) -> Lane {
-        Lane::Client(name.into())
+    fn client(name: &str) -> CallQueue {
+        CallQueue::Client(name.into())
     }
 
     fn drain(inbox: &Inbox<u32>) -> Vec<u32> {
@@ -173,7 +173,7 @@ mod tests {
         let inbox = Inbox::default();
         (0..5).for_each(|item| inbox.push(&client("flood"), item).unwrap());
         inbox.push(&client("quiet"), 100).unwrap();
-        inbox.push(&Lane::Urgent, 200).unwrap();
+        inbox.push(&CallQueue::Urgent, 200).unwrap();
         assert_eq!(drain(&inbox), [200, 0, 100, 1, 2, 3, 4]);
     }
 
@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(accepted, MAX_CALLS_PER_CLIENT);
         assert_eq!(inbox.push(&client("flood"), 0), Err(SimError::Busy));
         assert_eq!(inbox.push(&client("quiet"), 1), Ok(()));
-        assert_eq!(inbox.push(&Lane::Urgent, 2), Ok(()));
+        assert_eq!(inbox.push(&CallQueue::Urgent, 2), Ok(()));
         assert_eq!(drain(&inbox).len(), MAX_CALLS_PER_CLIENT + 2);
         assert_eq!(inbox.push(&client("flood"), 0), Ok(()), "there is room again");
     }
@@ -192,9 +192,9 @@ mod tests {
     #[test]
     fn a_closed_inbox_refuses_and_hands_out_what_is_left() {
         let inbox = Inbox::default();
-        inbox.push(&Lane::Urgent, 1).unwrap();
+        inbox.push(&CallQueue::Urgent, 1).unwrap();
         inbox.close();
-        assert_eq!(inbox.push(&Lane::Urgent, 2), Err(SimError::Stopped));
+        assert_eq!(inbox.push(&CallQueue::Urgent, 2), Err(SimError::Stopped));
         assert_eq!(inbox.pop(Instant::now()), Popped::Item(1));
         assert_eq!(inbox.pop(Instant::now()), Popped::Closed);
     }

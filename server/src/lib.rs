@@ -2,22 +2,21 @@
 //!
 //! [`hosted`] is one world with the decisions of its NPCs, [`sim`] the thread that steps a world on an absolute 60 Hz schedule,
 //! [`figures`] what is known of a world without a call to its thread, [`worlds`] all worlds and their lifecycle,
-//! [`store`] where they outlive the process, `tenure` a server's time in a fleet. [`registry`] has the connected
+//! [`store`] where they outlive the process, `lease` a server's time in a fleet. [`registry`] has the connected
 //! workers, [`messages`] the messages to and from them, [`envs`] the environments that remote trainers step themselves,
-//! [`observer`] what others beside the server see of it, [`survey`] what bodies find on a map. [`grpc`] decodes, calls
+//! [`observer`] what others beside the server see of it. [`grpc`] decodes, calls
 //! and encodes, [`wire`] converts. Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know
 //! wire types.
 
 mod config;
-mod editing;
 pub mod envs;
-pub mod errors;
 pub mod figures;
 pub mod geometry;
 pub mod grpc;
 pub mod hosted;
 pub mod ids;
 mod inbox;
+mod lease;
 pub mod messages;
 pub mod metrics;
 pub mod observer;
@@ -26,8 +25,6 @@ pub mod registry;
 mod serve;
 pub mod sim;
 pub mod store;
-pub mod survey;
-mod tenure;
 pub mod times;
 mod turns;
 pub mod view;

@@ -35,7 +35,7 @@ pub struct ProcessFigures {
     /// Memory in use for maps and environments.
     pub memory_bytes: u64,
     /// Whether no other server of the fleet can have taken over its worlds.
-    pub is_sure: bool,
+    pub holds_lease: bool,
     /// Worlds that were taken over from other servers of the fleet since the start.
     pub taken_over: u64,
 }
@@ -52,9 +52,9 @@ pub fn render(worlds: &[Arc<WorldFigures>], workers: &[WorkerLoad], process: Pro
     text.family("worlds_failed_total", "counter", "Worlds that panicked.", [(String::new(), failed)]);
     let failed = process.failed_saves as f64;
     text.family("saves_failed_total", "counter", "Times that a world could not be saved.", [(String::new(), failed)]);
-    let sure = f64::from(u8::from(process.is_sure));
+    let sure = f64::from(u8::from(process.holds_lease));
     let help = "Whether nobody can have taken over what this process has.";
-    text.family("lease_sure", "gauge", help, [(String::new(), sure)]);
+    text.family("lease_held", "gauge", help, [(String::new(), sure)]);
     let taken = process.taken_over as f64;
     text.family("worlds_taken_over_total", "counter", "Worlds taken over from others.", [(String::new(), taken)]);
     let memory = process.memory_bytes as f64;

@@ -4,7 +4,7 @@
 //! An observer reads the figures that the threads of the worlds write. It calls no thread, so it never waits.
 
 use crate::ids::WorldId;
-use crate::worlds::Worlds;
+use crate::worlds::{Worlds, WorldsError};
 use std::time::Duration;
 use tokio::sync::watch;
 
@@ -19,8 +19,8 @@ pub struct Vitals {
     pub stalled: Vec<WorldId>,
 }
 
-/// Looks at a running server.
-#[derive(Debug)]
+/// Looks at a running server. Clones look at the same one.
+#[derive(Debug, Clone)]
 pub struct Observer {
     worlds: Worlds,
     ready: watch::Receiver<bool>,
@@ -42,6 +42,14 @@ impl Observer {
     /// Whether saved worlds are restored and calls are accepted.
     pub fn is_ready(&self) -> bool {
         *self.ready.borrow()
+    }
+
+    /// Keeps the thread of a world busy for `time`: tests show with it that other worlds are not affected.
+    ///
+    /// # Errors
+    /// If there is no such world, or its thread does not accept the call.
+    pub async fn stall(&self, world: WorldId, time: Duration) -> Result<(), WorldsError> {
+        Ok(self.worlds.handle(world)?.sim.call(move |_| std::thread::sleep(time)).await?)
     }
 
     /// Reads the latest figures of all worlds.

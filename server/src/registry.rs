@@ -126,7 +126,7 @@ impl Registry {
     }
 
     /// Moves the place of an NPC of `from` to another worker, if that worker is then loaded no more than `from` without the NPC.
-    pub fn relieve(&self, from: WorkerId) -> Option<WorkerId> {
+    pub fn move_to_less_loaded(&self, from: WorkerId) -> Option<WorkerId> {
         let mut inner = self.inner();
         let (to, share) = inner.least_loaded().filter(|(to, _)| !inner.workers[to].is_distrusted())?;
         let entry = inner.workers.get_mut(&from)?;
@@ -146,7 +146,7 @@ impl Registry {
     }
 
     /// Moves a place from a worker that does not answer to one that does and has room.
-    pub fn replace(&self, silent: WorkerId) -> Option<WorkerId> {
+    pub fn move_from_silent(&self, silent: WorkerId) -> Option<WorkerId> {
         let mut inner = self.inner();
         let (next, _) = inner.least_loaded().filter(|(next, _)| !inner.workers[next].is_distrusted())?;
         inner.workers.get_mut(&next)?.npc_count += 1;
@@ -157,7 +157,7 @@ impl Registry {
     }
 
     /// Takes a place again for an NPC that `id` was to be relieved of and is not.
-    pub fn keep(&self, id: WorkerId) {
+    pub fn retake(&self, id: WorkerId) {
         if let Some(entry) = self.inner().workers.get_mut(&id) {
             entry.npc_count += 1;
         }
@@ -171,7 +171,7 @@ impl Registry {
     }
 
     /// Queues observations. If the queue is full, they are dropped, and their decisions count as missed.
-    pub fn offer(&self, id: WorkerId, message: ToWorker) {
+    pub fn try_observe(&self, id: WorkerId, message: ToWorker) {
         let queue = self.inner().workers.get(&id).map(|entry| entry.queue.clone());
         if let Some(queue) = queue {
             // Dropped as well if the worker is gone.
@@ -180,7 +180,7 @@ impl Registry {
     }
 
     /// Queues a message that a worker must not miss. If the queue is full, the worker is cut off, and its NPCs go to others.
-    pub fn send(&self, id: WorkerId, message: ToWorker) {
+    pub fn send_or_cut(&self, id: WorkerId, message: ToWorker) {
         let inner = self.inner();
         let Some(entry) = inner.workers.get(&id) else { return };
         if entry.queue.try_send(message).is_err() {
@@ -220,11 +220,13 @@ mod tests {
         let mut holders: Vec<WorkerId> = (0..90).map(|_| registry.assign().unwrap()).collect();
         assert_eq!(npc_counts(&registry), [90]);
         join(50);
-        let moved =
-            holders.iter_mut().filter_map(|holder| registry.relieve(*holder).map(|next| *holder = next)).count();
+        let moved = holders
+            .iter_mut()
+            .filter_map(|holder| registry.move_to_less_loaded(*holder).map(|next| *holder = next))
+            .count();
         assert_eq!(moved, 30, "a third of the capacity is new");
         assert_eq!(npc_counts(&registry), [60, 30]);
-        assert!(holders.iter().all(|&holder| registry.relieve(holder).is_none()), "an even load stays");
+        assert!(holders.iter().all(|&holder| registry.move_to_less_loaded(holder).is_none()), "an even load stays");
         registry.leave(first);
         assert_eq!(npc_counts(&registry), [30]);
         assert_eq!((0..40).filter(|_| registry.assign().is_some()).count(), 20, "a full worker gets no more");

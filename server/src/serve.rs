@@ -1,21 +1,21 @@
 //! The lifecycle of a server: restore worlds, serve, save worlds.
 
 use crate::config::ServerConfig;
-use crate::envs::{Envs, Grounds, Host, IDLE_LIMIT};
+use crate::envs::{EnvBackend, Envs, Host, IDLE_LIMIT};
 use crate::grpc::WorldApi;
 use crate::grpc::directory::DirectoryApi;
-use crate::grpc::elsewhere::Elsewhere;
 use crate::grpc::env::EnvApi;
+use crate::grpc::redirect::RedirectToOwner;
 use crate::hosted::SavedError;
+use crate::lease;
 use crate::observer::Observer;
 use crate::store::StoreError;
-use crate::tenure;
 use crate::worlds::Worlds;
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::levels::LevelStore;
-use surefoot_net::serving::{Endpoint, Limits, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
+use surefoot_net::serving::{Endpoint, Limits, MAX_MESSAGE_BYTES, ServeError, Shutdown};
 use surefoot_proto::world::v1::directory_service_server::{DirectoryServiceServer, SERVICE_NAME as DIRECTORY_SERVICE};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
@@ -59,14 +59,14 @@ async fn run(
 ) -> Result<(), ServerError> {
     worlds.open_state()?;
     let is_ready = ready.subscribe();
-    let (is_sure, holds_lease) = watch::channel(true);
-    let restoring = tokio::spawn(restore(worlds.clone(), ready, is_sure, shutdown.clone()));
+    let (holds_lease, lease) = watch::channel(true);
+    let restoring = tokio::spawn(restore(worlds.clone(), ready, holds_lease, shutdown.clone()));
     let metrics = {
         let worlds = worlds.clone();
         move || std::future::ready(worlds.metrics())
     };
     let memory = worlds.maps().memory().clone();
-    let endpoint = endpoint.with_readiness(is_ready).with_standing(holds_lease).within(memory);
+    let endpoint = endpoint.with_readiness(is_ready).with_lease(lease).with_memory(memory);
     let routes = routes(&endpoint, &worlds, &shutdown);
     let services = [WORLD_SERVICE, DIRECTORY_SERVICE, ENV_SERVICE, MAP_SERVICE];
     let result = endpoint.serve(routes, &services, metrics, shutdown.clone()).await;
@@ -90,13 +90,13 @@ async fn run(
 async fn restore(
     worlds: Worlds,
     ready: watch::Sender<bool>,
-    is_sure: watch::Sender<bool>,
+    holds_lease: watch::Sender<bool>,
     shutdown: Shutdown,
 ) -> Result<(), StoreError> {
     if worlds.shared_store().is_some() {
-        tokio::spawn(worlds.clone().keep_saving());
+        tokio::spawn(worlds.clone().save_loop());
         // Until the process ends: what happens while it drains is recorded too.
-        tokio::spawn(tenure::hold(worlds, ready, is_sure));
+        tokio::spawn(lease::run(worlds, ready, holds_lease));
         return Ok(());
     }
     if let Err(error) = worlds.restore_all().await {
@@ -106,7 +106,7 @@ async fn restore(
     }
     ready.send_replace(true);
     if worlds.config().state.is_some() {
-        tokio::spawn(worlds.keep_saving());
+        tokio::spawn(worlds.save_loop());
     }
     // Keeps the sender.
     shutdown.wait().await;
@@ -115,8 +115,8 @@ async fn restore(
 
 fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBuilder {
     let limits = endpoint.limits();
-    let (config, grounds) = (worlds.config(), Grounds::Maps(worlds.maps().clone()));
-    let envs = Envs::new(config.max_envs, config.max_envs_per_client, config.idle_envs_after, grounds);
+    let (config, backend) = (worlds.config(), EnvBackend::Maps(worlds.maps().clone()));
+    let envs = Envs::new(config.max_envs, config.max_envs_per_client, config.idle_envs_after, backend);
     let envs = env_service(limits, envs, Some(worlds.levels().clone()), shutdown);
     let maps = MapServiceServer::new(worlds.levels().clone())
         .max_decoding_message_size(limits.max_import_bytes)
@@ -125,10 +125,10 @@ fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBu
     let inner = WorldServiceServer::new(WorldApi::new(worlds.clone()))
         .max_decoding_message_size(limits.max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    let worlds = Elsewhere { inner, worlds: worlds.clone() };
+    let worlds = RedirectToOwner { inner, worlds: worlds.clone() };
     let mut routes = tonic::service::Routes::builder();
-    routes.add_service(with_grpc_web(directory));
-    routes.add_service(with_grpc_web(worlds)).add_service(with_grpc_web(envs)).add_service(with_grpc_web(maps));
+    routes.add_service(directory);
+    routes.add_service(worlds).add_service(envs).add_service(maps);
     routes
 }
 
@@ -162,10 +162,10 @@ pub async fn serve_game(
     shutdown: Shutdown,
 ) -> Result<(), ServeError> {
     // A game has one trainer.
-    let envs = Envs::new(limit, limit, IDLE_LIMIT, Grounds::Game(host));
+    let envs = Envs::new(limit, limit, IDLE_LIMIT, EnvBackend::Game(host));
     let envs = env_service(endpoint.limits(), envs, None, &shutdown);
     let mut routes = tonic::service::Routes::builder();
-    routes.add_service(with_grpc_web(envs));
+    routes.add_service(envs);
     endpoint.serve(routes, &[ENV_SERVICE], || async { String::new() }, shutdown).await
 }
 

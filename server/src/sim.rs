@@ -2,10 +2,9 @@
 //!
 //! There is one thread per world (ADR 16), so that a world that stalls or steps slowly cannot delay another.
 
-use crate::errors::SimError;
 use crate::figures::WorldFigures;
 use crate::hosted::{HostedWorld, KEPT_EVENTS, NpcEvent, Snapshot, TimeMode};
-use crate::inbox::{Inbox, Lane, Popped};
+use crate::inbox::{CallQueue, Inbox, Popped};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -14,6 +13,17 @@ use std::time::{Duration, Instant};
 use surefoot_world::TICKS_PER_SECOND;
 use tokio::sync::{broadcast, oneshot, watch};
 use tracing::error;
+
+/// Why a world's thread does not accept a call.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum SimError {
+    /// Too many calls wait for it.
+    #[error("too many calls are waiting for this world: try again")]
+    Busy,
+    /// The world's thread has ended.
+    #[error("the world has stopped")]
+    Stopped,
+}
 
 /// Most ticks to catch up after a stall; further ticks are dropped and counted.
 const MAX_CATCH_UP: u32 = 2;
@@ -114,7 +124,7 @@ pub struct SimState {
 #[derive(Debug, Clone)]
 pub struct SimHandle {
     inbox: Arc<OpenInbox>,
-    lane: Lane,
+    queue: CallQueue,
     figures: watch::Receiver<Arc<WorldFigures>>,
 }
 
@@ -153,12 +163,12 @@ impl SimHandle {
             // Callers that still wait learn that the world has stopped.
             calls.abandon();
         })?;
-        Ok(Self { inbox: Arc::new(OpenInbox(inbox)), lane: Lane::Urgent, figures })
+        Ok(Self { inbox: Arc::new(OpenInbox(inbox)), queue: CallQueue::Urgent, figures })
     }
 
-    /// A handle whose calls wait in the lane of a client.
+    /// A handle whose calls wait in the queue of a client.
     pub fn for_client(self, client: &Arc<str>) -> Self {
-        Self { lane: Lane::Client(client.clone()), ..self }
+        Self { queue: CallQueue::Client(client.clone()), ..self }
     }
 
     /// The world's figures after its latest tick. Never waits for the thread.
@@ -171,7 +181,7 @@ impl SimHandle {
     /// # Errors
     /// If too many calls are waiting, or the thread has ended.
     pub fn cast(&self, call: impl FnOnce(&mut SimState) + Send + 'static) -> Result<(), SimError> {
-        self.inbox.0.push(&self.lane, Box::new(call))
+        self.inbox.0.push(&self.queue, Box::new(call))
     }
 
     /// Runs `call` on the thread between two ticks and returns its result.

@@ -3,7 +3,7 @@
 //! A store may be shared by the servers of a fleet. Then a world belongs to one of them at a time, which has to hold a lease, and what
 //! happens between two saves is recorded before anybody is told.
 
-use crate::hosted::{Journal, SavedError, SavedLog, SavedWorld, StateFolder};
+use crate::hosted::{Journal, SavedError, SavedLog, StateFolder, WorldSave};
 use crate::ids::WorldId;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -41,20 +41,20 @@ pub enum StoreError {
 
 /// What a store has of a world.
 #[derive(Debug)]
-pub struct StoredWorld {
+pub struct LoadedWorld {
     /// The world as it was saved last.
-    pub world: SavedWorld,
+    pub world: WorldSave,
     /// Its events, and what has happened since; `None` if they end with the process.
     pub since: Option<(SavedLog, Vec<Journal>)>,
 }
 
 /// A time in which a server has worlds. It ends when others may have them; what was done in it must not count in the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Tenure(pub i64);
+pub struct LeaseEpoch(pub i64);
 
 /// A server of a fleet.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct ServerInfo {
     /// URI at which clients and workers reach it; empty: where this one was reached.
     pub address: String,
     /// Whether it is this server.
@@ -71,10 +71,10 @@ pub trait WorldStore: fmt::Debug + Send + Sync {
     fn list(&self) -> StoreCall<'_, Vec<WorldId>>;
 
     /// Reads a world.
-    fn read(&self, id: WorldId) -> StoreCall<'_, StoredWorld>;
+    fn read(&self, id: WorldId) -> StoreCall<'_, LoadedWorld>;
 
-    /// Saves a world, as it was in a tenure, in place of what was saved of it before: whole or not at all, and durable when this returns.
-    fn write(&self, tenure: Tenure, world: SavedWorld, log: SavedLog) -> StoreCall<'_, ()>;
+    /// Saves a world, as it was in a lease epoch, in place of what was saved of it before: whole or not at all, and durable when this returns.
+    fn write(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> StoreCall<'_, ()>;
 
     /// Deletes what was saved of a world.
     fn forget(&self, id: WorldId) -> StoreCall<'_, ()>;
@@ -88,11 +88,11 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     /// How long a silent server keeps its worlds.
     fn lease(&self) -> Duration;
 
-    /// The tenure of this server.
-    fn tenure(&self) -> Tenure;
+    /// The lease epoch of this server.
+    fn lease_epoch(&self) -> LeaseEpoch;
 
     /// Whether this server certainly holds its lease.
-    fn is_sure(&self) -> bool;
+    fn holds_lease(&self) -> bool;
 
     /// Extends the lease.
     ///
@@ -100,7 +100,7 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     /// [`StoreError::Expired`] if it is over.
     fn renew(&self) -> StoreCall<'_, ()>;
 
-    /// Gives up all worlds, and becomes a new server without any: the next tenure begins.
+    /// Gives up all worlds, and becomes a new server without any: the next lease epoch begins.
     fn rejoin(&self) -> StoreCall<'_, ()>;
 
     /// Ends the lease, so that others take over at once.
@@ -120,19 +120,19 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     /// Gives up a world that this server cannot run, so that any other takes it over.
     fn hand_back(&self, id: WorldId) -> StoreCall<'_, ()>;
 
-    /// Records what happened in a tenure. Says for each world whether it is recorded; if not, the world is another server's. Worlds that
-    /// were never saved are left out, and all are if the tenure is over.
-    fn record<'a>(
+    /// Records what happened in a lease epoch. Says for each world whether it is recorded; if not, the world is another server's. Worlds that
+    /// were never saved are left out, and all are if the lease epoch is over.
+    fn append_journals<'a>(
         &'a self,
-        tenure: Tenure,
+        lease_epoch: LeaseEpoch,
         journals: &'a [(WorldId, Journal)],
     ) -> StoreCall<'a, BTreeMap<WorldId, bool>>;
 
     /// Where a world runs; `None` if there is no such world.
-    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<Place>>;
+    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<ServerInfo>>;
 
     /// All servers that hold their lease.
-    fn servers(&self) -> StoreCall<'_, Vec<Place>>;
+    fn servers(&self) -> StoreCall<'_, Vec<ServerInfo>>;
 }
 
 impl WorldStore for StateFolder {
@@ -140,15 +140,15 @@ impl WorldStore for StateFolder {
         Box::pin(async { Ok(self.files()?.into_keys().collect()) })
     }
 
-    fn read(&self, id: WorldId) -> StoreCall<'_, StoredWorld> {
+    fn read(&self, id: WorldId) -> StoreCall<'_, LoadedWorld> {
         let path = self.file_of(id);
         Box::pin(async move {
-            let world = on_disk(move || SavedWorld::read(&path)).await?;
-            Ok(StoredWorld { world, since: None })
+            let world = on_disk(move || WorldSave::read(&path)).await?;
+            Ok(LoadedWorld { world, since: None })
         })
     }
 
-    fn write(&self, _: Tenure, world: SavedWorld, _: SavedLog) -> StoreCall<'_, ()> {
+    fn write(&self, _: LeaseEpoch, world: WorldSave, _: SavedLog) -> StoreCall<'_, ()> {
         let folder = self.clone();
         Box::pin(on_disk(move || folder.replace(&world)))
     }

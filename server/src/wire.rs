@@ -10,10 +10,10 @@ use crate::hosted::{
 };
 use crate::ids::{NpcId, WorldId};
 use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToWorker};
-use crate::survey::Survey;
 use crate::view::{Region, Shown};
+use crate::worlds::Survey;
 use std::collections::BTreeSet;
-use surefoot_net::levels::Made;
+use surefoot_net::levels::BaseMap;
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::pieces::piece_to_wire;
@@ -178,7 +178,7 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
 ///
 /// # Errors
 /// If a number is out of range.
-pub fn env_settings(request: &wire::CreateEnvRequest, source: Option<Made>) -> Result<EnvSettings, FieldError> {
+pub fn env_settings(request: &wire::CreateEnvRequest, source: Option<BaseMap>) -> Result<EnvSettings, FieldError> {
     let body = convert::body(request.body.as_ref())?;
     let episodes =
         if request.goals.is_empty() { endless(request)? } else { Episodes::Once(env_goals(&request.goals)?) };

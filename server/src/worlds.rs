@@ -1,23 +1,24 @@
 //! All worlds of a server: their owners and lifecycle. `npcs` has the calls about NPCs, `maps` those about the ground,
-//! `workers` those of workers, `keeping` how worlds outlive the process.
+//! `workers` those of workers, `persistence` how worlds outlive the process.
 
-mod keeping;
 mod maps;
 mod npcs;
+mod persistence;
 mod takeovers;
 mod workers;
 
 use crate::ServerConfig;
-use crate::errors::SimError;
 use crate::figures::{WorldFigures, WorldSummary};
 use crate::hosted::{EditError, HostedWorld, NpcError, TimeMode};
 use crate::ids::{ID_PERIOD, WorldId};
 use crate::metrics::{self, ProcessFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::Registry;
+use crate::sim::SimError;
 use crate::sim::{Schedule, SimHandle};
 use crate::store::{SharedStore, StoreError, WorldStore};
 use crate::turns::Turns;
+pub use maps::Survey;
 use parking_lot::RwLock;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -84,9 +85,7 @@ pub enum WorldsError {
     #[error("world {0} may be moving to another server: look where it runs, and try again")]
     Moving(WorldId),
     /// A change was made, and is not known to be durable.
-    #[error(
-        "world {0} has made the change, but the record of the fleet does not answer: it may be lost with this server"
-    )]
+    #[error("world {0}: the change was applied but is not durable: the database does not answer")]
     Unconfirmed(WorldId),
     /// Work in the background ended without a result.
     #[error("{0} failed: {1}")]
@@ -159,11 +158,11 @@ pub struct WorldSettings {
 /// All worlds; clones share them.
 #[derive(Debug, Clone)]
 pub struct Worlds {
-    shared: Arc<Shared>,
+    inner: Arc<WorldsInner>,
 }
 
 #[derive(Debug)]
-struct Shared {
+struct WorldsInner {
     config: ServerConfig,
     /// When the ticks of all worlds began.
     started: std::time::Instant,
@@ -197,7 +196,7 @@ struct Shared {
 impl Worlds {
     /// Creates a server without worlds.
     pub fn new(config: ServerConfig, shutdown: Shutdown) -> Self {
-        let shared = Shared {
+        let inner = WorldsInner {
             started: std::time::Instant::now(),
             world_quota: Quota::new(
                 config.max_worlds_per_client,
@@ -221,27 +220,27 @@ impl Worlds {
             takeovers: Takeovers::default(),
             shutdown,
         };
-        Self { shared: Arc::new(shared) }
+        Self { inner: Arc::new(inner) }
     }
 
     /// Returns the configuration of the server.
     pub fn config(&self) -> &ServerConfig {
-        &self.shared.config
+        &self.inner.config
     }
 
     /// Maps in use, and the memory that they take.
     pub fn maps(&self) -> &MapPool {
-        &self.shared.config.maps
+        &self.inner.config.maps
     }
 
     /// Maps that clients imported.
     pub fn levels(&self) -> &LevelStore {
-        &self.shared.levels
+        &self.inner.levels
     }
 
     /// Returns the signal that stops the server.
     pub fn shutdown(&self) -> &Shutdown {
-        &self.shared.shutdown
+        &self.inner.shutdown
     }
 
     // --- worlds ---
@@ -256,23 +255,23 @@ impl Worlds {
         source: MapSource,
         WorldSettings { mode, body, solid_npcs }: WorldSettings,
     ) -> Result<WorldSummary, WorldsError> {
-        let limit = self.shared.config.max_worlds;
-        if self.shared.worlds.read().len() >= limit {
+        let limit = self.inner.config.max_worlds;
+        if self.inner.worlds.read().len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
-        let ticket = self.shared.world_quota.acquire(&caller.name).map_err(WorldsError::WorldQuota)?;
-        let made = self.maps().get(&caller.name, source.made()).await?;
+        let ticket = self.inner.world_quota.acquire(&caller.name).map_err(WorldsError::WorldQuota)?;
+        let base = self.maps().get(&caller.name, source.base()).await?;
         let id = self.next_id().await?;
         let map = {
-            let made = made.clone();
-            in_background("putting pieces onto a map", move || source.finish(made.map())).await?
+            let base = base.clone();
+            in_background("putting pieces onto a map", move || source.finish(base.map())).await?
         };
         let map_hash = map.hash();
-        let world = HostedWorld::new(id, map, mode, self.shared.registry.clone())
+        let world = HostedWorld::new(id, map, mode, self.inner.registry.clone())
             .with_bodies(vec![body])
             .with_solid_npcs(solid_npcs);
-        self.start(id, world, (made, ticket), limit)?;
-        self.keep_new(id).await?;
+        self.start(id, world, (base, ticket), limit)?;
+        self.persist_new(id).await?;
         info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");
         self.describe(caller, id).await
     }
@@ -283,7 +282,7 @@ impl Worlds {
             return shared.new_id(WorldId::at(SystemTime::now())).await;
         }
         let earliest = WorldId::at(SystemTime::now()).0;
-        let last = &self.shared.last_world;
+        let last = &self.inner.last_world;
         let next = |last: u64| earliest.max(last + 1);
         let before = last.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |last| Some(next(last)));
         let id = WorldId(next(before.unwrap_or_else(|last| last)));
@@ -298,7 +297,7 @@ impl Worlds {
 
     /// Returns the epoch, which is greater after every restart of the server.
     pub fn epoch(&self) -> u64 {
-        self.shared.epoch.0
+        self.inner.epoch.0
     }
 
     /// Starts a world's thread and lists it, unless there are `limit` worlds; `made` is its map without pieces.
@@ -306,21 +305,21 @@ impl Worlds {
         &self,
         id: WorldId,
         mut world: HostedWorld,
-        (made, ticket): (Arc<SharedMap>, Ticket),
+        (base, ticket): (Arc<SharedMap>, Ticket),
         limit: usize,
     ) -> Result<(), WorldsError> {
         let (mode, body, map) = (world.mode(), world.bodies()[0].clone(), world.map().clone());
         if self.shared_store().is_some() {
             world.await_confirmation();
         }
-        let mut worlds = self.shared.worlds.write();
+        let mut worlds = self.inner.worlds.write();
         if worlds.len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
         let taken = worlds.values().filter(|world| world.mode == TimeMode::Realtime).map(|world| world.phase);
-        let schedule = Schedule { epoch: self.shared.started, phase: Schedule::free_phase(taken) };
+        let schedule = Schedule { epoch: self.inner.started, phase: Schedule::free_phase(taken) };
         let failed = {
-            let shared = Arc::downgrade(&self.shared);
+            let shared = Arc::downgrade(&self.inner);
             move || {
                 let Some(shared) = shared.upgrade() else { return };
                 shared.failed_count.fetch_add(1, Ordering::Relaxed);
@@ -335,7 +334,7 @@ impl Worlds {
             WorldHandle {
                 sim,
                 shown: ShownMap::new(map),
-                _memory: made,
+                _memory: base,
                 mode,
                 phase: schedule.phase,
                 body,
@@ -352,14 +351,14 @@ impl Worlds {
     /// # Errors
     /// If no world has this id, or this server may have lost it to another.
     pub fn handle(&self, id: WorldId) -> Result<WorldHandle, WorldsError> {
-        if self.shared_store().is_some_and(|shared| !shared.is_sure()) {
+        if self.shared_store().is_some_and(|shared| !shared.holds_lease()) {
             return Err(WorldsError::Moving(id));
         }
-        let worlds = self.shared.worlds.read();
+        let worlds = self.inner.worlds.read();
         worlds.get(&id).cloned().ok_or(WorldsError::UnknownWorld(id))
     }
 
-    /// A running world, with the caller's lane to its thread.
+    /// A running world, with the caller's queue to its thread.
     ///
     /// # Errors
     /// If there is none of that id.
@@ -387,12 +386,12 @@ impl Worlds {
 
     /// The figures of all worlds after their latest ticks, in the order of their ids. Never waits for a world.
     pub fn figures(&self) -> Vec<Arc<WorldFigures>> {
-        self.shared.worlds.read().values().map(|world| world.sim.figures()).collect()
+        self.inner.worlds.read().values().map(|world| world.sim.figures()).collect()
     }
 
     /// Returns the ids of all worlds in ascending order.
     pub fn ids(&self) -> Vec<WorldId> {
-        self.shared.worlds.read().keys().copied().collect()
+        self.inner.worlds.read().keys().copied().collect()
     }
 
     /// Ends a world and deletes what was saved of it, also if its thread is stuck. A save that is being written ends first.
@@ -417,7 +416,7 @@ impl Worlds {
             let forgotten = tokio::spawn(forget).await;
             forgotten.map_err(|error| WorldsError::Lost("dropping a world", error))??;
         }
-        let dropped = self.shared.worlds.write().remove(&id);
+        let dropped = self.inner.worlds.write().remove(&id);
         // In a fleet, it goes as well when what happened in it cannot be recorded any more, because it is forgotten.
         if dropped.is_none() && self.shared_store().is_none() {
             return Err(WorldsError::UnknownWorld(id));
@@ -430,7 +429,7 @@ impl Worlds {
 
     /// Ends all worlds.
     pub fn stop(&self) {
-        let worlds = std::mem::take(&mut *self.shared.worlds.write());
+        let worlds = std::mem::take(&mut *self.inner.worlds.write());
         for WorldHandle { sim, .. } in worlds.into_values() {
             // A world that is too busy for the call ends with its last handle.
             let _ = sim.cast(|state| state.is_over = true);
@@ -443,19 +442,19 @@ impl Worlds {
 
     /// Handles to the threads of all worlds.
     pub(crate) fn running(&self) -> BTreeMap<WorldId, SimHandle> {
-        self.shared.worlds.read().iter().map(|(&id, handle)| (id, handle.sim.clone())).collect()
+        self.inner.worlds.read().iter().map(|(&id, handle)| (id, handle.sim.clone())).collect()
     }
 
     /// Renders the metrics of the server as Prometheus text.
     pub fn metrics(&self) -> String {
         let process = ProcessFigures {
-            failed_worlds: self.shared.failed_count.load(Ordering::Relaxed),
-            failed_saves: self.shared.failed_save_count.load(Ordering::Relaxed),
+            failed_worlds: self.inner.failed_count.load(Ordering::Relaxed),
+            failed_saves: self.inner.failed_save_count.load(Ordering::Relaxed),
             memory_bytes: self.maps().memory().used_bytes(),
-            is_sure: self.shared_store().is_none_or(SharedStore::is_sure),
-            taken_over: self.shared.taken_over_count.load(Ordering::Relaxed),
+            holds_lease: self.shared_store().is_none_or(SharedStore::holds_lease),
+            taken_over: self.inner.taken_over_count.load(Ordering::Relaxed),
         };
-        metrics::render(&self.figures(), &self.shared.registry.load(), process)
+        metrics::render(&self.figures(), &self.inner.registry.load(), process)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 use surefoot_server::WorldId;
-use surefoot_server::hosted::{HostedWorld, Journal, KeptWorld, NpcStatus, SavedMap, SpawnOrder, TimeMode};
+use surefoot_server::hosted::{FleetSave, HostedWorld, Journal, NpcStatus, SavedMap, SpawnOrder, TimeMode};
 use surefoot_server::ids::NpcId;
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
@@ -28,15 +28,15 @@ fn spawn(world: &mut HostedWorld, quota: &Arc<Quota>, position: Vec3, goal: Opti
     world.spawn_to(order, 64, quota.grant("game")).expect("there is room")
 }
 
-fn kept(world: &HostedWorld) -> KeptWorld {
+fn kept(world: &HostedWorld) -> FleetSave {
     let source = SavedMap::of(world.map(), String::new());
-    let kept = KeptWorld { world: world.save("game", source), log: world.save_log() };
-    let decoded = KeptWorld::decode(&kept.encode(), Path::new("kept")).expect("just encoded");
+    let kept = FleetSave { world: world.save("game", source), log: world.save_log() };
+    let decoded = FleetSave::decode(&kept.encode(), Path::new("kept")).expect("just encoded");
     assert_eq!(decoded, kept);
     decoded
 }
 
-fn restored(KeptWorld { world: saved, log }: KeptWorld, journals: Vec<Journal>, quota: &Arc<Quota>) -> HostedWorld {
+fn restored(FleetSave { world: saved, log }: FleetSave, journals: Vec<Journal>, quota: &Arc<Quota>) -> HostedWorld {
     let map = saved.maps().expect("the same map").map;
     let mut world = HostedWorld::restore(&saved, map, Arc::new(Registry::default()), quota);
     world.resume(log, journals, quota);
@@ -117,7 +117,7 @@ fn damaged_saves_and_journals_are_refused() {
     for at in (0..bytes.len()).step_by(97) {
         let mut damaged = bytes.clone();
         damaged[at] ^= 0x10;
-        assert!(KeptWorld::decode(&damaged, Path::new("kept")).is_err(), "byte {at}");
+        assert!(FleetSave::decode(&damaged, Path::new("kept")).is_err(), "byte {at}");
     }
     let journal = journal(&world);
     assert!(Journal::decode(journal.through - 1, &journal.encode()).is_err(), "events after its number");

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::mpsc;
 use std::time::Duration;
-use surefoot_net::levels::Made;
+use surefoot_net::levels::BaseMap;
 use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_server::hosted::TimeMode;
 use surefoot_server::store::StoreError;
@@ -16,7 +16,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 
 async fn create(worlds: &Worlds, caller: &Caller) -> WorldId {
     let settings = WorldSettings { mode: TimeMode::Realtime, body: CharacterProfile::default(), solid_npcs: false };
-    let made = Made::Spec(MapSpec::with_side(1, 50).expect("a small map"));
+    let made = BaseMap::Spec(MapSpec::with_side(1, 50).expect("a small map"));
     worlds.create(caller, made.into(), settings).await.expect("a world").id
 }
 

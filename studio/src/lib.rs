@@ -1,4 +1,4 @@
-//! Studio: a page for browsers, built from `page/` and embedded here. It talks to the services over gRPC-Web; this crate only
+//! Studio: a page for browsers, built from `page/` and embedded here. It talks to the services over Connect; this crate only
 //! hands its files out and knows nothing of worlds or plans.
 
 mod policy;

@@ -200,7 +200,7 @@ async fn two_hundred_requests_of_three_planners_are_one_build() {
     let alone = fleet.built_alone(&request(1)).await;
     for planner in &planners {
         assert!(graph(&mut client(planner).await, id).await == alone, "the bytes of one process");
-        assert_eq!(planner.metric("surefoot_lease_sure"), Some(1.0));
+        assert_eq!(planner.metric("surefoot_lease_held"), Some(1.0));
         assert_eq!(planner.metric("surefoot_stale_publishes_total"), Some(0.0));
     }
 }
@@ -274,7 +274,7 @@ async fn a_builder_that_was_stopped_past_its_lease_publishes_nothing() {
             "it serves what was published"
         );
         assert_eq!(fleet.postgres.query(&row), published, "nothing stale was stored");
-        wait_until("it has joined again", || async { builder.metric("surefoot_lease_sure") == Some(1.0) }).await;
+        wait_until("it has joined again", || async { builder.metric("surefoot_lease_held") == Some(1.0) }).await;
     }
 }
 
@@ -583,7 +583,7 @@ async fn a_planner_that_is_cut_off_serves_what_it_has_and_publishes_nothing() {
     assert!(is_unavailable(&refused), "{refused}");
     far.find_path(find(&id, edge)).await.expect("a graph in memory is planned on");
     assert_eq!(edits(&mut far, &id).await, [1], "it cannot know more");
-    assert_eq!(outside.metric("surefoot_lease_sure"), Some(0.0));
+    assert_eq!(outside.metric("surefoot_lease_held"), Some(0.0));
     let row = format!("SELECT token, blob FROM graphs WHERE encode(id, 'hex') = '{other}'");
     let published = fleet.postgres.query(&row);
     relay.mend();
@@ -594,7 +594,7 @@ async fn a_planner_that_is_cut_off_serves_what_it_has_and_publishes_nothing() {
     .await;
     assert_eq!(watch(&mut far, build_id).await.unwrap(), other);
     assert_eq!(fleet.postgres.query(&row), published, "nothing stale was stored");
-    wait_until("it has joined again", || async { outside.metric("surefoot_lease_sure") == Some(1.0) }).await;
+    wait_until("it has joined again", || async { outside.metric("surefoot_lease_held") == Some(1.0) }).await;
     far.append_edits(append(&id, edit(4, edge))).await.unwrap();
     wait_until("all have the same edits", || {
         let (mut client, id) = (near.clone(), id.clone());

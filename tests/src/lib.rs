@@ -20,7 +20,8 @@ use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as world;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
-use surefoot_server::ServerConfig;
+use surefoot_server::observer::Observer;
+use surefoot_server::{ServerConfig, WorldId};
 use surefoot_studio::{PlannerAddress, Settings};
 use tokio::task::JoinHandle;
 use tokio_stream::StreamExt;
@@ -33,6 +34,8 @@ pub struct Running {
     pub uri: String,
     shutdown: Shutdown,
     task: JoinHandle<()>,
+    /// What others in the process see of a world server.
+    observer: Option<Observer>,
 }
 
 impl Running {
@@ -44,6 +47,13 @@ impl Running {
     /// Host and port, for plain sockets.
     pub fn address(&self) -> &str {
         self.uri.rsplit('/').next().expect("a URI")
+    }
+
+    /// Keeps the thread of a world busy for so long, from when the result is polled.
+    pub fn stall(&self, world_id: u64, time: Duration) -> impl Future<Output = ()> + Send + 'static {
+        let observer = self.observer.clone().expect("a world server");
+        // A stall that waits while the server ends is not run.
+        async move { _ = observer.stall(WorldId(world_id), time).await }
     }
 
     /// Stops gracefully and waits for the end.
@@ -67,10 +77,10 @@ pub fn start_server_at(endpoint: EndpointConfig, config: ServerConfig) -> Runnin
     let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
     let studio = Settings { planner: PlannerAddress::Port(7601), connect: Vec::new(), is_local: true };
     let endpoint = endpoint.with_pages(surefoot_studio::pages(studio));
-    let (stop, uri) = (shutdown.clone(), endpoint.uri());
-    let task =
-        tokio::spawn(async move { surefoot_server::serve(endpoint, config, stop).await.expect("the server serves") });
-    Running { uri, shutdown, task }
+    let uri = endpoint.uri();
+    let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown.clone());
+    let task = tokio::spawn(async move { serving.await.expect("the server serves") });
+    Running { uri, shutdown, task, observer: Some(observer) }
 }
 
 /// Starts a planner with its cache in `folder`.
@@ -87,7 +97,7 @@ pub fn start_planner_at(endpoint: EndpointConfig, folder: &Path, config: Planner
     let task = tokio::spawn(async move {
         planner_service::serve(endpoint, config, policy, Box::new(store), stop).await.expect("the planner serves");
     });
-    Running { uri, shutdown, task }
+    Running { uri, shutdown, task, observer: None }
 }
 
 /// Response of `GET /metrics`, including headers; `headers` are request headers, each with its line end.

@@ -131,7 +131,7 @@ const KNOW_THE_WIRE: [&str; 31] = [
     "server/src/grpc/mod.rs",
     "server/src/grpc/batches.rs",
     "server/src/grpc/directory.rs",
-    "server/src/grpc/elsewhere.rs",
+    "server/src/grpc/redirect.rs",
     "server/src/grpc/env.rs",
     "server/src/grpc/living.rs",
     "server/src/grpc/errors.rs",

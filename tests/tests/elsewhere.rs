@@ -8,8 +8,8 @@ use std::time::Duration;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::directory_service_client::DirectoryServiceClient;
-use surefoot_server::hosted::{Journal, SavedLog, SavedWorld};
-use surefoot_server::store::{Place, SharedStore, StoreCall, StoreError, StoredWorld, Tenure, WorldStore};
+use surefoot_server::hosted::{Journal, SavedLog, WorldSave};
+use surefoot_server::store::{LeaseEpoch, LoadedWorld, ServerInfo, SharedStore, StoreCall, StoreError, WorldStore};
 use surefoot_server::{NpcId, ServerConfig, WorldId};
 use tonic::Status;
 
@@ -37,11 +37,11 @@ impl WorldStore for Fleet {
         done(Vec::new())
     }
 
-    fn read(&self, _: WorldId) -> StoreCall<'_, StoredWorld> {
+    fn read(&self, _: WorldId) -> StoreCall<'_, LoadedWorld> {
         broken()
     }
 
-    fn write(&self, _: Tenure, _: SavedWorld, _: SavedLog) -> StoreCall<'_, ()> {
+    fn write(&self, _: LeaseEpoch, _: WorldSave, _: SavedLog) -> StoreCall<'_, ()> {
         done(())
     }
 
@@ -59,11 +59,11 @@ impl SharedStore for Fleet {
         Duration::from_secs(5)
     }
 
-    fn tenure(&self) -> Tenure {
-        Tenure(1)
+    fn lease_epoch(&self) -> LeaseEpoch {
+        LeaseEpoch(1)
     }
 
-    fn is_sure(&self) -> bool {
+    fn holds_lease(&self) -> bool {
         true
     }
 
@@ -95,13 +95,17 @@ impl SharedStore for Fleet {
         done(())
     }
 
-    fn record<'a>(&'a self, _: Tenure, journals: &'a [(WorldId, Journal)]) -> StoreCall<'a, BTreeMap<WorldId, bool>> {
+    fn append_journals<'a>(
+        &'a self,
+        _: LeaseEpoch,
+        journals: &'a [(WorldId, Journal)],
+    ) -> StoreCall<'a, BTreeMap<WorldId, bool>> {
         done(journals.iter().map(|(id, _)| (*id, true)).collect())
     }
 
-    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<Place>> {
+    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<ServerInfo>> {
         let place = |is_alive| {
-            Some(Place { address: "http://other:7600".to_owned(), is_here: false, is_alive, world_count: 1 })
+            Some(ServerInfo { address: "http://other:7600".to_owned(), is_here: false, is_alive, world_count: 1 })
         };
         match id {
             ELSEWHERE => done(place(true)),
@@ -111,7 +115,7 @@ impl SharedStore for Fleet {
         }
     }
 
-    fn servers(&self) -> StoreCall<'_, Vec<Place>> {
+    fn servers(&self) -> StoreCall<'_, Vec<ServerInfo>> {
         broken()
     }
 }

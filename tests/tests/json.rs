@@ -218,7 +218,7 @@ async fn tokens_and_protobuf_work_over_plain_http_too() {
     assert_eq!((status, error["code"].as_str().unwrap(), reason(&error)), (401, "unauthenticated", "TOKEN_MISSING"));
     let bearer = format!("Authorization: Bearer {secret}\r\n");
     let (status, error) =
-        post(&server, &format!("{WORLD}/StallWorld"), &format!("{bearer}Content-Type: application/json\r\n"), b"{}")
+        post(&server, &format!("{WORLD}/Work"), &format!("{bearer}Content-Type: application/json\r\n"), b"{}")
             .await
             .into_json()
             .await;

@@ -25,7 +25,7 @@ use surefoot_proto::world::v1::work_request::Message as Work;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{
     BatchSpawnNpcsRequest, CreateWorldRequest, GetNpcRequest, Hello, ListWorldsRequest, SampleGroundRequest, Spawn,
-    StallWorldRequest, WatchWorldRequest, WorkRequest,
+    WatchWorldRequest, WorkRequest,
 };
 use surefoot_server::ServerConfig;
 use surefoot_world::sense::OBSERVATION_VERSION;
@@ -104,7 +104,6 @@ fn every_method_has_its_row_in_the_table_of_roles() {
         ("surefoot.planner.v1.PlannerService/PutLayer", Role::Designer, Role::Client),
         ("surefoot.planner.v1.PlannerService/ListReports", Role::Client, Role::Worker),
         ("surefoot.planner.v1.PlannerService/DropReports", Role::Admin, Role::Designer),
-        ("surefoot.world.v1.WorldService/StallWorld", Role::Admin, Role::Client),
     ] {
         let roles = roles(method).unwrap();
         assert!(roles.contains(&allowed) && !roles.contains(&refused), "{method}: {roles:?}");
@@ -457,10 +456,7 @@ async fn drain(load: Load) {
         }
         Load::Busy => {
             for _ in 0..12 {
-                let mut client = client.clone();
-                tokio::spawn(
-                    async move { client.stall_world(StallWorldRequest { world_id, milliseconds: 1000 }).await },
-                );
+                tokio::spawn(server.stall(world_id, Duration::from_secs(1)));
             }
             unread.push(client.watch_world(watch).await.unwrap());
             server
@@ -655,8 +651,7 @@ async fn pages_from_elsewhere_may_not_call() {
     let naming = start_server_at(EndpointConfig { security: named, ..Default::default() }, ServerConfig::default());
     let asking = start_server_at(EndpointConfig { security: guarded, ..Default::default() }, ServerConfig::default());
     let call = "/surefoot.world.v1.WorldService/ListWorlds";
-    // An empty gRPC-Web message.
-    let body = "\0\0\0\0\0";
+    let body = "{}";
     for (server, host, origin, admitted) in [
         (&plain, "127.0.0.1:7600", "http://127.0.0.1:7601", true),
         (&plain, "localhost:7600", "http://127.0.0.1:5173", true),
@@ -675,7 +670,7 @@ async fn pages_from_elsewhere_may_not_call() {
             server,
             &format!(
                 "OPTIONS {call} HTTP/1.1\nHost: {host}\nOrigin: {origin}\nConnection: close\n\
-                 Access-Control-Request-Method: POST\nAccess-Control-Request-Headers: content-type,x-grpc-web\n\n"
+                 Access-Control-Request-Method: POST\nAccess-Control-Request-Headers: content-type,connect-protocol-version\n\n"
             ),
         )
         .await;
@@ -686,13 +681,13 @@ async fn pages_from_elsewhere_may_not_call() {
             server,
             &format!(
                 "POST {call} HTTP/1.1\nHost: {host}\nOrigin: {origin}\nConnection: close\nAuthorization: Bearer {secret}\n\
-                 Content-Type: application/grpc-web+proto\nContent-Length: {}\n\n{body}",
+                 Content-Type: application/json\nContent-Length: {}\n\n{body}",
                 body.len()
             ),
         )
         .await;
-        assert_eq!(answer.contains("grpc-status: 7"), !admitted, "{origin} at {host}: {answer}");
-        assert_eq!(answer.contains("grpc-status:0") || answer.contains("grpc-status: 0"), admitted, "{answer}");
+        assert_eq!(answer.contains("permission_denied"), !admitted, "{origin} at {host}: {answer}");
+        assert_eq!(answer.starts_with("HTTP/1.1 200"), admitted, "{answer}");
     }
     for server in [plain, naming, asking] {
         server.stop().await;
@@ -792,7 +787,7 @@ async fn a_token_that_is_removed_ends_its_open_streams_and_no_others() {
     requests.send(WorkRequest { message: Some(Work::Hello(hello)) }).await.unwrap();
     let stream = tokio_stream::wrappers::ReceiverStream::new(stream);
     let mut works = client("works-on").await.work(stream).await.unwrap().into_inner();
-    // The same stream in JSON and in gRPC-Web.
+    // The same stream over Connect, in JSON and in protobuf.
     let raw = async |kind: &str, body: &[u8]| {
         let head = format!(
             "POST /surefoot.world.v1.WorldService/WatchWorld HTTP/1.1\r\nHost: {}\r\nContent-Type: {kind}\r\n\
@@ -814,7 +809,7 @@ async fn a_token_that_is_removed_ends_its_open_streams_and_no_others() {
     let json = whole(raw("application/json", format!("{{\"worldId\": \"{world_id}\"}}").as_bytes()).await);
     let message = WatchWorldRequest { world_id, ..Default::default() }.encode_to_vec();
     let framed = [&[0][..], &(message.len() as u32).to_be_bytes(), &message].concat();
-    let web = whole(raw("application/grpc-web+proto", &framed).await);
+    let proto = whole(raw("application/connect+proto", &framed).await);
 
     std::fs::write(&path, staying).unwrap();
     let ends = async {
@@ -833,10 +828,11 @@ async fn a_token_that_is_removed_ends_its_open_streams_and_no_others() {
     for end in tokio::time::timeout(LIMIT, ends).await.expect("the streams end") {
         assert_eq!((end.code(), Reason::of(&end)), (Code::Unauthenticated, Some(Reason::TokenUnknown)), "{end}");
     }
-    let texts = async { [json.await.unwrap(), web.await.unwrap()] };
-    let [json, web] = tokio::time::timeout(LIMIT, texts).await.expect("the streams end");
-    assert!(json.starts_with("HTTP/1.1 200") && json.contains("\"unauthenticated\""), "{json}");
-    assert!(web.starts_with("HTTP/1.1 200") && web.contains("grpc-status:16\r\n"), "{web}");
+    let texts = async { [json.await.unwrap(), proto.await.unwrap()] };
+    let [json, proto] = tokio::time::timeout(LIMIT, texts).await.expect("the streams end");
+    for text in [json, proto] {
+        assert!(text.starts_with("HTTP/1.1 200") && text.contains("\"unauthenticated\""), "{text}");
+    }
     for _ in 0..20 {
         kept.message().await.unwrap().expect("the stream of another token goes on");
     }

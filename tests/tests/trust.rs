@@ -225,11 +225,7 @@ async fn a_flood_of_calls_is_refused_as_busy_and_no_worker_is_cut_off() {
     set_goal(&mut client, npc_id, places[1]).await;
     puppet.observations().await;
     // Nothing is taken from the inbox for a second.
-    let stall = wire::StallWorldRequest { world_id: world.world_id, milliseconds: 1000 };
-    let stalled = tokio::spawn({
-        let mut client = client.clone();
-        async move { client.stall_world(stall).await }
-    });
+    let stalled = tokio::spawn(server.stall(world.world_id, Duration::from_secs(1)));
     let mut calls = tokio::task::JoinSet::new();
     for _ in 0..12 {
         // A connection has 128 streams.
@@ -250,7 +246,7 @@ async fn a_flood_of_calls_is_refused_as_busy_and_no_worker_is_cut_off() {
             }
         }
     }
-    stalled.await.unwrap().unwrap();
+    stalled.await.unwrap();
     assert!(busy > 0 && answered > 0, "{answered} answered, {busy} busy");
     let batch = puppet.observations().await;
     puppet.answer(&batch, [1.0, 0.0, 0.0, 0.0]).await;
@@ -266,12 +262,8 @@ async fn a_drain_ends_although_every_world_is_stalled() {
     let mut client = world_client(&server).await;
     for _ in 0..8 {
         let world = create_world(&mut client, 1000, wire::TimeMode::Realtime).await;
-        // A connection of its own, with room for all these calls.
-        let caller = world_client(&server).await;
         for _ in 0..60 {
-            let mut client = caller.clone();
-            let stall = wire::StallWorldRequest { world_id: world.world_id, milliseconds: 1000 };
-            tokio::spawn(async move { client.stall_world(stall).await });
+            tokio::spawn(server.stall(world.world_id, Duration::from_secs(1)));
         }
     }
     // A minute of stalls waits in every world; what ends the drain is its deadline.
@@ -323,11 +315,7 @@ async fn a_busy_world_that_is_dropped_does_not_come_back() {
         }
     };
     tokio::time::timeout(LIMIT, saved).await.unwrap();
-    let stall = wire::StallWorldRequest { world_id, milliseconds: 1000 };
-    let stalled = tokio::spawn({
-        let mut client = client.clone();
-        async move { client.stall_world(stall).await }
-    });
+    let stalled = tokio::spawn(server.stall(world_id, Duration::from_secs(1)));
     client.drop_world(wire::DropWorldRequest { world_id }).await.unwrap();
     let _ = stalled.await;
     server.stop().await;

@@ -27,7 +27,7 @@ use tracing::info;
     after_help = "Examples:\n  surefoot serve\n  surefoot serve --listen 0.0.0.0:7600 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  surefoot serve --config surefoot.toml\n  curl http://127.0.0.1:7600/metrics"
 )]
 pub struct ServeArgs {
-    /// Address for gRPC, gRPC-Web, Studio's page and GET /metrics
+    /// Address for gRPC, Connect, Studio's page and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7600", env = "SUREFOOT_LISTEN")]
     listen: SocketAddr,
     /// Planner for Studio: a URL, or a port on the host that serves Studio's page
@@ -147,7 +147,7 @@ impl ServerLimits {
     after_help = "Examples:\n  surefoot plan\n  surefoot plan --listen 0.0.0.0:7601 --insecure --cache /var/lib/surefoot"
 )]
 pub struct PlanArgs {
-    /// Address for gRPC, gRPC-Web and GET /metrics
+    /// Address for gRPC, Connect and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7601", env = "SUREFOOT_LISTEN")]
     listen: SocketAddr,
     #[command(flatten)]

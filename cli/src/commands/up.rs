@@ -137,7 +137,7 @@ async fn scene(
     let (server_uri, planner_uri) = (server.uri(), plans.uri());
     let policy = load_policy(args.model.as_deref())?;
     let store = args.cache.open()?;
-    eprintln!("world server  {server_uri}  (gRPC, gRPC-Web, GET /metrics)");
+    eprintln!("world server  {server_uri}  (gRPC, Connect, GET /metrics)");
     eprintln!("planner       {planner_uri}");
     match surefoot_studio::missing() {
         None => eprintln!("Studio        {server_uri}/"),

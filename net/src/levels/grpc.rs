@@ -1,7 +1,7 @@
 //! `MapService`: decode, call, encode.
 
 use super::file;
-use super::store::{Level, LevelError, LevelFormat, LevelStore, Made, MapSource, PARSE_FACTOR, Read, read};
+use super::store::{BaseMap, Level, LevelError, LevelFormat, LevelStore, MapSource, PARSE_FACTOR, Read, read};
 use super::uploads::UploadError;
 use crate::memory::MemoryError;
 use crate::paging::{PageSize, page};
@@ -61,13 +61,13 @@ impl From<UploadError> for Status {
 ///
 /// # Errors
 /// INVALID_ARGUMENT if the request sets neither or both, or the spec is out of range; NOT_FOUND if no map with that hash is kept.
-pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str) -> Result<Made, Status> {
+pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str) -> Result<BaseMap, Status> {
     match (spec, map_hash) {
         (Some(_), hash) if !hash.is_empty() => {
             Err(status::invalid("map_hash", "map and map_hash are both set: set only one of them"))
         }
-        (None, hash) if !hash.is_empty() => Ok(Made::Level(levels.get(hash)?)),
-        (spec, _) => Ok(Made::Spec(convert::map_spec(spec)?)),
+        (None, hash) if !hash.is_empty() => Ok(BaseMap::Level(levels.get(hash)?)),
+        (spec, _) => Ok(BaseMap::Spec(convert::map_spec(spec)?)),
     }
 }
 
@@ -75,9 +75,9 @@ pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str)
 ///
 /// # Errors
 /// INVALID_ARGUMENT if one of them is not valid; RESOURCE_EXHAUSTED if they are too many.
-pub fn with_pieces(made: Made, pieces: &[wire::Piece]) -> Result<MapSource, Status> {
+pub fn with_pieces(base: BaseMap, pieces: &[wire::Piece]) -> Result<MapSource, Status> {
     let pieces = surefoot_proto::pieces::pieces(pieces, "pieces")?;
-    MapSource::from(made).with_pieces(pieces).map_err(|error| piece_error(&error, "pieces"))
+    MapSource::from(base).with_pieces(pieces).map_err(|error| piece_error(&error, "pieces"))
 }
 
 /// Converts what is wrong with pieces in `field`.

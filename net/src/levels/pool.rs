@@ -1,6 +1,6 @@
 //! Generated maps in use: equal ones are shared, and each is paid for from the memory budget before it is generated.
 
-use super::store::Made;
+use super::store::BaseMap;
 use crate::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -76,10 +76,10 @@ impl MapPool {
     ///
     /// # Errors
     /// If there is no memory for it.
-    pub async fn get(&self, client: &str, source: &Made) -> Result<Arc<SharedMap>, MapError> {
+    pub async fn get(&self, client: &str, source: &BaseMap) -> Result<Arc<SharedMap>, MapError> {
         let spec = match source {
-            Made::Level(level) => return Ok(Arc::new(SharedMap { map: level.map.clone(), _memory: None })),
-            Made::Spec(spec) => *spec,
+            BaseMap::Level(level) => return Ok(Arc::new(SharedMap { map: level.map.clone(), _memory: None })),
+            BaseMap::Spec(spec) => *spec,
         };
         let slot = self.slot(source.key());
         let shared = slot.lock_owned().await;
@@ -132,8 +132,8 @@ mod tests {
     use super::*;
     use surefoot_world::MapSpec;
 
-    fn source(seed: u64) -> Made {
-        Made::Spec(MapSpec::with_side(seed, 50).unwrap())
+    fn source(seed: u64) -> BaseMap {
+        BaseMap::Spec(MapSpec::with_side(seed, 50).unwrap())
     }
 
     #[tokio::test]

@@ -1,6 +1,5 @@
 //! The levels that a service keeps, and the sources of maps.
 
-use super::archive::{LevelArchive, SavedLevel};
 use super::file::{LevelFile, Terms};
 use super::uploads::Uploads;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
@@ -9,6 +8,7 @@ use crate::serving::Caller;
 use parking_lot::{Mutex, MutexGuard};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use surefoot_world::exchange::{self, ImportOptions};
@@ -41,14 +41,14 @@ pub struct Level {
 
 /// What a map was made of.
 #[derive(Debug, Clone)]
-pub enum Made {
+pub enum BaseMap {
     /// It is generated from a spec.
     Spec(MapSpec),
     /// It was imported.
     Level(Arc<Level>),
 }
 
-impl Made {
+impl BaseMap {
     /// Returns a key that is different for all that differ.
     pub fn key(&self) -> String {
         match self {
@@ -68,13 +68,13 @@ impl Made {
 /// Source of a map: what it was made of, and the pieces that were put onto it.
 #[derive(Debug, Clone)]
 pub struct MapSource {
-    made: Made,
+    base: BaseMap,
     pieces: Arc<[Piece]>,
 }
 
-impl From<Made> for MapSource {
-    fn from(made: Made) -> Self {
-        Self { made, pieces: Arc::default() }
+impl From<BaseMap> for MapSource {
+    fn from(base: BaseMap) -> Self {
+        Self { base, pieces: Arc::default() }
     }
 }
 
@@ -84,13 +84,13 @@ impl MapSource {
     /// # Errors
     /// If one of them is not valid, or they are too many.
     pub fn with_pieces(self, mut pieces: Vec<Piece>) -> Result<Self, PieceError> {
-        piece::arrange(&mut pieces, self.made.extent())?;
+        piece::arrange(&mut pieces, self.base.extent())?;
         Ok(Self { pieces: pieces.into(), ..self })
     }
 
     /// What the map was made of.
-    pub fn made(&self) -> &Made {
-        &self.made
+    pub fn base(&self) -> &BaseMap {
+        &self.base
     }
 
     /// The pieces on the map, by name.
@@ -100,22 +100,22 @@ impl MapSource {
 
     /// Returns the map. Generating one takes a while: call this from a thread that may block.
     pub fn map(&self) -> Arc<Map> {
-        let made = match &self.made {
-            Made::Spec(spec) => Arc::new(Map::generate(spec)),
-            Made::Level(level) => level.map.clone(),
+        let base = match &self.base {
+            BaseMap::Spec(spec) => Arc::new(Map::generate(spec)),
+            BaseMap::Level(level) => level.map.clone(),
         };
-        self.finish(&made)
+        self.finish(&base)
     }
 
     /// Puts the pieces of the source onto the map that was made.
-    pub fn finish(&self, made: &Arc<Map>) -> Arc<Map> {
-        made.holding(&self.pieces).expect("the pieces of a source were checked")
+    pub fn finish(&self, base: &Arc<Map>) -> Arc<Map> {
+        base.holding(&self.pieces).expect("the pieces of a source were checked")
     }
 
     /// Returns a key that is different for every source.
     pub fn key(&self) -> String {
-        let made = self.made.key();
-        if self.pieces.is_empty() { made } else { format!("{made} with {:?}", self.pieces) }
+        let base = self.base.key();
+        if self.pieces.is_empty() { base } else { format!("{base} with {:?}", self.pieces) }
     }
 }
 
@@ -144,6 +144,34 @@ pub enum LevelError {
     /// The archive that services share cannot be used now; says why.
     #[error("{0}")]
     Away(String),
+}
+
+/// A level as it is kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SavedLevel {
+    /// Content hash of the map, 64 hexadecimal digits.
+    pub map_hash: String,
+    /// Name of the level.
+    pub name: String,
+    /// The client that imported it.
+    pub owner: String,
+    /// The map, as `surefoot_world::exchange::encode` encodes it.
+    pub file: Vec<u8>,
+}
+
+/// Keeps levels for all services that share it. Calls block.
+pub trait LevelArchive: Send + Sync + Debug {
+    /// Keeps a level, in place of one with the same map.
+    ///
+    /// # Errors
+    /// If it cannot be kept; says why.
+    fn save(&self, level: SavedLevel) -> Result<(), String>;
+
+    /// Returns the level whose map has this hash; `None` if there is none.
+    ///
+    /// # Errors
+    /// If the archive cannot be read; says why.
+    fn load(&self, map_hash: &str) -> Result<Option<SavedLevel>, String>;
 }
 
 /// The levels that a service keeps; clones share one store.

@@ -68,7 +68,6 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.world.v1.WorldService/SpawnPlayer", GAMES),
     ("surefoot.world.v1.WorldService/MovePlayers", GAMES),
     ("surefoot.world.v1.WorldService/RemovePlayer", GAMES),
-    ("surefoot.world.v1.WorldService/StallWorld", &[Admin]),
     ("surefoot.world.v1.WorldService/Work", WORKERS),
     ("surefoot.world.v1.DirectoryService/LocateWorld", EVERYBODY),
     ("surefoot.world.v1.DirectoryService/ListServers", EVERYBODY),

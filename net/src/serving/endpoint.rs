@@ -127,12 +127,12 @@ impl Endpoint {
 
     /// While `standing` is false, the health of each named service is NOT_SERVING, so that load balancers prefer others.
     /// The health of the whole process, whose name is empty, stays: a restart would not help.
-    pub fn with_standing(self, standing: watch::Receiver<bool>) -> Self {
+    pub fn with_lease(self, standing: watch::Receiver<bool>) -> Self {
         Self { standing, ..self }
     }
 
     /// Large requests are paid for from `memory`.
-    pub fn within(self, memory: MemoryBudget) -> Self {
+    pub fn with_memory(self, memory: MemoryBudget) -> Self {
         Self { memory, ..self }
     }
 

@@ -13,7 +13,7 @@ use crate::memory::MemoryBudget;
 use crate::status;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::http::{Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
@@ -176,10 +176,6 @@ pub(super) async fn page(mut pages: axum::Router, request: Request) -> Response 
     status::failure(Reason::UnknownMethod, format!("{path} is not a method of this service")).into_http()
 }
 
-fn content_type(request: &Request) -> Option<&HeaderValue> {
-    request.headers().get(header::CONTENT_TYPE)
-}
-
 /// The secret of an `authorization: Bearer` header.
 fn bearer(request: &Request) -> Option<&str> {
     let (scheme, secret) = request.headers().get(header::AUTHORIZATION)?.to_str().ok()?.split_once(' ')?;
@@ -201,25 +197,19 @@ fn peer(request: &Request) -> String {
 /// Protocol of a caller, which determines how a refusal is encoded.
 enum Protocol {
     Grpc,
-    /// gRPC-Web, with the content type of the request.
-    GrpcWeb(HeaderValue),
     Connect(Connect),
 }
 
 impl Protocol {
     fn of(request: &Request) -> Self {
-        if let Some(connect) = Connect::of(request) {
-            return Self::Connect(connect);
-        }
-        let is_web = |kind: &&HeaderValue| kind.as_bytes().starts_with(b"application/grpc-web");
-        content_type(request).filter(is_web).map_or(Self::Grpc, |kind| Self::GrpcWeb(kind.clone()))
+        Connect::of(request).map_or(Self::Grpc, Self::Connect)
     }
 
     /// When the answer is due. Only the header of the protocol counts.
     fn deadline(&self, request: &Request, limits: &Limits) -> Result<Deadline, Status> {
         let own = match self {
             Self::Connect(_) => deadline::of_connect(request.headers())?,
-            Self::Grpc | Self::GrpcWeb(_) => deadline::of_grpc(request.headers()),
+            Self::Grpc => deadline::of_grpc(request.headers()),
         };
         Ok(Deadline::new(own, limits))
     }
@@ -227,11 +217,6 @@ impl Protocol {
     fn refuse(self, status: Status) -> Response {
         match self {
             Self::Grpc => status.into_http::<Body>(),
-            Self::GrpcWeb(kind) => {
-                let mut response = status.into_http::<Body>();
-                response.headers_mut().insert(header::CONTENT_TYPE, kind);
-                response
-            }
             Self::Connect(connect) => connect.refuse(&status),
         }
     }

@@ -1,5 +1,5 @@
-//! The server's side of every Surefoot endpoint: limits, TLS and tokens, health checking, reflection, gRPC-Web, Connect with JSON,
-//! and a bounded drain.
+//! The server's side of every Surefoot endpoint: limits, TLS and tokens, health checking, reflection, Connect with JSON, and
+//! a bounded drain.
 //!
 //! [`Endpoint`] combines the modules: `incoming` accepts connections (how many, how long silent), `generations` serves them with the
 //! present certificate, `gate` checks requests (who, by [`access`], and by when: `deadline`), `metered` counts large ones, `revocation` ends calls whose token is removed, `connect` translates requests of the Connect protocol into gRPC.
@@ -30,13 +30,3 @@ pub use gate::Caller;
 pub use limits::{Limits, MAX_MESSAGE_BYTES};
 pub use security::Security;
 pub use shutdown::{Shutdown, shutting_down};
-
-/// Adds gRPC-Web to a service, for browsers.
-pub fn with_grpc_web<S>(service: S) -> tonic::service::Layered<tonic_web::GrpcWebService<S>, S>
-where
-    S: tonic::server::NamedService,
-    tonic_web::GrpcWebService<S>: Clone,
-{
-    use tonic::service::LayerExt;
-    tonic_web::GrpcWebLayer::new().named_layer(service)
-}

@@ -1,72 +1,52 @@
 //! Ends calls whose token is removed while they run: their requests and their answers break off with UNAUTHENTICATED.
 
-use super::protocol::framed;
 use super::tokens::Holder;
 use crate::status;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::Request;
 use axum::http::{HeaderMap, Response, header};
 use axum::middleware::Next;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use http_body::Frame;
 use std::future::Future;
 use std::pin::Pin;
 use std::task::{Context, Poll};
 use surefoot_proto::reason::Reason;
 
-/// Flag of the last frame of a gRPC-Web answer.
-const WEB_TRAILERS: u8 = 0x80;
-
-/// Runs a call of gRPC or gRPC-Web for as long as its token is accepted.
+/// Runs a gRPC call for as long as its token is accepted. Calls of Connect have been translated into gRPC before.
 pub(super) async fn watch(request: Request, next: Next) -> Response<Body> {
     let Some(holder) = request.extensions().get::<Holder>().cloned() else { return next.run(request).await };
     let guard =
         |body, end| Body::new(Guarded { body, removed: Box::pin(holder.clone().removed()), end, is_over: false });
     let request = request.map(|body| guard(body, End::Error));
     let response = next.run(request).await;
-    let kind = response.headers().get(header::CONTENT_TYPE).map(|kind| kind.as_bytes());
-    let end = match kind {
-        Some(kind) if kind.starts_with(b"application/grpc-web-text") => End::WebText,
-        Some(kind) if kind.starts_with(b"application/grpc-web") => End::Web,
-        Some(kind) if kind.starts_with(b"application/grpc") => End::Grpc,
-        _ => return response,
-    };
-    response.map(|body| guard(body, end))
+    let kind = response.headers().get(header::CONTENT_TYPE);
+    match kind.is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc")) {
+        true => response.map(|body| guard(body, End::Trailers)),
+        false => response,
+    }
 }
 
 /// How a body breaks off.
 #[derive(Debug, Clone, Copy)]
 enum End {
-    /// With an error, as that of a request.
+    /// With an error: a request.
     Error,
-    Grpc,
-    Web,
-    WebText,
+    /// With trailers: an answer.
+    Trailers,
 }
 
 impl End {
     fn frame(self) -> Result<Frame<Bytes>, axum::Error> {
         let status = status::failure(Reason::TokenUnknown, "the token of this call was removed");
-        if matches!(self, Self::Error) {
-            return Err(axum::Error::new(status));
+        match self {
+            Self::Error => Err(axum::Error::new(status)),
+            Self::Trailers => {
+                let mut trailers = HeaderMap::new();
+                status.add_header(&mut trailers).map_err(axum::Error::new)?;
+                Ok(Frame::trailers(trailers))
+            }
         }
-        let mut trailers = HeaderMap::new();
-        status.add_header(&mut trailers).map_err(axum::Error::new)?;
-        Ok(match self {
-            Self::Web => Frame::data(web_trailers(&trailers).into()),
-            Self::WebText => Frame::data(STANDARD.encode(web_trailers(&trailers)).into()),
-            Self::Grpc | Self::Error => Frame::trailers(trailers),
-        })
     }
-}
-
-/// Trailers as gRPC-Web has them: in a frame of the body.
-fn web_trailers(trailers: &HeaderMap) -> Vec<u8> {
-    let line = |(name, value): (&axum::http::HeaderName, &axum::http::HeaderValue)| {
-        [name.as_str().as_bytes(), b":", value.as_bytes(), b"\r\n"].concat()
-    };
-    framed(WEB_TRAILERS, &trailers.iter().flat_map(line).collect::<Vec<u8>>())
 }
 
 /// A body that breaks off when the token of its call is removed.

@@ -13,7 +13,8 @@ use surefoot_net::client::LinkError;
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
-use surefoot_server::{ServerConfig, ServerError};
+use surefoot_server::observer::Observer;
+use surefoot_server::{ServerConfig, ServerError, WorldId};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_stream::StreamExt;
@@ -184,6 +185,7 @@ impl Counters for Fake {
 /// A server beside a sidecar.
 struct Running {
     client: WorldServiceClient<Channel>,
+    observer: Observer,
     shutdown: Shutdown,
     task: JoinHandle<Result<(), Failure>>,
 }
@@ -201,10 +203,9 @@ async fn start(sidecar: SocketAddr, config: ServerConfig) -> Running {
     let (uri, shutdown) = (endpoint.uri(), Shutdown::default());
     let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown.clone());
     let observer = observer.with_patience(PATIENCE);
-    let serving = async move { Ok(serving.await?) };
-    let task =
-        tokio::spawn(async move { run_with_sidecar(&format!("http://{sidecar}"), PACE, observer, serving).await });
-    Running { client: WorldServiceClient::connect(uri).await.unwrap(), shutdown, task }
+    let (seen, serving) = (observer.clone(), async move { Ok(serving.await?) });
+    let task = tokio::spawn(async move { run_with_sidecar(&format!("http://{sidecar}"), PACE, observer, serving).await });
+    Running { client: WorldServiceClient::connect(uri).await.unwrap(), observer: seen, shutdown, task }
 }
 
 impl Running {
@@ -258,8 +259,8 @@ async fn health_stops_while_most_worlds_stand_still_and_not_for_one_of_them() {
     let worlds = [server.create_world().await, server.create_world().await, server.create_world().await];
     fake.until_told(count("worlds", 3)).await;
     let stall = |world_id| {
-        let mut client = server.client.clone();
-        async move { client.stall_world(wire::StallWorldRequest { world_id, milliseconds: 1000 }).await.unwrap() }
+        let observer = server.observer.clone();
+        async move { observer.stall(WorldId(world_id), Duration::from_secs(1)).await.unwrap() }
     };
     // One of three: health is reported all the time, and so more often than before and after the stall.
     let beats_now = || fake.all().iter().filter(|told| **told == ReportedCounter::Health).count();

@@ -2,7 +2,7 @@
 
 use super::errors::TAKEOVER_TIME;
 use crate::ids::WorldId;
-use crate::store::Place;
+use crate::store::ServerInfo;
 use crate::worlds::{Worlds, WorldsError};
 use surefoot_net::status;
 use surefoot_proto::reason::Reason;
@@ -46,7 +46,7 @@ pub(super) fn moving(id: WorldId) -> Status {
     status::retry(Reason::WorldMoving, TAKEOVER_TIME, message)
 }
 
-fn place_to_wire(place: Place) -> wire::ServerInfo {
-    let Place { address, is_here, world_count, .. } = place;
+fn place_to_wire(place: ServerInfo) -> wire::ServerInfo {
+    let ServerInfo { address, is_here, world_count, .. } = place;
     wire::ServerInfo { address, is_this: is_here, world_count }
 }

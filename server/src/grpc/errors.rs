@@ -1,9 +1,9 @@
 //! Converts the server's errors to statuses: one exhaustive match for each error type.
 
 use crate::envs::EnvError;
-use crate::errors::SimError;
 use crate::hosted::{EditError, EventsLost, LivingError, NpcError};
 use crate::messages::Goodbye;
+use crate::sim::SimError;
 use crate::store::StoreError;
 use crate::worlds::WorldsError;
 use std::fmt::Display;

@@ -2,15 +2,15 @@
 //!
 //! `batches` has the calls for many NPCs, `readers` the streams to readers, `living` the calls about movers and players, `work`
 //! the streams of workers, `env` implements
-//! `EnvService`, `directory` `DirectoryService` (`elsewhere` says where worlds are that are not here), `errors` converts the server's errors to statuses.
+//! `EnvService`, `directory` `DirectoryService` (`redirect` says where worlds are that are not here), `errors` converts the server's errors to statuses.
 
 mod batches;
 pub mod directory;
-pub mod elsewhere;
 pub mod env;
 mod errors;
 mod living;
 mod readers;
+pub mod redirect;
 mod work;
 
 use crate::geometry::Tiles;
@@ -111,8 +111,8 @@ impl WorldService for WorldApi {
     ) -> Result<Response<wire::CreateWorldResponse>, Status> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
-        let made = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
-        let source = levels::with_pieces(made, &request.pieces)?;
+        let base = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
+        let source = levels::with_pieces(base, &request.pieces)?;
         let mode = time_mode(request.mode)?;
         let settings = WorldSettings {
             mode,
@@ -182,8 +182,8 @@ impl WorldService for WorldApi {
     ) -> Result<Response<wire::SurveyMapResponse>, Status> {
         let caller = Caller::of(&request);
         let wire::SurveyMapRequest { map, map_hash, bodies, max_cut_off, pieces } = request.into_inner();
-        let made = levels::source(self.worlds.levels(), map.as_ref(), &map_hash)?;
-        let source = levels::with_pieces(made, &pieces)?;
+        let base = levels::source(self.worlds.levels(), map.as_ref(), &map_hash)?;
+        let source = levels::with_pieces(base, &pieces)?;
         convert::in_range(bodies.len() as f64, 0.0, MAX_SURVEYED, "the number of bodies")?;
         convert::in_range(f64::from(max_cut_off), 0.0, MAX_CUT_OFF, "max_cut_off")?;
         let bodies: Vec<_> = bodies.iter().map(|body| convert::body(Some(body))).collect::<Result<_, _>>()?;
@@ -530,18 +530,6 @@ impl WorldService for WorldApi {
     ) -> Result<Response<wire::RemovePlayerResponse>, Status> {
         let caller = Caller::of(&request);
         Ok(Response::new(self.drop_player(&caller, request.into_inner()).await?))
-    }
-
-    async fn stall_world(
-        &self,
-        request: Request<wire::StallWorldRequest>,
-    ) -> Result<Response<wire::StallWorldResponse>, Status> {
-        let caller = Caller::of(&request);
-        let wire::StallWorldRequest { world_id, milliseconds } = request.into_inner();
-        let handle = self.worlds.handle_for(&caller, WorldId(world_id))?;
-        let stall = convert::in_range(f64::from(milliseconds), 1.0, 1000.0, "milliseconds")?;
-        handle.sim.call(move |_| std::thread::sleep(Duration::from_secs_f64(stall / 1000.0))).await?;
-        Ok(Response::new(wire::StallWorldResponse {}))
     }
 
     type WorkStream = WorkStream;

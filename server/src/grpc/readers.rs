@@ -2,10 +2,10 @@
 //!
 //! A slow reader gets the latest snapshot, and at most one message waits for it; a reader that does not read at all is cut off.
 
-use crate::errors::SimError;
 use crate::geometry::Tiles;
 use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcEvent, NpcPlan, NpcState, Snapshot};
 use crate::ids::{NpcId, WorldId};
+use crate::sim::SimError;
 use crate::sim::{EventBatch, SimHandle, SimState};
 use crate::view::View;
 use crate::wire::{

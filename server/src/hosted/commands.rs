@@ -3,7 +3,7 @@
 use super::events::EventKind;
 use super::motion::Motion;
 use super::snapshot::{EndedAttempt, NpcPlan, NpcState, NpcStatus, Snapshot, Support, Tally, WorldStats};
-use super::world::{HostedWorld, Record};
+use super::world::{HostedWorld, NpcRecord};
 use crate::ids::{NpcId, WorldId};
 use crate::quota::Ticket;
 use rand::SeedableRng;
@@ -116,7 +116,7 @@ impl HostedWorld {
         self.last_serial += 1;
         let id = NpcId::new(self.id, self.last_serial);
         let slot = self.world.spawn_as(body, position, yaw);
-        self.add_record(id, Record::new(slot, ticket));
+        self.add_record(id, NpcRecord::new(slot, ticket));
         self.log_event(id, EventKind::Spawned { position });
         self.assign_workers();
         Ok(id)
@@ -281,7 +281,7 @@ impl HostedWorld {
         self.within_map(point).map_err(|extent| NpcError::Outside { field, extent })
     }
 
-    fn status(&self, record: &Record) -> NpcStatus {
+    fn status(&self, record: &NpcRecord) -> NpcStatus {
         if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
             NpcStatus::Down
         } else if record.goal.is_some() {
@@ -291,7 +291,7 @@ impl HostedWorld {
         }
     }
 
-    fn describe(&self, id: NpcId, record: &Record) -> NpcState {
+    fn describe(&self, id: NpcId, record: &NpcRecord) -> NpcState {
         let npc = self.world.npc(record.slot).expect("every record has an NPC");
         NpcState {
             id,

@@ -5,8 +5,8 @@
 
 use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
-use super::saved::{SavedError, SavedWorld};
-use super::world::{HostedWorld, Record};
+use super::saved::{SavedError, WorldSave};
+use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
 use crate::quota::Quota;
 use serde::{Deserialize, Serialize};
@@ -17,16 +17,16 @@ use surefoot_world::sealed::{self, SealError};
 use surefoot_world::{CharacterProfile, End, Seconds, Tick, Vec3};
 
 const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
-/// Changed whenever [`KeptWorld`] or anything inside it is.
+/// Changed whenever [`FleetSave`] or anything inside it is.
 const VERSION: u32 = 1;
 /// Most events that are saved with a world, so that readers can resume on the server that takes it over.
 const SAVED_EVENTS: usize = 4096;
 
 /// A world as it was saved, with its latest events.
 #[derive(Debug, Clone, PartialEq)]
-pub struct KeptWorld {
+pub struct FleetSave {
     /// The world.
-    pub world: SavedWorld,
+    pub world: WorldSave,
     /// Its events.
     pub log: SavedLog,
 }
@@ -73,7 +73,7 @@ struct Newcomer {
     owner: String,
 }
 
-impl KeptWorld {
+impl FleetSave {
     /// Encodes the world as the content of a blob.
     pub fn encode(&self) -> Vec<u8> {
         let content = postcard::to_stdvec(&(self.world.encode(), &self.log)).expect("plain data");
@@ -93,7 +93,7 @@ impl KeptWorld {
         if !is_ascending || ends > log.written || log.dropped > log.written {
             return Err(SavedError::Damaged(place.to_owned()));
         }
-        Ok(Self { world: SavedWorld::decode(&world, place)?, log })
+        Ok(Self { world: WorldSave::decode(&world, place)?, log })
     }
 }
 
@@ -225,7 +225,7 @@ impl HostedWorld {
                 && let Some(body) = self.world.profile_idx(&newcomer.body, MAX_BODIES)
             {
                 let slot = self.world.spawn_as(body, *position, newcomer.yaw);
-                self.add_record(entry.npc, Record::new(slot, npc_quota.grant(&newcomer.owner)));
+                self.add_record(entry.npc, NpcRecord::new(slot, npc_quota.grant(&newcomer.owner)));
             }
             return;
         }

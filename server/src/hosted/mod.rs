@@ -10,9 +10,7 @@ mod commands;
 mod events;
 mod journal;
 mod living;
-mod mode;
 mod motion;
-mod outbox;
 mod pieces;
 mod saved;
 mod snapshot;
@@ -22,12 +20,11 @@ mod world;
 
 pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
-pub use journal::{Journal, KeptWorld, SavedLog};
+pub use journal::{FleetSave, Journal, SavedLog};
 pub use living::{Destination, LivingError};
-pub use mode::TimeMode;
 pub use pieces::{EditError, MapEdit, MapEdited};
-pub use saved::{RestoredMap, SavedError, SavedMap, SavedWorld, StateFolder};
+pub use saved::{RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
 pub use snapshot::{
     Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Support, Tally, WorldStats,
 };
-pub use world::HostedWorld;
+pub use world::{HostedWorld, TimeMode};

@@ -86,7 +86,7 @@ impl HostedWorld {
         self.map_revision += 1;
         for &worker in &self.notified {
             let pieces = self.map().pieces().to_vec();
-            self.registry.send(worker, ToWorker::Edited(self.id, pieces));
+            self.registry.send_or_cut(worker, ToWorker::Edited(self.id, pieces));
         }
         Ok(Some(MapEdited {
             revision: self.map_revision,

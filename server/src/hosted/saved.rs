@@ -1,9 +1,8 @@
 //! The part of a world that outlives the process, and its file format.
 
 use super::commands::MAX_BODIES;
-use super::mode::TimeMode;
 use super::snapshot::Counters;
-use super::world::{HostedWorld, Record};
+use super::world::{HostedWorld, NpcRecord, TimeMode};
 use crate::ids::{NpcId, WorldId};
 use crate::quota::Quota;
 use crate::registry::Registry;
@@ -21,11 +20,11 @@ use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3
 use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
-/// Changed whenever [`SavedWorld`] or anything inside it is.
+/// Changed whenever [`WorldSave`] or anything inside it is.
 ///
 /// From 0.3.0 on, a server reads saves of the minor version before it. A change that raises this number keeps the former
-/// struct as a private `SavedWorldV9` with `impl From<SavedWorldV9> for SavedWorld`, and tries the former version in
-/// [`SavedWorld::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A server
+/// struct as a private `WorldSaveV9` with `impl From<WorldSaveV9> for WorldSave`, and tries the former version in
+/// [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A server
 /// of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a server that
 /// was upgraded takes them over.
 const VERSION: u32 = 9;
@@ -37,7 +36,7 @@ const UNSAVED_SERIALS: u32 = 1 << 16;
 
 /// A world as it was when it was saved.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SavedWorld {
+pub struct WorldSave {
     id: WorldId,
     owner: String,
     /// Hash of the map with its pieces.
@@ -75,7 +74,7 @@ impl SavedMap {
 #[derive(Debug)]
 pub struct RestoredMap {
     /// Without its pieces.
-    pub made: Arc<Map>,
+    pub base: Arc<Map>,
     /// As it was.
     pub map: Arc<Map>,
 }
@@ -138,7 +137,7 @@ impl SavedError {
     }
 }
 
-impl SavedWorld {
+impl WorldSave {
     /// Returns the world's id on the server.
     pub fn id(&self) -> WorldId {
         self.id
@@ -162,21 +161,21 @@ impl SavedWorld {
     /// # Errors
     /// If the map cannot be decoded, or it is not the one that the world was saved with.
     pub fn maps(&self) -> Result<RestoredMap, SavedError> {
-        let made = Arc::new(match &self.source {
+        let base = Arc::new(match &self.source {
             SavedMap::Spec(spec) => Map::generate(spec),
             SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
         });
-        self.maps_on(made)
+        self.maps_on(base)
     }
 
     /// Puts the world's pieces onto its map, which exists already.
     ///
     /// # Errors
     /// If it is not the one that the world was saved with.
-    pub fn maps_on(&self, made: Arc<Map>) -> Result<RestoredMap, SavedError> {
-        let map = made.holding(&self.pieces).map_err(|error| SavedError::Pieces(self.id, error))?;
+    pub fn maps_on(&self, base: Arc<Map>) -> Result<RestoredMap, SavedError> {
+        let map = base.holding(&self.pieces).map_err(|error| SavedError::Pieces(self.id, error))?;
         if map.hash() == self.map && self.state.fits(self.bodies.len(), &map) {
-            Ok(RestoredMap { made, map })
+            Ok(RestoredMap { base, map })
         } else {
             Err(SavedError::OtherMap(self.id))
         }
@@ -272,7 +271,7 @@ impl StateFolder {
     ///
     /// # Errors
     /// If it cannot be written; what was saved before is kept.
-    pub fn replace(&self, saved: &SavedWorld) -> Result<(), SavedError> {
+    pub fn replace(&self, saved: &WorldSave) -> Result<(), SavedError> {
         let path = self.file_of(saved.id);
         durable::replace(&path, &saved.encode()).map_err(|error| SavedError::Io(path, error))
     }
@@ -297,7 +296,7 @@ impl StateFolder {
 
 impl HostedWorld {
     /// Copies what must outlive the process; `source` is the source of the world's map.
-    pub fn save(&self, owner: &str, source: SavedMap) -> SavedWorld {
+    pub fn save(&self, owner: &str, source: SavedMap) -> WorldSave {
         let npcs = self.records.iter().map(|(&id, record)| SavedNpc {
             id,
             slot: record.slot,
@@ -307,7 +306,7 @@ impl HostedWorld {
             attempts: record.attempts,
             attempts_ended: record.attempts_ended,
         });
-        SavedWorld {
+        WorldSave {
             id: self.id,
             owner: owner.to_owned(),
             map: self.world.map().hash(),
@@ -324,7 +323,7 @@ impl HostedWorld {
     }
 
     /// Restores a saved world on its map. NPCs continue to their goals once workers decide for them.
-    pub fn restore(saved: &SavedWorld, map: Arc<Map>, registry: Arc<Registry>, npc_quota: &Arc<Quota>) -> Self {
+    pub fn restore(saved: &WorldSave, map: Arc<Map>, registry: Arc<Registry>, npc_quota: &Arc<Quota>) -> Self {
         let mut world = Self::new(saved.id, map, saved.mode, registry)
             .with_bodies(saved.bodies.clone())
             .with_solid_npcs(saved.solid_npcs);
@@ -332,7 +331,7 @@ impl HostedWorld {
         world.last_serial = saved.last_serial.saturating_add(UNSAVED_SERIALS).min(NpcId::MAX_SERIAL);
         world.counters = saved.counters.clone();
         for npc in &saved.npcs {
-            let mut record = Record::new(npc.slot, npc_quota.grant(&npc.owner));
+            let mut record = NpcRecord::new(npc.slot, npc_quota.grant(&npc.owner));
             (record.goal, record.last_outcome) = (npc.goal, npc.last_outcome);
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = saved.state.tick();

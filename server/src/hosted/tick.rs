@@ -2,9 +2,8 @@
 //! between ticks. A lockstep world requests decisions before it moves, because it waits for the answers.
 
 use super::events::EventKind;
-use super::mode::TimeMode;
 use super::workers::{ASSIGN_EVERY, hand_over};
-use super::world::{HostedWorld, Record};
+use super::world::{HostedWorld, NpcRecord, TimeMode};
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
 use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
@@ -111,7 +110,7 @@ impl HostedWorld {
         // A worker must receive assignments before the observations of the assigned NPCs.
         self.flush();
         for ((worker, _), batch) in std::mem::take(&mut self.batches) {
-            self.registry.offer(worker, ToWorker::Observations(batch));
+            self.registry.try_observe(worker, ToWorker::Observations(batch));
         }
     }
 
@@ -201,7 +200,7 @@ impl HostedWorld {
     }
 }
 
-impl Record {
+impl NpcRecord {
     /// Whether `worker` decides for this attempt, and it is under way.
     fn is_sought_by(&self, worker: WorkerId, attempt: u32) -> bool {
         self.worker == Some(worker) && self.goal.is_some() && self.attempts == attempt

@@ -1,10 +1,9 @@
 //! Which worker decides for which NPC: assignment, hand-over, loss, and notifying workers.
 
-use super::outbox::Outbox;
 use super::world::HostedWorld;
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
-use crate::messages::{Assignment, ToWorker};
+use crate::messages::{Assignment, AttemptEnd, ToWorker};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use surefoot_world::{ProfileIdx, TICKS_PER_SECOND};
@@ -16,6 +15,28 @@ pub(super) const ASSIGN_EVERY: u64 = 30;
 const SILENCE_LIMIT: u64 = TICKS_PER_SECOND as u64;
 /// The same for lockstep worlds, which wait longer: a worker may wait for plans itself.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(150);
+
+/// What must be sent to a worker before its next observations. Releases are sent before assignments.
+#[derive(Debug, Default)]
+pub(super) struct Outbox {
+    pub released: Vec<NpcId>,
+    pub assigned: BTreeSet<NpcId>,
+    pub ended: Vec<AttemptEnd>,
+}
+
+impl Outbox {
+    /// The worker decides for an NPC from now on.
+    pub fn assign(&mut self, npc: NpcId) {
+        self.assigned.insert(npc);
+    }
+
+    /// The worker no longer decides for an NPC. An assignment that it has not been sent is withdrawn.
+    pub fn release(&mut self, npc: NpcId) {
+        if !self.assigned.remove(&npc) {
+            self.released.push(npc);
+        }
+    }
+}
 
 impl HostedWorld {
     /// Assigns every NPC without a worker to one with room.
@@ -62,7 +83,7 @@ impl HostedWorld {
         let mut moved_count = 0;
         for (&id, record) in self.records.iter_mut().filter(|(_, record)| record.worker == Some(silent)) {
             // A place with the next worker is taken already if there is one.
-            record.next_worker = record.next_worker.or_else(|| self.registry.replace(silent));
+            record.next_worker = record.next_worker.or_else(|| self.registry.move_from_silent(silent));
             if record.next_worker.is_none() {
                 continue;
             }
@@ -85,7 +106,7 @@ impl HostedWorld {
         self.assign_workers();
         for (&id, record) in &mut self.records {
             let (Some(worker), None) = (record.worker, record.next_worker) else { continue };
-            let Some(next) = self.registry.relieve(worker) else { continue };
+            let Some(next) = self.registry.move_to_less_loaded(worker) else { continue };
             record.next_worker = Some(next);
             if record.awaiting.is_none() {
                 hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
@@ -99,7 +120,7 @@ impl HostedWorld {
             if record.next_worker == Some(lost) {
                 record.next_worker = None;
                 if let Some(worker) = record.worker.filter(|worker| *worker != lost) {
-                    self.registry.keep(worker);
+                    self.registry.retake(worker);
                 }
             }
             if record.worker == Some(lost) {
@@ -138,7 +159,7 @@ impl HostedWorld {
         }
         self.flush();
         for worker in std::mem::take(&mut self.notified) {
-            self.registry.send(worker, ToWorker::Over(self.id));
+            self.registry.send_or_cut(worker, ToWorker::Over(self.id));
         }
     }
 
@@ -146,16 +167,16 @@ impl HostedWorld {
     pub fn flush(&mut self) {
         for (worker, Outbox { released, assigned, ended }) in std::mem::take(&mut self.outbox) {
             if !released.is_empty() {
-                self.registry.send(worker, ToWorker::Release(self.id, released));
+                self.registry.send_or_cut(worker, ToWorker::Release(self.id, released));
             }
             if !assigned.is_empty() {
                 self.notified.insert(worker);
                 for assignment in self.assignments(assigned) {
-                    self.registry.send(worker, ToWorker::Assignment(assignment));
+                    self.registry.send_or_cut(worker, ToWorker::Assignment(assignment));
                 }
             }
             if !ended.is_empty() {
-                self.registry.send(worker, ToWorker::Ended(self.id, ended));
+                self.registry.send_or_cut(worker, ToWorker::Ended(self.id, ended));
             }
         }
     }

@@ -1,16 +1,16 @@
 //! A hosted world: the world itself, and what the server knows about its NPCs beyond the world's own state.
 
 use super::events::{EventKind, EventLog};
-use super::mode::TimeMode;
 use super::motion::Motion;
-use super::outbox::Outbox;
 use super::snapshot::{Counters, EndedAttempt, NpcPlan};
+use super::workers::Outbox;
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
 use crate::messages::ObservationBatch;
 use crate::quota::Ticket;
 use crate::registry::Registry;
 use crate::times::TickTimes;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -18,9 +18,18 @@ use surefoot_world::{
     CharacterProfile, End, Map, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World, WorldConfig,
 };
 
+/// How a world's time passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum TimeMode {
+    /// 60 ticks a second.
+    Realtime,
+    /// As fast as answers arrive: the world waits for every answer.
+    Lockstep,
+}
+
 /// What the server knows about an NPC beyond the world's own state.
 #[derive(Debug)]
-pub(super) struct Record {
+pub(super) struct NpcRecord {
     pub slot: NpcSlot,
     pub goal: Option<Vec3>,
     pub waypoint: Option<Vec3>,
@@ -49,7 +58,7 @@ pub(super) struct Record {
 /// Most attempts in an NPC's history; the oldest is dropped first.
 const MAX_HISTORY: usize = 32;
 
-impl Record {
+impl NpcRecord {
     pub fn new(slot: NpcSlot, ticket: Ticket) -> Self {
         Self {
             slot,
@@ -105,7 +114,7 @@ pub struct HostedWorld {
     pub(super) id: WorldId,
     pub(super) world: World,
     pub(super) mode: TimeMode,
-    pub(super) records: BTreeMap<NpcId, Record>,
+    pub(super) records: BTreeMap<NpcId, NpcRecord>,
     /// All NPCs without a worker; it may also hold some that have one or are gone, until workers are assigned.
     pub(super) unassigned: BTreeSet<NpcId>,
     pub(super) last_serial: u32,
@@ -206,7 +215,7 @@ impl HostedWorld {
     }
 
     /// Adds an NPC without a worker.
-    pub(super) fn add_record(&mut self, id: NpcId, record: Record) {
+    pub(super) fn add_record(&mut self, id: NpcId, record: NpcRecord) {
         self.records.insert(id, record);
         self.unassigned.insert(id);
     }

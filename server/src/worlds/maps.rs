@@ -1,12 +1,57 @@
 //! Long work on maps in the background, in turns: places to stand, and surveys.
 
 use super::{WorldHandle, Worlds, WorldsError, in_background};
-use crate::hosted::HostedWorld;
+use crate::hosted::{EditError, HostedWorld, MapEdit, MapEdited};
 use crate::ids::WorldId;
-use crate::survey::Survey;
+use std::sync::Arc;
 use surefoot_net::levels::MapSource;
 use surefoot_net::serving::Caller;
-use surefoot_world::{CharacterProfile, Seed, Vec3};
+use surefoot_world::reach::Reach;
+use surefoot_world::{CharacterProfile, Map, Seed, Vec3};
+
+/// Times that an edit is made again because other clients edited the map meanwhile.
+const MAX_TRIES: usize = 8;
+
+/// What a body finds on a map.
+#[derive(Debug, Clone)]
+pub struct Survey {
+    /// The body.
+    pub body: CharacterProfile,
+    /// Number of places where it can stand, on a grid of 1.25 m.
+    pub places: usize,
+    /// Number of islands of places that are connected on foot.
+    pub islands: usize,
+    /// Share of ordered pairs of places that are connected on foot, in [0, 1].
+    pub connected_on_foot: f64,
+    /// Share of ordered pairs of places that are connected by every means, in [0, 1].
+    pub connected: f64,
+    /// Number of places that cannot be reached from the largest region of places that lead to each other.
+    pub cut_off_places: usize,
+    /// Some of them, spread evenly, m.
+    pub cut_off: Vec<Vec3>,
+}
+
+impl Survey {
+    /// Surveys `map` for a body, on one thread, so that worlds keep stepping. Lists at most `max_cut_off` places.
+    pub fn of(map: &Map, body: CharacterProfile, max_cut_off: usize) -> Self {
+        let reach = Reach::survey(map, &body, 1);
+        let regions = reach.regions(|_| true);
+        let reached = regions.reachable_from(regions.largest());
+        let is_cut_off = |island: u32| !reached[regions.of_island[island as usize] as usize];
+        let cells = reach.ground.cells();
+        let cut_off: Vec<Vec3> = cells.iter().filter(|cell| is_cut_off(cell.island)).map(|cell| cell.feet).collect();
+        let stride = cut_off.len().div_ceil(max_cut_off.max(1)).max(1);
+        Self {
+            body,
+            places: cells.len(),
+            islands: reach.ground.islands().len(),
+            connected_on_foot: if cells.is_empty() { 0.0 } else { reach.share_on_foot() },
+            connected: reach.share_by(|_| true),
+            cut_off_places: cut_off.len(),
+            cut_off: cut_off.into_iter().step_by(stride).take(max_cut_off).collect(),
+        }
+    }
+}
 
 impl Worlds {
     /// Draws `count` random places of a world where a character can stand. A client's calls run one after the other.
@@ -22,7 +67,7 @@ impl Worlds {
         seed: Seed,
     ) -> Result<Vec<Vec3>, WorldsError> {
         let WorldHandle { shown, body: usual, .. } = self.handle(world)?;
-        let turn = self.shared.samples.place(&caller.name).await.turn().await;
+        let turn = self.inner.samples.place(&caller.name).await.turn().await;
         let (map, body) = (shown.get(), body.unwrap_or(usual));
         let sample = move || {
             let _turn = turn;
@@ -44,14 +89,43 @@ impl Worlds {
         max_cut_off: usize,
     ) -> Result<Vec<Survey>, WorldsError> {
         // A client that waits holds one map. Generating it takes no turn of a survey.
-        let place = self.shared.surveys.place(&caller.name).await;
-        let made = self.maps().get(&caller.name, source.made()).await?;
+        let place = self.inner.surveys.place(&caller.name).await;
+        let base = self.maps().get(&caller.name, source.base()).await?;
         let turn = place.turn().await;
         let survey = move || {
             let _turn = turn;
-            let map = source.finish(made.map());
+            let map = source.finish(base.map());
             bodies.into_iter().map(|body| Survey::of(&map, body, max_cut_off)).collect()
         };
         in_background("surveying", survey).await
+    }
+
+    /// Edits the map of a world, whole or not at all.
+    ///
+    /// # Errors
+    /// If there is no such world, it belongs to somebody else, or the edit is not possible.
+    pub async fn edit(&self, caller: &Caller, id: WorldId, edit: MapEdit) -> Result<MapEdited, WorldsError> {
+        let handle = self.handle_to_change(caller, id)?;
+        for _ in 0..MAX_TRIES {
+            let (revision, map) =
+                handle.sim.call(|state| (state.world.map_revision(), state.world.map().clone())).await?;
+            let pieces = edit.apply(id, map.pieces())?;
+            let edited = in_background("editing a map", move || map.with_pieces(pieces)).await?;
+            let edited = Arc::new(edited.map_err(EditError::from)?);
+            let shown = handle.shown.clone();
+            let done = handle.sim.call(move |state| {
+                let done = state.world.edit(revision, edited)?;
+                shown.show(state.world.map());
+                Ok::<_, EditError>(done)
+            });
+            if let Some(done) = done.await?? {
+                if self.shared_store().is_some() {
+                    // What the servers of a fleet know of between two saves is only what NPCs do.
+                    self.save(id, false).await?;
+                }
+                return Ok(done);
+            }
+        }
+        Err(EditError::Contended(id).into())
     }
 }

@@ -34,8 +34,8 @@ impl Worlds {
         orders: Vec<Result<SpawnOrder, WorldsError>>,
     ) -> Result<Vec<Result<NpcId, WorldsError>>, WorldsError> {
         let handle = self.handle_to_change(caller, world)?;
-        let limit = self.shared.config.max_npcs_per_world;
-        let take = |order| Ok((order?, self.shared.npc_quota.acquire(&caller.name).map_err(WorldsError::NpcQuota)?));
+        let limit = self.inner.config.max_npcs_per_world;
+        let take = |order| Ok((order?, self.inner.npc_quota.acquire(&caller.name).map_err(WorldsError::NpcQuota)?));
         let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(take).collect();
         let spawn = handle.sim.call(move |state| {
             let mut spawn = |(order, ticket)| Ok(state.world.spawn_to(order, limit, ticket)?);

@@ -12,7 +12,7 @@ impl Worlds {
     /// Adds a worker; `queue` receives the welcome, then all other messages to the worker.
     pub fn join(&self, hello: Hello, queue: mpsc::Sender<ToWorker>) -> Joined {
         info!(name = hello.name, policy = hello.policy, capacity = hello.capacity, "worker joined");
-        let joined = self.shared.registry.join(hello, queue.clone());
+        let joined = self.inner.registry.join(hello, queue.clone());
         // The queue is new and empty.
         let _ = queue.try_send(ToWorker::Welcome(joined.id));
         self.cast_all(HostedWorld::rebalance);
@@ -21,7 +21,7 @@ impl Worlds {
 
     /// Changes how many NPCs a worker can decide for. Worlds use what is added at once.
     pub fn set_capacity(&self, worker: WorkerId, capacity: u32) {
-        if self.shared.registry.set_capacity(worker, capacity) {
+        if self.inner.registry.set_capacity(worker, capacity) {
             self.cast_all(HostedWorld::assign_workers);
         }
     }
@@ -29,7 +29,7 @@ impl Worlds {
     /// Removes a worker and assigns its NPCs to others.
     pub fn leave(&self, worker: WorkerId) {
         info!(worker = worker.0, "worker left");
-        self.shared.registry.leave(worker);
+        self.inner.registry.leave(worker);
         self.cast_all(move |world| world.lose_worker(worker));
     }
 

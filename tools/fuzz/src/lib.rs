@@ -16,7 +16,7 @@ use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
 use surefoot_proto::plans;
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
-use surefoot_server::hosted::{HostedWorld, NpcStatus, SavedMap, SavedWorld, TimeMode};
+use surefoot_server::hosted::{HostedWorld, NpcStatus, SavedMap, TimeMode, WorldSave};
 use surefoot_server::ids::WorkerId;
 use surefoot_server::messages::{Answer, Decision, Hello, ToWorker};
 use surefoot_server::quota::Quota;
@@ -358,8 +358,8 @@ pub fn saved_world(bytes: &[u8]) {
     const HEADER_LEN: usize = 8 + 4 + 32;
     let decode = |bytes: &[u8]| {
         let place = std::path::Path::new("input");
-        let Ok(saved) = SavedWorld::decode(bytes, place) else { return };
-        assert_eq!(SavedWorld::decode(&saved.encode(), place).expect("just written").encode(), saved.encode());
+        let Ok(saved) = WorldSave::decode(bytes, place) else { return };
+        assert_eq!(WorldSave::decode(&saved.encode(), place).expect("just written").encode(), saved.encode());
         // Generating a map would only slow the trial down.
         if let SavedMap::Spec(_) = saved.source() {
             return;

@@ -39,9 +39,6 @@ const LADDER: [usize; 8] = [256, 512, 1024, 1536, 2048, 2560, 3072, 4096];
 /// Measurement of each number of NPCs, after the warm-up.
 const RUNG: Duration = Duration::from_secs(20);
 const WARM_UP: Duration = Duration::from_secs(10);
-/// Durations of the stalls injected into one world, ms.
-const STALLS_MS: [u32; 3] = [5, 50, 500];
-const STALLS_EACH: usize = 20;
 /// Number of readers that never read.
 const SLOW_READERS: usize = 50;
 /// Number of NPCs and of timed steps of the lockstep figures.
@@ -297,7 +294,6 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
             Figure::new("decisions_on_time_share", measured.on_time_share(), "").at_least(TARGET_ON_TIME),
             Figure::new("decisions_s", measured.answered as f64 / (args.minutes * 60.0), "decisions/s"),
         ]);
-        figures.extend(overruns(&scene).await?);
         figures.extend(slow_readers(&scene).await?);
         drop(scene);
         let curve = ladder(&cache).await?;
@@ -313,47 +309,6 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
         }
         Ok(figures)
     })
-}
-
-/// Stalls one world, and measures its dropped ticks and the tick times of the others.
-async fn overruns(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
-    let mut client = WorldServiceClient::new(scene.channel.clone());
-    let span = Duration::from_secs(20);
-    let calm = scene.measure(span).await?;
-    let mut figures = Vec::new();
-    let world_id = scene.worlds[0].world_id;
-    for (milliseconds, name) in STALLS_MS.into_iter().zip(["5", "50", "500"]) {
-        let stalling = async {
-            for _ in 0..STALLS_EACH {
-                client.stall_world(wire::StallWorldRequest { world_id, milliseconds }).await?;
-                tokio::time::sleep(
-                    (span / STALLS_EACH as u32).saturating_sub(Duration::from_millis(milliseconds.into())),
-                )
-                .await;
-            }
-            Ok::<(), tonic::Status>(())
-        };
-        let (stalled, measured) = tokio::join!(stalling, scene.measure(span));
-        stalled?;
-        let measured = measured?;
-        let others = |measured: &Measured| {
-            let sum = measured.times[1..].iter().map(|times| f64::from(times.quantile_us(0.99))).sum::<f64>();
-            sum / (measured.times.len() - 1) as f64
-        };
-        let (moved, dropped) = (others(&measured) / others(&calm), measured.dropped as f64 / STALLS_EACH as f64);
-        eprintln!("stalls of {name} ms: {dropped:.2} ticks dropped each, other worlds' p99 x {moved:.3}");
-        figures.push(match milliseconds {
-            5 => Figure::new("stall_5_others_p99_ratio", moved, "").at_most(1.1),
-            50 => Figure::new("stall_50_others_p99_ratio", moved, "").at_most(1.1),
-            _ => Figure::new("stall_500_others_p99_ratio", moved, "").at_most(1.1),
-        });
-        figures.push(match milliseconds {
-            5 => Figure::new("stall_5_ticks_dropped", dropped, "ticks"),
-            50 => Figure::new("stall_50_ticks_dropped", dropped, "ticks"),
-            _ => Figure::new("stall_500_ticks_dropped", dropped, "ticks"),
-        });
-    }
-    Ok(figures)
 }
 
 /// The cost in memory and tick time of readers that watch everything and read nothing.

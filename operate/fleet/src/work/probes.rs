@@ -7,7 +7,7 @@ use super::map_cache::{MapCache, MapRef};
 use crate::blobs::Blobs;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, PoisonError};
-use surefoot_net::levels::Made;
+use surefoot_net::levels::BaseMap;
 use surefoot_planner::needs::{Need, Needs};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner_service::provers::{BuildProbes, Embedded, ProbeWork, Provers};
@@ -160,10 +160,10 @@ pub struct QueuedProvers {
 impl Provers for QueuedProvers {
     fn enlist(&self, work: ProbeWork) -> Box<dyn BuildProbes> {
         let runtime = &self.dispatcher.queue().runtime;
-        let name = match work.source.made() {
+        let name = match work.source.base() {
             _ if !work.source.pieces().is_empty() => None,
-            Made::Spec(spec) => Some(MapRef::Spec(*spec)),
-            Made::Level(level) => match runtime.block_on(MapRef::save(&level.map, self.blobs.as_ref())) {
+            BaseMap::Spec(spec) => Some(MapRef::Spec(*spec)),
+            BaseMap::Level(level) => match runtime.block_on(MapRef::save(&level.map, self.blobs.as_ref())) {
                 Ok(name) => Some(name),
                 Err(error) => {
                     warn!(%error, "provers cannot get this level; its probes are run here");

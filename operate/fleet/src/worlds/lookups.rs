@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use surefoot_server::WorldId;
-use surefoot_server::store::{Place, StoreError};
+use surefoot_server::store::{ServerInfo, StoreError};
 use tokio::sync::Semaphore;
 
 const POISON: &str = "no holder of this lock panics";
@@ -31,15 +31,15 @@ pub struct Lookups {
     known: Mutex<Known>,
     /// Held during a query for worlds.
     turn: tokio::sync::Mutex<()>,
-    servers: tokio::sync::Mutex<Option<(Instant, Vec<Place>)>>,
+    servers: tokio::sync::Mutex<Option<(Instant, Vec<ServerInfo>)>>,
 }
 
 /// Answers of two halves of [`FRESH`]: the older ones are forgotten all at once.
 #[derive(Debug)]
 struct Known {
     since: Instant,
-    latest: BTreeMap<WorldId, Option<Place>>,
-    former: BTreeMap<WorldId, Option<Place>>,
+    latest: BTreeMap<WorldId, Option<ServerInfo>>,
+    former: BTreeMap<WorldId, Option<ServerInfo>>,
 }
 
 impl Known {
@@ -53,7 +53,7 @@ impl Known {
         self.since = Instant::now();
     }
 
-    fn get(&mut self, id: WorldId) -> Option<Option<Place>> {
+    fn get(&mut self, id: WorldId) -> Option<Option<ServerInfo>> {
         self.forget();
         self.latest.get(&id).or_else(|| self.former.get(&id)).cloned()
     }
@@ -82,7 +82,7 @@ impl Lookups {
     }
 
     /// Where a world runs, as the member `own` sees it.
-    pub async fn locate(&self, database: &Database, id: WorldId, own: i64) -> Result<Option<Place>, StoreError> {
+    pub async fn locate(&self, database: &Database, id: WorldId, own: i64) -> Result<Option<ServerInfo>, StoreError> {
         if let Some(known) = self.known().get(id) {
             return Ok(known);
         }
@@ -110,7 +110,7 @@ impl Lookups {
     }
 
     /// All servers that hold their lease, as the member `own` sees them.
-    pub async fn servers(&self, database: &Database, own: i64) -> Result<Vec<Place>, StoreError> {
+    pub async fn servers(&self, database: &Database, own: i64) -> Result<Vec<ServerInfo>, StoreError> {
         let look = async {
             let mut known = self.servers.lock().await;
             if let Some((_, servers)) = known.as_ref().filter(|(asked, _)| asked.elapsed() < FRESH) {

@@ -1,6 +1,6 @@
 //! Worlds of a fleet: who has them (`rows`, in the database), and what was saved of them (as blobs).
 //!
-//! A save is a blob of its own, whose name goes into the world's row in a statement that checks the token of the tenure and the lease of
+//! A save is a blob of its own, whose name goes into the world's row in a statement that checks the token of the lease epoch and the lease of
 //! the server. So a server that was taken for dead writes blobs that nobody reads.
 
 mod lookups;
@@ -19,8 +19,8 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, RwLock};
 use std::time::Duration;
 use surefoot_server::WorldId;
-use surefoot_server::hosted::{Journal, KeptWorld, SavedError, SavedLog, SavedWorld};
-use surefoot_server::store::{Place, SharedStore, StoreCall, StoreError, StoredWorld, Tenure, WorldStore};
+use surefoot_server::hosted::{FleetSave, Journal, SavedError, SavedLog, WorldSave};
+use surefoot_server::store::{LeaseEpoch, LoadedWorld, ServerInfo, SharedStore, StoreCall, StoreError, WorldStore};
 use tokio::sync::Notify;
 use tracing::warn;
 
@@ -88,20 +88,20 @@ impl FleetWorlds {
         self.held.lock().expect(POISON).get(&id).copied()
     }
 
-    async fn write_world(&self, tenure: Tenure, world: SavedWorld, log: SavedLog) -> Result<(), StoreError> {
+    async fn write_world(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> Result<(), StoreError> {
         let (id, through) = (world.id(), log.written());
         let held = self.held(id);
         let claim = match held {
             Some(held) => held.claim,
             None => rows::new_claim(&self.database, &self.member()).await?,
         };
-        if claim.member != tenure.0 {
+        if claim.member != lease_epoch.0 {
             return Err(StoreError::Lost(id));
         }
         let encode = move || {
-            // Saves of two tenures are two blobs, also of a world that stands still.
+            // Saves of two lease epochs are two blobs, also of a world that stands still.
             let mut bytes = claim.token.to_le_bytes().to_vec();
-            bytes.extend(KeptWorld { world, log }.encode());
+            bytes.extend(FleetSave { world, log }.encode());
             bytes
         };
         let bytes = tokio::task::spawn_blocking(encode).await;
@@ -132,20 +132,20 @@ impl FleetWorlds {
         };
     }
 
-    async fn read_world(&self, id: WorldId) -> Result<StoredWorld, StoreError> {
+    async fn read_world(&self, id: WorldId) -> Result<LoadedWorld, StoreError> {
         let Held { blob, .. } = self.held(id).ok_or(StoreError::Lost(id))?;
         let place: PathBuf = format!("{} blob {blob}", self.blobs.place()).into();
         let damaged = || StoreError::Saved(SavedError::Damaged(place.clone()));
         let bytes = self.blobs.get(blob).await?.ok_or_else(damaged)?;
         let named = place.clone();
-        let decode = move || KeptWorld::decode(bytes.get(8..).unwrap_or_default(), &named);
+        let decode = move || FleetSave::decode(bytes.get(8..).unwrap_or_default(), &named);
         let kept = tokio::task::spawn_blocking(decode).await;
         let kept = kept.map_err(|error| StoreError::Unavailable(error.to_string()))??;
-        let KeptWorld { world, log } = Some(kept).filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
+        let FleetSave { world, log } = Some(kept).filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
         let journals = rows::journals(&self.database, id).await?.into_iter();
         let journals = journals.map(|(through, bytes)| Journal::decode(through, &bytes));
         let journals = journals.collect::<Result<_, _>>().map_err(|_| damaged())?;
-        Ok(StoredWorld { world, since: Some((log, journals)) })
+        Ok(LoadedWorld { world, since: Some((log, journals)) })
     }
 
     /// Removes a blob that no row refers to.
@@ -190,12 +190,12 @@ impl WorldStore for FleetWorlds {
         Box::pin(async { Ok(Vec::new()) })
     }
 
-    fn read(&self, id: WorldId) -> StoreCall<'_, StoredWorld> {
+    fn read(&self, id: WorldId) -> StoreCall<'_, LoadedWorld> {
         Box::pin(self.read_world(id))
     }
 
-    fn write(&self, tenure: Tenure, world: SavedWorld, log: SavedLog) -> StoreCall<'_, ()> {
-        Box::pin(self.write_world(tenure, world, log))
+    fn write(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> StoreCall<'_, ()> {
+        Box::pin(self.write_world(lease_epoch, world, log))
     }
 
     fn forget(&self, id: WorldId) -> StoreCall<'_, ()> {
@@ -220,11 +220,11 @@ impl SharedStore for FleetWorlds {
         self.member().lease()
     }
 
-    fn tenure(&self) -> Tenure {
-        Tenure(self.member.read().expect(POISON).id)
+    fn lease_epoch(&self) -> LeaseEpoch {
+        LeaseEpoch(self.member.read().expect(POISON).id)
     }
 
-    fn is_sure(&self) -> bool {
+    fn holds_lease(&self) -> bool {
         self.member.read().expect(POISON).holds_lease()
     }
 
@@ -274,23 +274,23 @@ impl SharedStore for FleetWorlds {
         Box::pin(self.hand_back_world(id))
     }
 
-    fn record<'a>(
+    fn append_journals<'a>(
         &'a self,
-        tenure: Tenure,
+        lease_epoch: LeaseEpoch,
         journals: &'a [(WorldId, Journal)],
     ) -> StoreCall<'a, BTreeMap<WorldId, bool>> {
         Box::pin(async move {
             let held = journals.iter().filter_map(|(id, journal)| Some((*id, self.held(*id)?.claim, journal)));
-            let held = held.filter(|(_, claim, _)| claim.member == tenure.0);
+            let held = held.filter(|(_, claim, _)| claim.member == lease_epoch.0);
             Ok(rows::append(&self.database, held.collect()).await?)
         })
     }
 
-    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<Place>> {
+    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<ServerInfo>> {
         Box::pin(async move { self.lookups.locate(&self.database, id, self.member().id).await })
     }
 
-    fn servers(&self) -> StoreCall<'_, Vec<Place>> {
+    fn servers(&self) -> StoreCall<'_, Vec<ServerInfo>> {
         Box::pin(async move { self.lookups.servers(&self.database, self.member().id).await })
     }
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use surefoot_server::WorldId;
 use surefoot_server::hosted::Journal;
-use surefoot_server::store::Place;
+use surefoot_server::store::ServerInfo;
 use tokio::sync::Notify;
 use tracing::warn;
 
@@ -232,7 +232,7 @@ pub async fn locate(
     database: &Database,
     ids: &BTreeSet<WorldId>,
     own: i64,
-) -> Result<BTreeMap<WorldId, Place>, FleetError> {
+) -> Result<BTreeMap<WorldId, ServerInfo>, FleetError> {
     let ids: Vec<i64> = ids.iter().map(|id| id.0 as i64).collect();
     let rows = sqlx::query!(
         r#"SELECT worlds.id, members.id AS member, address, expires_at > now() AS "is_alive!",
@@ -241,7 +241,7 @@ pub async fn locate(
         &ids,
     );
     let rows = rows.fetch_all(&database.lookups).await.map_err(|error| database.failed(error))?;
-    let place = |is_here, address, is_alive, world_count| Place { address, is_here, is_alive, world_count };
+    let place = |is_here, address, is_alive, world_count| ServerInfo { address, is_here, is_alive, world_count };
     let found = rows.into_iter().map(|row| {
         (WorldId(row.id as u64), place(row.member == own, row.address, row.is_alive, row.world_count as u64))
     });
@@ -249,13 +249,13 @@ pub async fn locate(
 }
 
 /// All servers that hold their lease, by address.
-pub async fn servers(database: &Database, own: i64) -> Result<Vec<Place>, FleetError> {
+pub async fn servers(database: &Database, own: i64) -> Result<Vec<ServerInfo>, FleetError> {
     let rows = sqlx::query!(
         r#"SELECT id, address, (SELECT count(*) FROM worlds WHERE owner = members.id) AS "world_count!"
          FROM members WHERE kind = 'server' AND expires_at > now() ORDER BY address, id"#,
     );
     let rows = rows.fetch_all(&database.lookups).await.map_err(|error| database.failed(error))?;
-    let place = |id: i64, address, world_count: i64| Place {
+    let place = |id: i64, address, world_count: i64| ServerInfo {
         address,
         is_here: id == own,
         is_alive: true,

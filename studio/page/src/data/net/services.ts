@@ -1,7 +1,7 @@
 // The clients of both services.
 
 import { type Client, createClient } from '@connectrpc/connect'
-import { createGrpcWebTransport } from '@connectrpc/connect-web'
+import { createConnectTransport } from '@connectrpc/connect-web'
 import { PlannerService } from '../../gen/surefoot/planner/v1/planner_pb'
 import { MapService } from '../../gen/surefoot/world/v1/maps_pb'
 import { WorldService } from '../../gen/surefoot/world/v1/world_pb'
@@ -41,7 +41,8 @@ export function connectPlanner(address: ServiceAddress, sessions: Sessions): Pla
 
 function connect({ url, origin, isForeign }: ServiceAddress, sessions: Sessions) {
   const [link, session] = [new Link(), sessions.at(origin)]
-  const transport = createGrpcWebTransport({ baseUrl: url, interceptors: [link.interceptor, session.interceptor] })
+  const interceptors = [link.interceptor, session.interceptor]
+  const transport = createConnectTransport({ baseUrl: url, useBinaryFormat: true, interceptors })
   const side: Side = { address: url, isForeign, link, session, maps: createClient(MapService, transport) }
   return { side, transport }
 }

@@ -13,9 +13,9 @@ const RECORD_EVERY: Duration = Duration::from_millis(25);
 /// Longest time between two looks for worlds without a server.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 
-/// Does all this until it is dropped. `ready` becomes true once this server has looked for worlds; `is_sure` is whether it holds its lease.
-pub async fn hold(worlds: Worlds, ready: watch::Sender<bool>, is_sure: watch::Sender<bool>) {
-    tokio::join!(renew(&worlds), claim(&worlds, ready), record(&worlds), guard(&worlds, is_sure));
+/// Does all this until it is dropped. `ready` becomes true once this server has looked for worlds; `holds_lease` is whether it holds its lease.
+pub async fn run(worlds: Worlds, ready: watch::Sender<bool>, holds_lease: watch::Sender<bool>) {
+    tokio::join!(renew(&worlds), claim(&worlds, ready), record(&worlds), watch_expiry(&worlds, holds_lease));
 }
 
 /// The shared part of the store, which a server of a fleet has.
@@ -24,7 +24,7 @@ fn shared(worlds: &Worlds) -> &dyn SharedStore {
 }
 
 /// Bounds a call: a link that is cut answers nothing at all.
-async fn bounded<T>(limit: Duration, call: impl Future<Output = Result<T, StoreError>>) -> Result<T, StoreError> {
+async fn with_timeout<T>(limit: Duration, call: impl Future<Output = Result<T, StoreError>>) -> Result<T, StoreError> {
     let silent = |_| StoreError::Unavailable(format!("no answer within {} s", limit.as_secs_f32()));
     tokio::time::timeout(limit, call).await.map_err(silent)?
 }
@@ -34,14 +34,15 @@ async fn renew(worlds: &Worlds) {
     let pause = shared.lease() / 3;
     loop {
         tokio::time::sleep(pause).await;
-        let renewed = if shared.is_sure() { bounded(pause, shared.renew()).await } else { Err(StoreError::Expired) };
+        let renewed =
+            if shared.holds_lease() { with_timeout(pause, shared.renew()).await } else { Err(StoreError::Expired) };
         match renewed {
             Ok(()) => {}
             // It has left.
             Err(StoreError::Expired) if worlds.shutdown().is_triggered() => return,
             Err(StoreError::Expired) => {
                 worlds.lose_all("the lease of this server is over");
-                match bounded(shared.lease(), shared.rejoin()).await {
+                match with_timeout(shared.lease(), shared.rejoin()).await {
                     Ok(()) => info!("this server is a new member of the fleet"),
                     Err(error) => warn!(%error, "this server cannot join the fleet again"),
                 }
@@ -52,14 +53,14 @@ async fn renew(worlds: &Worlds) {
 }
 
 /// Drops all worlds as soon as others may have them.
-async fn guard(worlds: &Worlds, is_sure: watch::Sender<bool>) {
+async fn watch_expiry(worlds: &Worlds, holds_lease: watch::Sender<bool>) {
     let shared = shared(worlds);
     let mut due = interval(shared.lease() / 20);
     due.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         due.tick().await;
-        let holds = shared.is_sure();
-        is_sure.send_if_modified(|known| std::mem::replace(known, holds) != holds);
+        let holds = shared.holds_lease();
+        holds_lease.send_if_modified(|known| std::mem::replace(known, holds) != holds);
         if !holds {
             worlds.lose_all("the lease of this server is not sure");
         }
@@ -72,14 +73,14 @@ async fn claim(worlds: &Worlds, ready: watch::Sender<bool>) {
     let shared = shared(worlds);
     let pause = (shared.lease() / 3).min(LOOK_EVERY);
     while !worlds.shutdown().is_triggered() {
-        if shared.is_sure() {
-            let (asked, tenure, held) = (Instant::now(), shared.tenure(), worlds.held());
-            match bounded(pause, shared.claim(worlds.config().max_worlds, &held)).await {
+        if shared.holds_lease() {
+            let (asked, lease_epoch, held) = (Instant::now(), shared.lease_epoch(), worlds.held());
+            match with_timeout(pause, shared.claim(worlds.config().max_worlds, &held)).await {
                 Ok(claimed) => {
                     if !claimed.is_empty() {
                         info!(count = claimed.len(), ms = asked.elapsed().as_millis(), "worlds are taken over");
                     }
-                    claimed.into_iter().for_each(|id| worlds.begin_takeover(id, tenure));
+                    claimed.into_iter().for_each(|id| worlds.begin_takeover(id, lease_epoch));
                     ready.send_replace(true);
                 }
                 Err(error) => warn!(%error, "cannot query for worlds whose server is gone"),
@@ -97,14 +98,14 @@ async fn record(worlds: &Worlds) {
     let mut is_failing = false;
     loop {
         due.tick().await;
-        let tenure = shared.tenure();
+        let lease_epoch = shared.lease_epoch();
         let journals = worlds.unconfirmed().await;
-        if journals.is_empty() || shared.tenure() != tenure {
+        if journals.is_empty() || shared.lease_epoch() != lease_epoch {
             continue;
         }
-        match bounded(shared.lease(), shared.record(tenure, &journals)).await {
-            // What there is by now are the worlds of the next tenure.
-            Ok(_) if shared.tenure() != tenure => {}
+        match with_timeout(shared.lease(), shared.append_journals(lease_epoch, &journals)).await {
+            // What there is by now are the worlds of the next lease epoch.
+            Ok(_) if shared.lease_epoch() != lease_epoch => {}
             Ok(recorded) => {
                 is_failing = false;
                 for (id, journal) in &journals {

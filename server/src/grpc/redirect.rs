@@ -18,18 +18,18 @@ use tonic_types::StatusExt;
 
 /// A service whose callers learn where a world runs that is not here.
 #[derive(Debug, Clone)]
-pub struct Elsewhere<S> {
+pub struct RedirectToOwner<S> {
     /// The service.
     pub inner: S,
     /// The worlds of this server.
     pub worlds: Worlds,
 }
 
-impl<S: NamedService> NamedService for Elsewhere<S> {
+impl<S: NamedService> NamedService for RedirectToOwner<S> {
     const NAME: &'static str = S::NAME;
 }
 
-impl<S> Service<http::Request<Body>> for Elsewhere<S>
+impl<S> Service<http::Request<Body>> for RedirectToOwner<S>
 where
     S: Service<http::Request<Body>, Response = http::Response<Body>, Error = Infallible>,
     S::Future: Send + 'static,

@@ -1,13 +1,13 @@
 //! How worlds outlive the process: restored, saved now and then, and, in a fleet, taken over from other servers and lost to them.
 
 use super::{CONFIRM_LIMIT, WorldHandle, Worlds, WorldsError};
-use crate::hosted::{HostedWorld, Journal, RestoredMap, SavedError, SavedMap, SavedWorld, StateFolder};
+use crate::hosted::{HostedWorld, Journal, RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
 use crate::ids::WorldId;
-use crate::store::{Place, SharedStore, StoreError, StoredWorld, Tenure, WorldStore};
+use crate::store::{LeaseEpoch, LoadedWorld, ServerInfo, SharedStore, StoreError, WorldStore};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
-use surefoot_net::levels::{LevelError, LevelStore, Made, SharedMap};
+use surefoot_net::levels::{BaseMap, LevelError, LevelStore, SharedMap};
 use surefoot_net::memory::Reservation;
 use surefoot_net::serving::Caller;
 use tokio::task::JoinSet;
@@ -29,20 +29,20 @@ impl Worlds {
     /// # Errors
     /// If the folder cannot be created, or another process uses it.
     pub fn open_state(&self) -> Result<(), SavedError> {
-        let config = &self.shared.config;
+        let config = &self.inner.config;
         let store = match (&config.store, &config.state) {
             (Some(store), _) => store.clone(),
             (None, Some(path)) => Arc::new(StateFolder::open(path)?),
             (None, None) => return Ok(()),
         };
         // Opened once, at the start.
-        let _ = self.shared.store.set(store);
+        let _ = self.inner.store.set(store);
         Ok(())
     }
 
     /// Where worlds are saved.
     pub(crate) fn store(&self) -> Option<&Arc<dyn WorldStore>> {
-        self.shared.store.get()
+        self.inner.store.get()
     }
 
     /// What the servers of a fleet share; `None` if this server is alone.
@@ -59,7 +59,7 @@ impl Worlds {
     ///
     /// # Errors
     /// If the store of the fleet does not answer.
-    pub async fn locate(&self, id: WorldId) -> Result<Option<Place>, WorldsError> {
+    pub async fn locate(&self, id: WorldId) -> Result<Option<ServerInfo>, WorldsError> {
         match self.shared_store() {
             Some(shared) => Ok(shared.locate(id).await?),
             None => Ok(self.handle(id).ok().map(|_| self.here())),
@@ -70,16 +70,16 @@ impl Worlds {
     ///
     /// # Errors
     /// If the store of the fleet does not answer.
-    pub async fn servers(&self) -> Result<Vec<Place>, WorldsError> {
+    pub async fn servers(&self) -> Result<Vec<ServerInfo>, WorldsError> {
         match self.shared_store() {
             Some(shared) => Ok(shared.servers().await?),
             None => Ok(vec![self.here()]),
         }
     }
 
-    fn here(&self) -> Place {
+    fn here(&self) -> ServerInfo {
         let world_count = self.ids().len() as u64;
-        Place { address: String::new(), is_here: true, is_alive: true, world_count }
+        ServerInfo { address: String::new(), is_here: true, is_alive: true, world_count }
     }
 
     /// Restores saved worlds, until the server shuts down. One that cannot be used is named and left as it is; its id is not given to
@@ -90,10 +90,10 @@ impl Worlds {
     pub async fn restore_all(&self) -> Result<(), StoreError> {
         let Some(store) = self.store() else { return Ok(()) };
         for id in store.list().await? {
-            self.shared.last_world.fetch_max(id.0, Ordering::Relaxed);
+            self.inner.last_world.fetch_max(id.0, Ordering::Relaxed);
             let restored = tokio::select! {
-                restored = self.restore(id, Tenure::default()) => restored,
-                () = self.shared.shutdown.wait() => return Ok(()),
+                restored = self.restore(id, LeaseEpoch::default()) => restored,
+                () = self.inner.shutdown.wait() => return Ok(()),
             };
             if let Err(error) = restored {
                 warn!(world_id = id.0, %error, "a saved world is not restored; its file stays");
@@ -102,46 +102,46 @@ impl Worlds {
         Ok(())
     }
 
-    /// The tenure of this server, in a fleet.
-    fn tenure(&self) -> Tenure {
-        self.shared_store().map(SharedStore::tenure).unwrap_or_default()
+    /// The lease epoch of this server, in a fleet.
+    fn lease_epoch(&self) -> LeaseEpoch {
+        self.shared_store().map(SharedStore::lease_epoch).unwrap_or_default()
     }
 
     /// Worlds that are this server's, in a fleet, as far as it knows: they run, are being restored, or are left alone for a while.
     pub(crate) fn held(&self) -> Vec<WorldId> {
         // In this order: a world runs before it is noted as restored.
-        let mut held = self.shared.takeovers.ids();
+        let mut held = self.inner.takeovers.ids();
         held.extend(self.ids());
         held.into_iter().collect()
     }
 
-    /// Begins to restore a world that this server has claimed in this tenure.
-    pub(crate) fn begin_takeover(&self, id: WorldId, tenure: Tenure) {
-        self.shared.takeovers.begin(id);
+    /// Begins to restore a world that this server has claimed in this lease epoch.
+    pub(crate) fn begin_takeover(&self, id: WorldId, lease_epoch: LeaseEpoch) {
+        self.inner.takeovers.begin(id);
         let worlds = self.clone();
         tokio::spawn(async move {
             let taking = tokio::spawn({
                 let worlds = worlds.clone();
-                async move { worlds.take_over(id, tenure).await }
+                async move { worlds.take_over(id, lease_epoch).await }
             });
             if taking.await.is_err() {
                 // It panicked.
-                worlds.shared.takeovers.note_failure(id);
+                worlds.inner.takeovers.note_failure(id);
             }
-            worlds.shared.takeovers.end(id);
+            worlds.inner.takeovers.end(id);
         });
     }
 
     /// Restores a world that this server has claimed. One that it cannot run is handed back, and left alone for a while.
-    async fn take_over(&self, id: WorldId, tenure: Tenure) {
+    async fn take_over(&self, id: WorldId, lease_epoch: LeaseEpoch) {
         // Never closed.
-        let _turn = self.shared.takeovers.turns.acquire().await.ok();
-        if self.shared.shutdown.is_triggered() || self.tenure() != tenure {
+        let _turn = self.inner.takeovers.turns.acquire().await.ok();
+        if self.inner.shutdown.is_triggered() || self.lease_epoch() != lease_epoch {
             return;
         }
-        let (world_id, takeovers) = (id.0, &self.shared.takeovers);
-        match self.restore(id, tenure).await {
-            Ok(()) => _ = self.shared.taken_over_count.fetch_add(1, Ordering::Relaxed),
+        let (world_id, takeovers) = (id.0, &self.inner.takeovers);
+        match self.restore(id, lease_epoch).await {
+            Ok(()) => _ = self.inner.taken_over_count.fetch_add(1, Ordering::Relaxed),
             Err(StoreError::Lost(_)) => {}
             // The next look begins again.
             Err(StoreError::Unavailable(error)) => warn!(world_id, error, "the world cannot be read yet"),
@@ -160,25 +160,25 @@ impl Worlds {
         }
     }
 
-    /// Restores one world, and starts it, unless the tenure in which this began is over.
+    /// Restores one world, and starts it, unless the lease epoch in which this began is over.
     ///
     /// # Errors
     /// If what is saved of it cannot be read, or not be used, or there is no room for it.
-    pub(crate) async fn restore(&self, id: WorldId, tenure: Tenure) -> Result<(), StoreError> {
+    pub(crate) async fn restore(&self, id: WorldId, lease_epoch: LeaseEpoch) -> Result<(), StoreError> {
         let Some(store) = self.store() else { return Ok(()) };
-        let StoredWorld { world: saved, since } = store.read(id).await?;
+        let LoadedWorld { world: saved, since } = store.read(id).await?;
         let is_in_fleet = since.is_some();
         let (shared, reading) = if is_in_fleet { self.make_room(&saved).await? } else { (None, None) };
         let known = shared.as_ref().map(|shared| shared.map().clone());
         let make =
-            move || Ok::<_, SavedError>((known.map_or_else(|| saved.maps(), |made| saved.maps_on(made))?, saved));
-        let made = tokio::task::spawn_blocking(make).await;
-        let (RestoredMap { made, map }, saved) = made.map_err(|error| StoreError::Unavailable(error.to_string()))??;
+            move || Ok::<_, SavedError>((known.map_or_else(|| saved.maps(), |base| saved.maps_on(base))?, saved));
+        let base = tokio::task::spawn_blocking(make).await;
+        let (RestoredMap { base, map }, saved) = base.map_err(|error| StoreError::Unavailable(error.to_string()))??;
         drop(reading);
         let world_id = id.0;
-        if made.spec().is_none() {
+        if base.spec().is_none() {
             let owner = Caller::on_behalf_of(saved.owner());
-            match self.shared.levels.put(&owner, saved.level().to_owned(), made.clone()) {
+            match self.inner.levels.put(&owner, saved.level().to_owned(), base.clone()) {
                 Ok(_) => {}
                 Err(LevelError::Memory(error)) if is_in_fleet => return Err(cannot_run(&error)),
                 Err(error) => {
@@ -186,18 +186,18 @@ impl Worlds {
                 }
             }
         }
-        if self.tenure() != tenure {
+        if self.lease_epoch() != lease_epoch {
             return Err(StoreError::Lost(id));
         }
-        let mut world = HostedWorld::restore(&saved, map, self.shared.registry.clone(), &self.shared.npc_quota);
+        let mut world = HostedWorld::restore(&saved, map, self.inner.registry.clone(), &self.inner.npc_quota);
         if let Some((log, journals)) = since {
-            world.resume(log, journals, &self.shared.npc_quota);
+            world.resume(log, journals, &self.inner.npc_quota);
         }
         let (npcs, tick) = (world.npc_count(), world.tick().0);
-        let ticket = self.shared.world_quota.grant(saved.owner());
+        let ticket = self.inner.world_quota.grant(saved.owner());
         // In a fleet, others have counted this world as one of this server's.
-        let limit = if is_in_fleet { usize::MAX } else { self.shared.config.max_worlds };
-        let shared = shared.unwrap_or_else(|| self.maps().adopt(saved.owner(), made));
+        let limit = if is_in_fleet { usize::MAX } else { self.inner.config.max_worlds };
+        let shared = shared.unwrap_or_else(|| self.maps().adopt(saved.owner(), base));
         self.start(id, world, (shared, ticket), limit).map_err(|error| cannot_run(&error))?;
         info!(world_id, npcs, tick, "world restored");
         Ok(())
@@ -205,12 +205,12 @@ impl Worlds {
 
     /// Reserves what restoring a world of the fleet takes, and generates its map. A server that is alone restores its worlds one after the
     /// other, whether or not there is memory for them: they were there before the limit. In a fleet, another server may have room.
-    async fn make_room(&self, saved: &SavedWorld) -> Result<(Option<Arc<SharedMap>>, Option<Reservation>), StoreError> {
+    async fn make_room(&self, saved: &WorldSave) -> Result<(Option<Arc<SharedMap>>, Option<Reservation>), StoreError> {
         match saved.source() {
             // Worlds on equal maps come together.
             SavedMap::Spec(spec) => {
-                let made = self.maps().get(saved.owner(), &Made::Spec(*spec)).await;
-                Ok((Some(made.map_err(|error| cannot_run(&error))?), None))
+                let base = self.maps().get(saved.owner(), &BaseMap::Spec(*spec)).await;
+                Ok((Some(base.map_err(|error| cannot_run(&error))?), None))
             }
             SavedMap::File(_, bytes) => {
                 let reserved = self.maps().memory().reserve(saved.owner(), DECODE_FACTOR * bytes.len() as u64);
@@ -230,7 +230,7 @@ impl Worlds {
         }
         let too_slow = || StoreError::Saved(SavedError::TooSlow(limit));
         let deadline = Instant::now() + limit;
-        let Ok(_saving) = tokio::time::timeout_at(deadline, self.shared.saving.lock()).await else {
+        let Ok(_saving) = tokio::time::timeout_at(deadline, self.inner.saving.lock()).await else {
             return Err(too_slow());
         };
         let mut saving = JoinSet::new();
@@ -255,19 +255,19 @@ impl Worlds {
 
     /// Saves one world, and logs why not; with `is_last` it ends. A world that another server has is dropped.
     pub(crate) async fn save(&self, id: WorldId, is_last: bool) -> Result<(), StoreError> {
-        let tenure = self.tenure();
+        let lease_epoch = self.lease_epoch();
         let (Some(store), Ok(handle)) = (self.store(), self.handle(id)) else { return Ok(()) };
-        if self.tenure() != tenure {
+        if self.lease_epoch() != lease_epoch {
             return Ok(());
         }
         let saved_world = handle.saving.clone();
         // Goes on if nobody waits any more: a world that is dropped meanwhile must not come back.
-        let saving = tokio::spawn(save((id, handle), self.shared.levels.clone(), store.clone(), (tenure, is_last)));
+        let saving = tokio::spawn(save((id, handle), self.inner.levels.clone(), store.clone(), (lease_epoch, is_last)));
         let saved = saving.await.unwrap_or(Ok(()));
         match &saved {
             Ok(()) => {}
-            // What runs here now may be the world of the next tenure, or have been restored after a panic.
-            Err(StoreError::Lost(_)) if self.tenure() != tenure => {}
+            // What runs here now may be the world of the next lease epoch, or have been restored after a panic.
+            Err(StoreError::Lost(_)) if self.lease_epoch() != lease_epoch => {}
             Err(StoreError::Lost(_)) => {
                 let is_same = |now: WorldHandle| Arc::ptr_eq(&now.saving, &saved_world);
                 if self.handle(id).is_ok_and(is_same) {
@@ -276,7 +276,7 @@ impl Worlds {
             }
             Err(error) => {
                 warn!(world_id = id.0, %error, "a world is not saved");
-                self.shared.failed_save_count.fetch_add(1, Ordering::Relaxed);
+                self.inner.failed_save_count.fetch_add(1, Ordering::Relaxed);
             }
         }
         saved
@@ -284,7 +284,7 @@ impl Worlds {
 
     /// Makes a new world known to the fleet, before its client learns of it. If that is not sure, it does not run; it is restored if the
     /// fleet does know it.
-    pub(super) async fn keep_new(&self, id: WorldId) -> Result<(), WorldsError> {
+    pub(super) async fn persist_new(&self, id: WorldId) -> Result<(), WorldsError> {
         if self.shared_store().is_none() {
             return Ok(());
         }
@@ -298,10 +298,10 @@ impl Worlds {
     }
 
     /// Saves all worlds periodically until the shutdown.
-    pub async fn keep_saving(self) {
-        let mut due = tokio::time::interval(self.shared.config.save_every);
+    pub async fn save_loop(self) {
+        let mut due = tokio::time::interval(self.inner.config.save_every);
         due.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-        let stopping = self.shared.shutdown.wait();
+        let stopping = self.inner.shutdown.wait();
         tokio::pin!(stopping);
         // The first tick of an interval is due at once.
         due.tick().await;
@@ -333,7 +333,7 @@ impl Worlds {
 
     /// Lets readers of a world see its events up to that number.
     pub(crate) fn confirm(&self, id: WorldId, through: u64) {
-        let sim = self.shared.worlds.read().get(&id).map(|handle| handle.sim.clone());
+        let sim = self.inner.worlds.read().get(&id).map(|handle| handle.sim.clone());
         let Some(sim) = sim else { return };
         // A world that is too busy confirms with the next journal, which has the same events again.
         let _ = sim.cast(move |state| state.world.confirm(through));
@@ -341,7 +341,7 @@ impl Worlds {
 
     /// Drops a world, which goes on elsewhere.
     pub(crate) fn lose(&self, id: WorldId, why: &str) {
-        let lost = self.shared.worlds.write().remove(&id);
+        let lost = self.inner.worlds.write().remove(&id);
         if let Some(handle) = lost {
             warn!(world_id = id.0, why, "stopped serving the world");
             let _ = handle.sim.cast(|state| state.is_over = true);
@@ -363,7 +363,7 @@ async fn save(
     (id, handle): (WorldId, WorldHandle),
     levels: LevelStore,
     store: Arc<dyn WorldStore>,
-    (tenure, is_last): (Tenure, bool),
+    (lease_epoch, is_last): (LeaseEpoch, bool),
 ) -> Result<(), StoreError> {
     let WorldHandle { sim, ticket, shown, saving, is_dropped, .. } = handle;
     let _saving = saving.lock().await;
@@ -384,7 +384,7 @@ async fn save(
         Ok(Ok(saved)) => saved,
     };
     let through = log.written();
-    store.write(tenure, saved, log).await?;
+    store.write(lease_epoch, saved, log).await?;
     // A world that has just ended has no readers.
     let _ = sim.cast(move |state| state.world.confirm(through));
     Ok(())
