@@ -204,7 +204,8 @@ async fn start(sidecar: SocketAddr, config: ServerConfig) -> Running {
     let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown.clone());
     let observer = observer.with_patience(PATIENCE);
     let (seen, serving) = (observer.clone(), async move { Ok(serving.await?) });
-    let task = tokio::spawn(async move { run_with_sidecar(&format!("http://{sidecar}"), PACE, observer, serving).await });
+    let task =
+        tokio::spawn(async move { run_with_sidecar(&format!("http://{sidecar}"), PACE, observer, serving).await });
     Running { client: WorldServiceClient::connect(uri).await.unwrap(), observer: seen, shutdown, task }
 }
 
