@@ -1,4 +1,4 @@
-# Builds `surefoot`, which includes Studio's page and the trained weights, and copies the binary into a small image.
+# Builds `surefoot`, which includes Studio's page and the trained weights, and `surefoot-lab`, and copies both into a small image.
 # If no registry is reachable, first import local images under these names, or set the three arguments.
 ARG NODE_IMAGE=node:22-bookworm-slim
 ARG BUILD_IMAGE=rust:1.95-bookworm
@@ -16,11 +16,11 @@ FROM ${BUILD_IMAGE} AS build
 WORKDIR /src
 COPY . .
 COPY --from=page /src/studio/page/dist studio/page/dist
-RUN SUREFOOT_STUDIO=/src/studio/page/dist cargo build --release --locked --package surefoot-cli --features agones,fleet
+RUN SUREFOOT_STUDIO=/src/studio/page/dist cargo build --release --locked --features agones,fleet
 
 FROM ${RUNTIME_IMAGE}
 RUN useradd --system --uid 10001 --home-dir /var/lib/surefoot --create-home surefoot
-COPY --from=build /src/target/release/surefoot /usr/local/bin/surefoot
+COPY --from=build /src/target/release/surefoot /src/target/release/surefoot-lab /usr/local/bin/
 # The authorities that clients of S3 and of services with TLS trust.
 COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/ca-certificates.crt
 COPY cli/THIRD_PARTY_NOTICES.md LICENSE* /usr/share/doc/surefoot/

@@ -3,16 +3,11 @@
 // Doc comments of arguments are printed by `--help`, not rendered as pages.
 #![allow(rustdoc::broken_intra_doc_links, rustdoc::bare_urls)]
 
-mod commands;
-mod config;
-#[cfg(feature = "otel")]
-mod otel;
-mod signals;
-mod terminal;
-
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use commands::fleet::prove;
-use commands::{act, bench, challenge, eval, export, graph, health, licenses, map, services, top, train, up};
+use std::ffi::OsString;
+use surefoot_cli::commands::fleet::prove;
+use surefoot_cli::commands::{graph, health, licenses, map, services, top, up};
+use surefoot_cli::{config, programs, terminal};
 
 /// Game NPCs that reach their goals: worlds, NPC workers, and a planner whose every edge is proved.
 #[derive(Parser)]
@@ -42,30 +37,12 @@ enum Command {
     Work(services::WorkArgs),
     /// Run a prover: do jobs that planners and evaluations send over NATS.
     Prove(prove::Args),
-    /// Train a reactive or recurrent SAC agent.
-    Train(train::Args),
-    /// Feed a learner that runs elsewhere.
-    Act(act::Args),
-    /// Measure success on maps by the paper's protocol.
-    Eval(eval::Args),
-    /// Compare agents and planners of any origin on the same goals.
-    #[command(
-        subcommand,
-        after_help = "Examples:\n  surefoot challenge record paper-like --out surefoot.json.gz\n  surefoot challenge score surefoot.json.gz"
-    )]
-    Challenge(challenge::Command),
-    /// Write a model as ONNX or safetensors.
-    Export(export::ExportArgs),
-    /// Make a model from a safetensors file.
-    Import(export::ImportArgs),
     /// Build, show, check, edit and export graphs.
     #[command(
         subcommand,
         after_help = "Examples:\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph reach level.glb --body unity\n  surefoot graph export level.glb --format json --out graph.json"
     )]
     Graph(graph::Command),
-    /// Measure speed.
-    Bench(bench::Args),
     /// Ask a service whether it is serving.
     Health(health::Args),
     /// Print the licences of surefoot and of all crates that it is linked with.
@@ -78,32 +55,43 @@ enum Command {
         after_help = "Examples:\n  surefoot map show 7 --features all --stats\n  surefoot map import level.glb --out level.sfmap\n  surefoot map export 7 --out seven.glb"
     )]
     Map(map::Command),
+    #[command(flatten)]
+    Lab(Lab),
 }
 
-/// Exit code of programs that a closed pipe ends: 128 + SIGPIPE.
-const PIPE_CLOSED: i32 = 141;
+/// Commands that `surefoot-lab` runs.
+#[derive(Subcommand)]
+enum Lab {
+    /// Train a reactive or recurrent SAC agent.
+    Train(LabArgs),
+    /// Feed a learner that runs elsewhere.
+    Act(LabArgs),
+    /// Measure success on maps by the paper's protocol.
+    Eval(LabArgs),
+    /// Compare agents and planners of any origin on the same goals.
+    Challenge(LabArgs),
+    /// Write a model as ONNX or safetensors.
+    Export(LabArgs),
+    /// Make a model from a safetensors file.
+    Import(LabArgs),
+    /// Measure speed.
+    Bench(LabArgs),
+}
 
-/// Lets the program end quietly when whoever reads its output has seen enough, as `head` does: printing panics then.
-fn end_quietly_with_the_reader() {
-    let usual = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        let said = panic.payload().downcast_ref::<String>();
-        if said.is_some_and(|it| it.starts_with("failed printing to std") && it.contains("Broken pipe")) {
-            std::process::exit(PIPE_CLOSED);
-        }
-        usual(panic);
-    }));
+/// Arguments of a command of `surefoot-lab`, which are passed on as they are.
+#[derive(clap::Args)]
+#[command(
+    disable_help_flag = true,
+    disable_version_flag = true,
+    after_help = "`--help` after the command lists its flags and has examples."
+)]
+struct LabArgs {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGUMENTS")]
+    _arguments: Vec<OsString>,
 }
 
 fn main() -> std::process::ExitCode {
-    end_quietly_with_the_reader();
-    match run() {
-        Ok(()) => std::process::ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            std::process::ExitCode::FAILURE
-        }
-    }
+    surefoot_cli::main(run)
 }
 
 fn run() -> anyhow::Result<()> {
@@ -122,18 +110,12 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Plan(args) => services::plan(&args),
         Command::Work(args) => services::run_worker(&args),
         Command::Prove(args) => prove::run(&args),
-        Command::Train(args) => train::run(args),
-        Command::Act(args) => act::run(args),
-        Command::Eval(args) => eval::run(&args),
-        Command::Challenge(command) => challenge::run(&command),
-        Command::Export(args) => export::export(&args),
-        Command::Import(args) => export::import(&args),
         Command::Graph(command) => graph::run(&command),
-        Command::Bench(args) => bench::run(&args),
         Command::Health(args) => health::run(&args),
         Command::Licenses(args) => licenses::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Map(command) => map::run(&command),
+        Command::Lab(_) => programs::hand_over_to_lab(),
     }
 }
 
@@ -141,35 +123,12 @@ fn execute(command: Command) -> anyhow::Result<()> {
 mod tests {
     use super::*;
 
-    /// Names of the commands below `command`, itself included, whose help has no examples.
-    fn without_examples(command: &clap::Command) -> Vec<String> {
-        let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-        let name = command.get_name();
-        let example = if name == "surefoot" { "\n  surefoot".to_owned() } else { format!(" {name}") };
-        let has_examples =
-            help.split_once("Examples:\n").is_some_and(|(_, examples)| format!("\n{examples}").contains(&example));
-        let own = (!has_examples).then(|| name.to_owned());
-        let below = command.get_subcommands().flat_map(without_examples);
-        own.into_iter().chain(below.map(|below| format!("{name} {below}"))).collect()
-    }
-
     #[test]
     fn the_help_of_every_command_has_examples() {
-        assert_eq!(without_examples(&Cli::command()), Vec::<String>::new());
-    }
-
-    #[test]
-    fn every_bench_has_an_example() {
-        let command = Cli::command();
-        let bench = command.find_subcommand("bench").expect("there are benches");
-        let help = bench.get_after_help().map(ToString::to_string).unwrap_or_default();
-        let what = bench.get_arguments().find(|it| it.get_id() == "what").expect("a bench is named");
-        for name in what.get_possible_values().iter().map(clap::builder::PossibleValue::get_name) {
-            assert!(help.contains(&format!("surefoot bench {name}")), "bench {name}");
-        }
-        let names: Vec<String> = what.get_possible_values().iter().map(|it| it.get_name().to_owned()).collect();
-        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/training-and-models.md");
-        let page = std::fs::read_to_string(page).expect("the page exists");
-        assert!(page.contains(&format!("`surefoot bench {}`", names.join("|"))), "the page lists other benches");
+        let missing = surefoot_cli::without_examples(&Cli::command());
+        // The commands of `surefoot-lab` have theirs there.
+        let missing: Vec<String> =
+            missing.into_iter().filter(|name| !Lab::has_subcommand(&name["surefoot ".len()..])).collect();
+        assert_eq!(missing, Vec::<String>::new());
     }
 }

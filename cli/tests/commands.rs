@@ -37,45 +37,8 @@ fn a_reader_that_has_seen_enough_ends_the_program_quietly() {
 }
 
 #[test]
-fn eval_prints_the_agreed_document() {
-    let report = json(&surefoot(&[
-        "eval",
-        "--maps",
-        "1000",
-        "--size",
-        "100",
-        "--goals",
-        "12",
-        "--vertices",
-        "30",
-        "--neighbours",
-        "6",
-        "--repeats",
-        "1",
-        "--json",
-    ]));
-    assert_eq!(report["method"], "spaced");
-    assert_eq!(report["maps"], serde_json::json!([1000]));
-    for difficulty in ["all", "easy", "medium", "hard"] {
-        let rate = &report["success"][difficulty];
-        assert!(rate["low"].as_f64() <= rate["rate"].as_f64() && rate["rate"].as_f64() <= rate["high"].as_f64());
-    }
-    assert_eq!(report["success"]["all"]["n"], 12);
-    let ends = report["ends"].as_object().unwrap();
-    assert_eq!(ends.values().map(|count| count.as_u64().unwrap()).sum::<u64>(), 12);
-    for figure in ["vertices", "edges", "islands", "build_s", "probes", "search_us_median"] {
-        assert!(report["graph"][figure].is_number(), "no {figure}");
-    }
-}
-
-#[test]
 fn bad_input_ends_with_one_clear_line() {
-    let cases: [(&[&str], &str); 14] = [
-        (&["eval", "--maps", "nowhere"], "--maps takes training, validation, test"),
-        (&["eval", "--distance", "9..3"], "expected MIN..MAX"),
-        (&["eval", "--goals", "0"], "--goals is 0"),
-        (&["eval", "--model", "/does/not/exist"], "/does/not/exist/manifest.json"),
-        (&["eval", "--vertices", "1"], "settings.vertices is 1"),
+    let cases: [(&[&str], &str); 8] = [
         (&["map", "show", "1", "--size", "20"], "size.width is 20"),
         (&["health", "http://127.0.0.1:1"], "cannot connect"),
         (&["serve", "--listen", "0.0.0.0:0"], "set --tls-cert and --tls-key, or --insecure"),
@@ -84,8 +47,6 @@ fn bad_input_ends_with_one_clear_line() {
         (&["serve", "--tls-cert", "/no/cert.pem"], "--tls-cert and --tls-key must be given together"),
         (&["serve", "--tokens", "/no/tokens.toml"], "cannot read /no/tokens.toml"),
         (&["work", "--token-file", "/no/secret"], "cannot read /no/secret"),
-        // Before anything is measured, with and without the feature `fleet`.
-        (&["bench", "scale", "--store", "nowhere", "--blobs", "file:///no"], "--store"),
     ];
     for (args, words) in cases {
         let output = surefoot(args);
@@ -314,58 +275,6 @@ fn a_map_goes_through_files_and_a_run_on_it_replays() {
 }
 
 #[test]
-fn levels_and_bodies_of_files_are_taken_by_eval_graph_train_and_up() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let run = |args: &[&str]| {
-        let output = surefoot(args);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        (output.status.success(), said)
-    };
-    let (saved, level, body, run_folder) = (path("a.sfmap"), path("a.glb"), path("goblin.toml"), path("run"));
-    std::fs::write(&body, "height = 1.25\nradius = 0.25\nforward_speed = 4.0\n").unwrap();
-    assert_eq!(run(&["map", "generate", "9", "--size", "60", "--out", &saved]), (true, String::new()));
-    assert!(run(&["map", "export", &saved, "--out", &level]).0);
-
-    let small = ["--vertices", "20", "--neighbours", "6", "--repeats", "1"];
-    let eval = ["eval", "--maps", &level, "--body", &body, "--goals", "6", "--json"];
-    let report = json(&surefoot(&[&eval[..], &small].concat()));
-    assert_eq!((&report["per_map"][0]["map"], &report["success"]["all"]["n"]), (&"a.glb".into(), &6.into()));
-
-    // Nothing is learned: the run is set up and written.
-    let train = ["train", &run_folder, "--maps", &level, "--body", &body, "--updates", "0"];
-    let (trained, said) = run(&train);
-    assert!(trained, "{said}");
-    let config = std::fs::read(folder.path().join("run/config.json")).unwrap();
-    let config: serde_json::Value = serde_json::from_slice(&config).unwrap();
-    assert_eq!(config["collector"]["body"]["height"], 1.25);
-    assert_eq!(config["collector"]["world_count"], 1, "a single map is trained on alone");
-    let copied = config["collector"]["levels"][0].as_str().unwrap();
-    assert!(copied.ends_with("run/levels/0-a.sfmap") && std::path::Path::new(copied).exists(), "{copied}");
-    assert!(run(&["train", &run_folder, "--resume"]).0);
-
-    let scene = ["up", "--for", "3", "--maps", &level, "--body", "unity", "--npcs", "4", "--cache", &path("cache")];
-    let addresses = ["--listen", "127.0.0.1:0", "--planner-listen", "127.0.0.1:0"];
-    let (ended, said) = run(&[&scene[..], &addresses, &small].concat());
-    // So few NPCs may not arrive anywhere in three seconds; anything else is a failure.
-    assert!((ended || said.contains("no NPC arrived")) && said.contains("4 NPCs on 1 map,"), "{said}");
-
-    let (wide, wrong) = (path("wide.toml"), path("wrong.toml"));
-    std::fs::write(&wide, "radius = 9.0\n").unwrap();
-    std::fs::write(&wrong, "wings = 2\n").unwrap();
-    for (file, words) in
-        [(&wide, "body.radius is 9, but must be 0.15 to 1"), (&wrong, "wings"), (&level, "there is no body")]
-    {
-        for command in
-            [&["eval", "--body", file][..], &["up", "--body", file], &["train", &path("other"), "--body", file]]
-        {
-            let (done, said) = run(command);
-            assert!(!done && said.contains(words), "{command:?}: {said}");
-        }
-    }
-}
-
-#[test]
 fn faulty_levels_and_files_are_refused_with_one_clear_line() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, content: &[u8]| {
@@ -391,43 +300,4 @@ fn faulty_levels_and_files_are_refused_with_one_clear_line() {
         assert!(!output.status.success() && message.contains(words), "{args:?}: {message}");
         assert!(!std::path::Path::new(&out).exists(), "{args:?} left a file");
     }
-}
-
-#[test]
-fn exported_models_are_imported_unchanged() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let (onnx, safetensors, model) = (path("policy.onnx"), path("policy.safetensors"), path("model"));
-    let exported = surefoot(&["export", "--onnx", &onnx, "--safetensors", &safetensors]);
-    assert!(exported.status.success(), "{}", String::from_utf8_lossy(&exported.stderr));
-    assert!(std::fs::metadata(&onnx).unwrap().len() > 100_000);
-    assert!(surefoot(&["import", &safetensors, &model, "--name", "back"]).status.success());
-    let check = |args: &[&str]| json(&surefoot(&[&["export", "--check", "20", "--json"], args].concat()));
-    assert_eq!(check(&[])["steps"], check(&["--model", &model])["steps"]);
-
-    std::fs::write(&safetensors, b"not weights").unwrap();
-    let refused = surefoot(&["import", &safetensors, &model]);
-    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(!refused.status.success() && message.contains("policy.safetensors"), "{message}");
-    assert!(!surefoot(&["export"]).status.success());
-}
-
-#[test]
-fn the_suite_writes_table_plots_and_json() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().to_str().unwrap();
-    let models = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
-    let args = ["eval", "--suite", "paper", "--size", "60", "--goals", "6", "--models", models, "--out", out];
-    let output = surefoot(&args);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let table = String::from_utf8(output.stdout).unwrap();
-    assert!(table.contains("general reactive") && table.contains("(68.0)"), "{table}");
-    assert_eq!(std::fs::read_to_string(folder.path().join("table.md")).unwrap(), table);
-    for plot in ["success-by-distance.svg", "generalisation.svg"] {
-        let text = std::fs::read_to_string(folder.path().join(plot)).unwrap();
-        assert!(text.starts_with("<svg") && text.contains("general reactive"), "{plot}");
-    }
-    let report: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(folder.path().join("results.json")).unwrap()).unwrap();
-    assert_eq!(report["goals"], 6);
 }

@@ -2,28 +2,21 @@
 //!
 //! The moments are spread over a service's life: while it starts, writes, builds and answers.
 
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use surefoot_policy::{ActorConfig, Policy};
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as plan, BuildStage};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
-use surefoot_train::{CollectorConfig, SacConfig, TrainConfig};
-use surefoot_world::OBSERVATION_LEN;
 use tonic::transport::{Channel, Endpoint};
 
 /// Far longer than any step takes, so that a hang fails the test instead of blocking it.
 const LIMIT: Duration = Duration::from_secs(180);
 /// Kills of each service.
 const KILLS: u64 = 100;
-/// Kills of a training run.
-const TRAINING_KILLS: u64 = 40;
 
 /// A service that is killed on drop.
 struct Service(Child);
@@ -220,82 +213,4 @@ async fn every_edit_that_was_acknowledged_is_there_after_any_kill_and_the_graph_
         drop(service);
     }
     assert!(expected.values().sum::<usize>() > KILLS as usize / 2, "{expected:?}");
-}
-
-/// A run of a small network that writes a checkpoint after every round, and validates after every third.
-fn small_run() -> TrainConfig {
-    TrainConfig {
-        total_updates: 600,
-        steps_per_round: 4,
-        updates_per_round: 2,
-        batch: 16,
-        replay_capacity: 4000,
-        validate_every: 3,
-        checkpoint_every: 1,
-        validation_goals: 1,
-        validation_seeds: vec![1000],
-        sac: SacConfig {
-            network: ActorConfig { ray_features: 8, hidden: 16, memory: None, sees_others: false },
-            ..SacConfig::default()
-        },
-        collector: CollectorConfig {
-            map_side: 60,
-            world_count: 2,
-            npcs_per_world: 4,
-            near_goals: (2.0, 20.0),
-            far_goals: (20.0, 30.0),
-            give_up_after: 6,
-            random_decisions: 200,
-            ..CollectorConfig::default()
-        },
-        ..TrainConfig::default()
-    }
-}
-
-/// The bits of what a model decides.
-fn decisions(model: &Path) -> Vec<u32> {
-    let policy = Policy::load(model).unwrap();
-    let rows: Vec<f32> = (0..8 * OBSERVATION_LEN).map(|idx| (idx % 17) as f32 / 17.0).collect();
-    let mut actions = Vec::new();
-    policy.act(&rows, &mut [], 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
-    actions.iter().flat_map(|action| action.to_array().map(f32::to_bits)).collect()
-}
-
-#[test]
-fn a_training_run_that_is_killed_again_and_again_ends_with_the_weights_of_one_that_was_not() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let config = path("config.json");
-    std::fs::write(&config, serde_json::to_vec(&small_run()).unwrap()).unwrap();
-    let to_the_end = |args: &[&str]| assert!(Service::start(args).0.wait().unwrap().success(), "{args:?}");
-    let (whole, killed) = (path("whole"), path("killed"));
-    to_the_end(&["train", &whole, "--config", &config]);
-
-    let state = folder.path().join("killed/state.bin");
-    let stamp = || std::fs::metadata(&state).and_then(|metadata| metadata.modified()).ok();
-    for kill in 0..TRAINING_KILLS {
-        let has_begun = folder.path().join("killed/config.json").exists();
-        let how: &[&str] = if has_begun { &["--resume"] } else { &["--config", &config] };
-        let (before, since) = (stamp(), Instant::now());
-        let mut run = Service::start(&[&["train", &killed], how].concat());
-        // Most are killed after a checkpoint of theirs, some before.
-        while kill % 4 > 0 && stamp() == before {
-            assert!(since.elapsed() < LIMIT, "no checkpoint");
-            assert!(run.0.try_wait().unwrap().is_none(), "it ended after {kill} kills");
-            std::thread::yield_now();
-        }
-        std::thread::sleep(moment(kill));
-        drop(run);
-        for model in ["best", "last"] {
-            let model = folder.path().join("killed").join(model);
-            if model.join("manifest.json").exists() {
-                Policy::load(&model).unwrap_or_else(|error| panic!("after kill {kill}: {error}"));
-            }
-        }
-    }
-    to_the_end(&["train", &killed, "--resume"]);
-    for model in ["last", "best"] {
-        let [whole, killed] = ["whole", "killed"].map(|run| decisions(&folder.path().join(run).join(model)));
-        assert_eq!(whole, killed, "{model}");
-    }
 }

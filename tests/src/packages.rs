@@ -23,12 +23,12 @@ impl Package {
     }
 }
 
-/// Every third-party crate of the shipped program: on Linux, with the features of the image.
+/// Every third-party crate of the shipped programs: on Linux, with the features of the image.
 ///
 /// # Panics
 /// If cargo fails.
 pub fn linked() -> BTreeSet<Package> {
-    let program = ["--package", "surefoot-cli", "--features", "agones,fleet"];
+    let program = ["--package", "surefoot-cli", "--package", "surefoot-lab", "--features", "agones,fleet"];
     let about = [&program[..], &["--edges", "normal", "--target", "x86_64-unknown-linux-gnu"]].concat();
     let tree = cargo(&[&["tree", "--prefix", "none", "--format", "{p}|{l}|"], &about[..]].concat());
     let lines = tree.lines().filter(|line| !line.contains(" (/") && !line.contains(":\\"));

@@ -1,11 +1,9 @@
 //! The flags that name a game in whose physics something is done.
 
 use super::endpoint::CredentialArgs;
-use std::sync::Arc;
 use surefoot_game::{Bridge, BridgeError, is_batch_address};
 use surefoot_game_client::{Game, GameError};
 use surefoot_net::client::Credentials;
-use surefoot_train::worlds::Connect;
 
 /// A game that serves environments.
 #[derive(clap::Args, Clone)]
@@ -42,14 +40,6 @@ pub struct Resolved {
 pub fn resolve(uri: &str) -> Result<Resolved, BridgeError> {
     let bridge = is_batch_address(uri).then(|| Bridge::start(uri)).transpose()?;
     Ok(Resolved { shown: uri.to_owned(), bridge })
-}
-
-/// What connects training to its worlds, with these credentials.
-pub fn connector(credentials: Credentials) -> Connect {
-    Arc::new(move |uri| {
-        let unreachable = |error: BridgeError| GameError::Unreachable { uri: uri.into(), reason: error.to_string() };
-        resolve(uri).map_err(unreachable)?.connect(&credentials)
-    })
 }
 
 impl Resolved {

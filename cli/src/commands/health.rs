@@ -32,6 +32,7 @@ pub struct Args {
 /// Longest wait for an answer.
 const LIMIT: Duration = Duration::from_secs(2);
 
+/// Prints the status of a service; fails unless it is serving.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let dialer = args.credentials.credentials()?.dial(&args.uri)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;

@@ -15,6 +15,7 @@ pub struct Args {
     json: bool,
 }
 
+/// Prints the notices.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     if !args.json {
         // Closing a pager early is no error.

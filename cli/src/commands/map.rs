@@ -36,30 +36,32 @@ pub enum Command {
 
 /// Selects a map.
 #[derive(clap::Args, Clone)]
-pub(super) struct Source {
+pub struct Source {
     /// Seed of a generated map, or a file: a saved map or a level (.glb, .gltf, .obj)
     #[arg(value_name = "SEED|FILE")]
     pub map: String,
+    /// Settings of a generated map.
     #[command(flatten)]
     pub generated: Generated,
 }
 
 /// The body of the characters.
 #[derive(clap::Args, Clone)]
-pub(super) struct BodyArg {
+pub struct BodyArg {
     /// Body of the characters: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of a profile
     #[arg(long, default_value = "surefoot", value_name = "NAME|FILE")]
     body: String,
 }
 
 impl BodyArg {
+    /// The profile of that body.
     pub fn profile(&self) -> anyhow::Result<CharacterProfile> {
         load_body(&self.body)
     }
 }
 
 /// The body with a name, or that of a file.
-pub(super) fn load_body(name: &str) -> anyhow::Result<CharacterProfile> {
+pub fn load_body(name: &str) -> anyhow::Result<CharacterProfile> {
     if let Some(body) = NamedBody::find(name) {
         return Ok(body.profile());
     }
@@ -74,7 +76,7 @@ pub(super) fn load_body(name: &str) -> anyhow::Result<CharacterProfile> {
 
 /// What generated maps are like, besides their seeds.
 #[derive(clap::Args, Clone)]
-pub(super) struct Generated {
+pub struct Generated {
     /// Side in metres of a generated map, 50 to 1000
     #[arg(long, default_value_t = 250, value_name = "METRES")]
     pub size: u32,
@@ -95,15 +97,18 @@ pub(super) struct Generated {
     pub no_repair: bool,
 }
 
-pub(super) fn parse_movers(text: &str) -> Result<MoverDensities, String> {
+/// Parses densities of movers.
+pub fn parse_movers(text: &str) -> Result<MoverDensities, String> {
     text.parse()
 }
 
-pub(super) fn parse_kind(text: &str) -> Result<MapKind, String> {
+/// Parses a kind of map.
+pub fn parse_kind(text: &str) -> Result<MapKind, String> {
     text.parse()
 }
 
-pub(super) fn parse_features(text: &str) -> Result<Features, String> {
+/// Parses features.
+pub fn parse_features(text: &str) -> Result<Features, String> {
     text.parse()
 }
 
@@ -120,18 +125,18 @@ impl Generated {
 }
 
 /// The files of a list of maps, if it names files and not seeds.
-pub(super) fn level_files(maps: &str) -> Option<Vec<&Path>> {
+pub fn level_files(maps: &str) -> Option<Vec<&Path>> {
     let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !word.contains("..");
     maps.split(',').any(is_file).then(|| maps.split(',').map(Path::new).collect())
 }
 
 /// Name of a level's file, without folders.
-pub(super) fn file_name(path: &Path) -> String {
+pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// Loads a saved map, or imports a level as it is.
-pub(super) fn load_level(path: &Path) -> anyhow::Result<Map> {
+pub fn load_level(path: &Path) -> anyhow::Result<Map> {
     Ok(load_with_origin(path)?.0)
 }
 
@@ -174,6 +179,7 @@ fn import_level(level: &Path, sidecar: Option<&Path>, options: &ImportOptions) -
 }
 
 impl Source {
+    /// Generates or loads the map.
     pub fn load(&self) -> anyhow::Result<Map> {
         Ok(self.load_with_origin()?.0)
     }
@@ -315,6 +321,7 @@ pub struct ReplayArgs {
     map: Option<PathBuf>,
 }
 
+/// Runs a command.
 pub fn run(command: &Command) -> anyhow::Result<()> {
     match command {
         Command::Generate(args) => generate(args),

@@ -1,22 +1,15 @@
 //! One module per subcommand.
 
-pub mod act;
 mod agones;
-pub mod bench;
-pub mod challenge;
 pub mod endpoint;
-pub mod eval;
-pub mod export;
 pub mod fleet;
-mod game;
+pub mod game;
 pub mod graph;
 pub mod health;
 pub mod licenses;
 pub mod map;
-mod processes;
 pub mod services;
 pub mod top;
-pub mod train;
 pub mod up;
 
 use anyhow::{Context, bail};
@@ -26,7 +19,7 @@ use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
 
 /// Loads the model in a folder or the shipped one of that name; without a model, the shipped reactive one.
-fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
+pub fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
     let shipped = |model: &Path| model.to_str().filter(|_| !model.exists()).and_then(Policy::shipped_named);
     match model {
         Some(model) => shipped(model)
@@ -37,12 +30,12 @@ fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
 }
 
 /// Default number of threads: one per core.
-fn core_count() -> usize {
+pub fn core_count() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// The processors of this machine, for what was measured on it.
-fn machine() -> String {
+pub fn machine() -> String {
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = cpu
         .lines()
@@ -52,7 +45,7 @@ fn machine() -> String {
 }
 
 /// Commit of the checkout that the program runs in, followed by `+` if there are changes.
-fn revision() -> Option<String> {
+pub fn revision() -> Option<String> {
     let git = |arguments: &[&str]| {
         let output =
             std::process::Command::new("git").args(arguments).output().ok().filter(|it| it.status.success())?;
@@ -64,7 +57,7 @@ fn revision() -> Option<String> {
 }
 
 /// Parses seeds such as `5`, `5,7` or `0..4`.
-fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
+pub fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
     let number = |text: &str| text.trim().parse::<u64>().with_context(|| format!("`{text}` is not a seed"));
     if let Some((from, to)) = text.split_once("..") {
         let (from, to) = (number(from)?, number(to)?);
@@ -77,11 +70,11 @@ fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
 }
 
 /// Seeds of the named splits.
-const SPLITS: [(&str, Range<u64>); 4] =
+pub const SPLITS: [(&str, Range<u64>); 4] =
     [("training", 0..128), ("validation", 1000..1004), ("test", 2000..2004), ("benchmark", 5000..5064)];
 
 /// Specs of the maps of a named split or of listed seeds.
-fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
+pub fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
     let split = SPLITS.into_iter().find(|(name, _)| *name == text);
     let seeds = match split {
         Some((_, seeds)) => seeds.collect(),
@@ -92,7 +85,7 @@ fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
 }
 
 /// A duration, s.
-fn parse_seconds(text: &str) -> Result<f64, String> {
+pub fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     if (0.001..=86_400.0).contains(&seconds) { Ok(seconds) } else { Err("allowed are 0.001 to 86400".to_owned()) }
 }

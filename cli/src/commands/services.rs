@@ -122,6 +122,7 @@ const SAVE_EVERY_IN_A_FLEET: Duration = Duration::from_secs(2);
 const MB: u64 = 1_000_000;
 
 impl ServerLimits {
+    /// The configuration of a server with these limits.
     pub fn config(&self) -> ServerConfig {
         ServerConfig {
             max_worlds: self.max_worlds,
@@ -342,6 +343,7 @@ where
     result
 }
 
+/// Runs the world server until a signal stops it.
 pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
     let config = args.endpoint.config()?;
     args.agones.check()?;
@@ -364,6 +366,7 @@ fn default_name() -> String {
     format!("{}-{}", &host[..end.unwrap_or(0)], std::process::id())
 }
 
+/// Runs the planner service until a signal stops it.
 pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     let endpoint_config = args.endpoint.config()?;
     args.nats.check()?;
@@ -418,11 +421,13 @@ pub struct StyleArg {
 }
 
 impl StyleArg {
+    /// Whether NPCs that rehearse move in the composed style.
     pub fn composes(&self) -> bool {
         self.style == "composed"
     }
 }
 
+/// Runs an NPC worker until a signal stops it.
 pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
     let policy = load_policy(args.model.as_deref())?;
     let config = WorkConfig {

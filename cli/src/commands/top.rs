@@ -31,6 +31,7 @@ pub struct Args {
     credentials: CredentialArgs,
 }
 
+/// Shows the figures of a server until Ctrl-C.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let pause = Duration::try_from_secs_f64(args.every).context("--every")?.max(Duration::from_millis(100));
     tokio::runtime::Builder::new_current_thread().enable_all().build()?.block_on(async {

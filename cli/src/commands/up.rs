@@ -84,6 +84,7 @@ pub struct Args {
     credentials: CredentialArgs,
 }
 
+/// Runs all services and a crowd in one process.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     if args.npcs == 0 || args.workers == 0 {
         bail!("--npcs and --workers must be at least 1");

@@ -31,6 +31,7 @@ pub struct Args {
     endpoint: EndpointArgs,
 }
 
+/// Refuses: this build has no fleet.
 #[cfg(not(feature = "fleet"))]
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let _ =
@@ -38,6 +39,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     anyhow::bail!("surefoot prove needs a program that was built with --features fleet")
 }
 
+/// Runs a prover until a signal stops it.
 #[cfg(feature = "fleet")]
 pub fn run(args: &Args) -> anyhow::Result<()> {
     use super::{Shared, units};

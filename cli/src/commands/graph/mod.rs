@@ -40,6 +40,7 @@ pub enum Command {
     Edit(edit::Args),
 }
 
+/// Runs a command.
 pub fn run(command: &Command) -> anyhow::Result<()> {
     match command {
         Command::Build(args) | Command::Show(args) => show::run(args),

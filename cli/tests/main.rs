@@ -1,0 +1,9 @@
+//! `surefoot` as users run it, in real processes.
+
+mod commands;
+mod config;
+mod drain;
+mod graphs;
+mod kills;
+mod memory;
+mod restarts;

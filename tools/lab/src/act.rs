@@ -1,0 +1,59 @@
+//! `surefoot act`.
+
+use surefoot_cli::commands::endpoint::CredentialArgs;
+use surefoot_cli::commands::map::level_files;
+use crate::train::{connector, copy_levels, stop_on_signal};
+use anyhow::{Context, bail};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use surefoot_train::actors::actor::{ActorConfig, act};
+
+/// Let NPCs act with the weights of a learner that runs elsewhere (`surefoot train --listen`), and feed it with what they do. Takes less of
+/// a thin connection than `train --worlds`. While the learner is away, waits for it.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot act --learner http://127.0.0.1:7610\n  surefoot act --learner https://learner.example:7610 --token-file token --maps level.glb --world http://127.0.0.1:7700"
+)]
+pub struct Args {
+    /// Address of the learner
+    #[arg(long, value_name = "URI", env = "SUREFOOT_LEARNER")]
+    learner: String,
+    /// Let the NPCs move in the game that serves environments at this address instead of this process; it runs the level of --maps
+    #[arg(long, value_name = "URI")]
+    world: Option<String>,
+    /// Levels to act on instead of the learner's maps: files (.sfmap, .glb, .gltf, .obj)
+    #[arg(long, value_name = "FILE,...")]
+    maps: Option<String>,
+    /// Name of this actor, which must be no other's
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    /// Seed of goals and noise; default: drawn from the name
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    #[command(flatten)]
+    credentials: CredentialArgs,
+}
+
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let credentials = args.credentials.credentials()?;
+    let since = std::time::UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
+    let actor_id = args.name.unwrap_or_else(|| format!("{}-{since:x}", std::process::id()));
+    // FNV-1a: names that differ draw differently.
+    let hash = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
+    let seed = args.seed.unwrap_or_else(|| actor_id.bytes().fold(0xCBF2_9CE4_8422_2325, hash));
+    let folder = std::env::temp_dir().join(format!("surefoot-act-{}", std::process::id()));
+    let levels = match args.maps.as_deref().map(|maps| (maps, level_files(maps))) {
+        Some((_, Some(files))) => copy_levels(&files, &folder)?,
+        Some((maps, None)) => bail!("--maps: `{maps}` is not a level file; seeds are chosen by the learner"),
+        None => Vec::new(),
+    };
+    let connect = connector(credentials.clone());
+    let stop = Arc::new(AtomicBool::new(false));
+    stop_on_signal(stop.clone())?;
+    let config = ActorConfig { learner: args.learner, credentials, actor_id, seed, levels, world: args.world, connect };
+    let acted = act(config, &stop, |line| println!("{line}"));
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
+    }
+    Ok(acted?)
+}

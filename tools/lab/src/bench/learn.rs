@@ -1,0 +1,130 @@
+//! Learning: SAC updates and inference.
+
+use super::{Figure, median, timed};
+use surefoot_cli::commands::load_policy;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::hint::black_box;
+use std::sync::Arc;
+use surefoot_policy::{Manifest, Policy};
+use surefoot_rollout::env::{Env, Episodes};
+use surefoot_train::Learner;
+use surefoot_train::Run;
+use surefoot_train::TrainConfig;
+use surefoot_train::replay::Batch;
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
+
+/// Batch sizes at which inference is timed, with the names of the figures for the reactive and the recurrent agent.
+const INFERENCE: [(usize, &str, &str); 3] = [
+    (64, "infer_64_us", "infer_lstm_64_us"),
+    (256, "infer_256_us", "infer_lstm_256_us"),
+    (512, "infer_512_us", "infer_lstm_512_us"),
+];
+
+/// All figures of `bench learn`.
+pub fn figures() -> anyhow::Result<Vec<Figure>> {
+    let (reactive, recurrent) = (TrainConfig::default(), TrainConfig::recurrent());
+    let mut figures = vec![
+        Figure::new("sac_updates_s", updates_per_second(&reactive, 80), "1/s, batch 256"),
+        Figure::new("sac_recurrent_updates_s", updates_per_second(&recurrent, 24), "1/s, 32 sequences of 20 + 20"),
+        Figure::new("train_decisions_s", train_decisions_per_second()?, "1/s, reactive, collecting and learning"),
+    ];
+    let shipped = load_policy(None)?;
+    figures.push(Figure::new("env_steps_s", env_steps_per_second(&shipped)?, "1/s on one thread, with inference"));
+    let lstm = untrained(&recurrent);
+    for (rows, reactive_name, lstm_name) in INFERENCE {
+        figures.push(Figure::new(reactive_name, inference_us(&shipped, rows), "us"));
+        figures.push(Figure::new(lstm_name, inference_us(&lstm, rows), "us"));
+    }
+    Ok(figures)
+}
+
+/// A policy with fresh weights: speed does not depend on training.
+fn untrained(config: &TrainConfig) -> Policy {
+    let learner = Learner::new(config.sac.clone(), ChaCha8Rng::seed_from_u64(0));
+    Policy::new(learner.actor(), Manifest::new("untrained", config.sac.network, &[], serde_json::Value::Null))
+}
+
+fn inference_us(policy: &Policy, rows: usize) -> f64 {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let observations = observations(rows);
+    let (mut memory, mut actions) = (vec![0.0; rows * policy.memory_len()], Vec::new());
+    let times = (0..200).map(|_| timed(|| policy.act(&observations, &mut memory, 0.0, &mut rng, &mut actions)));
+    median(times.collect()) * 1.0e6
+}
+
+/// Decisions per second of the whole training pipeline, after its warm-up.
+fn train_decisions_per_second() -> anyhow::Result<f64> {
+    let mut run = Run::new(TrainConfig::default())?;
+    while run.updates() == 0 {
+        run.round()?;
+    }
+    let before = run.decisions();
+    let mut rounds = Ok(());
+    let seconds = timed(|| rounds = (0..20).try_for_each(|_| run.round().map(drop)));
+    rounds?;
+    Ok((run.decisions() - before) as f64 / seconds)
+}
+
+/// Steps of all NPCs per second: 256 NPCs of one environment, acted for in one batch.
+fn env_steps_per_second(policy: &Policy) -> anyhow::Result<f64> {
+    const NPCS: usize = 256;
+    const STEPS: usize = 100;
+    let map = Arc::new(Map::generate(&MapSpec::new(0)));
+    let episodes = Episodes::Endless { npc_count: NPCS, band: (0.0, 25.0), seed: 0 };
+    let mut env = Env::new(map, CharacterProfile::default(), false, episodes)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let (mut memory, mut actions) = (vec![0.0; NPCS * policy.memory_len()], Vec::new());
+    let mut step = || {
+        policy.act(env.observations(), &mut memory, 0.0, &mut rng, &mut actions);
+        black_box(env.step(&actions));
+    };
+    let times = (0..STEPS).map(|_| timed(&mut step));
+    Ok(NPCS as f64 / median(times.collect()))
+}
+
+/// SAC updates per second on random batches of the shape that `config` gives.
+fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let (size, learned) = (config.batch, config.batch * config.learn);
+    let steps = config.burn_in + config.learn + if config.learn == 1 { 1 } else { config.n_step };
+    let batch = Batch {
+        size,
+        burn_in: config.burn_in,
+        learn: config.learn,
+        observations: observations(steps * size),
+        keep: vec![1.0; steps * size],
+        memory: noise(size * 2 * config.sac.network.memory_len(), &mut rng),
+        actions: noise(learned * ACTION_LEN, &mut rng),
+        returns: noise(learned, &mut rng),
+        bootstrap: vec![0.98; learned],
+        weights: vec![1.0; learned],
+        successors: (0..learned).map(|idx| config.burn_in * size + size + idx).collect(),
+    };
+    let mut learner = Learner::new(config.sac.clone(), ChaCha8Rng::seed_from_u64(0));
+    let updates: Vec<f64> = (0..count).map(|_| timed(|| _ = black_box(learner.update(&batch)))).collect();
+    // Actor and temperature are updated at every second update, so pairs of updates are timed.
+    let pairs = updates.chunks_exact(2).skip(2).map(|pair| pair[0] + pair[1]).collect();
+    2.0 / median(pairs)
+}
+
+/// Observation rows of NPCs on a generated map: the speed of the ray encoder depends on the share of zeros.
+fn observations(rows: usize) -> Vec<f32> {
+    let profile = CharacterProfile::default();
+    let map = Arc::new(Map::generate(&MapSpec::new(0)));
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let points = navigable::sample_many(&map, &profile, 2 * rows, &mut rng).expect("generated maps have ground");
+    let mut world = World::new(map, profile, TaskConfig::default());
+    let mut values = vec![0.0; rows * OBSERVATION_LEN];
+    for (pair, row) in points.chunks_exact(2).zip(values.chunks_exact_mut(OBSERVATION_LEN)) {
+        let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
+        world.set_waypoint(slot, pair[1]);
+        world.observe(slot, row);
+    }
+    values
+}
+
+fn noise(count: usize, rng: &mut ChaCha8Rng) -> Vec<f32> {
+    (0..count).map(|_| rng.random_range(-1.0..1.0)).collect()
+}

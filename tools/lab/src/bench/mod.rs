@@ -1,0 +1,201 @@
+//! `surefoot bench`: speed measurements on this machine, as one JSON document.
+
+mod edits;
+mod feed;
+mod floods;
+mod growth;
+mod learn;
+mod link;
+mod plan;
+mod queue;
+#[cfg(feature = "reference")]
+mod reference;
+mod scale;
+mod serve;
+mod soak;
+mod tiles;
+mod world;
+
+use surefoot_cli::commands::machine;
+use surefoot_cli::terminal::print_json;
+use serde::Serialize;
+use std::borrow::Cow;
+use std::time::Instant;
+
+/// Measure speed.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3\n  surefoot bench floods\n  surefoot bench feed\n  surefoot bench scale --out docs/results/scale\n  surefoot bench queue --json\n  surefoot bench growth"
+)]
+pub struct Args {
+    /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
+    /// soak: all services under a mixed load for long; floods: tick times while strangers flood the server; feed: a learner that more and
+    /// more worlds, or actors, feed; scale: the load of a fleet's parts, and fleets of 1, 4 and 16 servers that are simulated with it; queue:
+    /// probes by 1 to 4 provers over NATS (nats-server must be installed); growth: how the time of builds, edits, queries, spawns and events grows
+    /// with their size, as the exponent of a power law
+    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed", "scale", "queue", "growth"])]
+    what: String,
+    /// serve, soak, floods: Number of NPCs, on 8 worlds; default: 1024, 256 and 256
+    #[arg(long, value_name = "N")]
+    npcs: Option<usize>,
+    /// serve, soak: Duration of the measurement, above 0
+    #[arg(long, default_value_t = 10.0, value_name = "MINUTES", value_parser = parse_minutes)]
+    minutes: f64,
+    /// world: Levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj)
+    #[arg(long, value_name = "FILE,...", value_delimiter = ',')]
+    maps: Vec<std::path::PathBuf>,
+    /// serve: Folder for the plot of tick time over the number of NPCs; scale: for the recorded load, `load.json`
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<std::path::PathBuf>,
+    /// scale: Simulate with this recorded load instead of recording one
+    #[arg(long, value_name = "FILE")]
+    load: Option<std::path::PathBuf>,
+    /// scale: Measure with this PostgreSQL database of this machine, too: what the record of a fleet takes. Needs a build with --features fleet
+    #[arg(long, value_name = "URL", hide_env_values = true, requires = "blobs", conflicts_with = "load")]
+    store: Option<String>,
+    /// scale: The object store of the same fleet
+    #[arg(long, value_name = "URI", requires = "store")]
+    blobs: Option<String>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// The database and the object store of a fleet.
+    fn fleet(&self) -> Option<[&str; 2]> {
+        Some([self.store.as_deref()?, self.blobs.as_deref()?])
+    }
+}
+
+fn parse_minutes(text: &str) -> Result<f64, String> {
+    let minutes: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if minutes > 0.0 && minutes <= 1.0e5 { Ok(minutes) } else { Err("must be above 0 and at most 100000".to_owned()) }
+}
+
+/// One measured figure. All benches share this form.
+#[derive(Serialize)]
+struct Figure {
+    /// The level that it was measured on, if `--maps` named one; for growth, what was counted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    level: Option<String>,
+    name: Cow<'static, str>,
+    value: f64,
+    unit: &'static str,
+    target: Option<f64>,
+    /// Whether the value meets the target.
+    met: Option<bool>,
+    reference: Option<f64>,
+    reference_name: Option<&'static str>,
+    ratio: Option<f64>,
+}
+
+impl Figure {
+    fn new(name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) -> Self {
+        Self {
+            level: None,
+            name: name.into(),
+            value,
+            unit,
+            target: None,
+            met: None,
+            reference: None,
+            reference_name: None,
+            ratio: None,
+        }
+    }
+
+    /// Says on which level it was measured.
+    fn on(self, level: &str) -> Self {
+        Self { level: Some(level.to_owned()), ..self }
+    }
+
+    /// Sets a target that the value must not exceed.
+    fn at_most(self, target: f64) -> Self {
+        Self { target: Some(target), met: Some(self.value <= target), ..self }
+    }
+
+    /// Sets a target that the value must reach.
+    fn at_least(self, target: f64) -> Self {
+        Self { target: Some(target), met: Some(self.value >= target), ..self }
+    }
+
+    /// Like [`with_reference`](Self::with_reference), if this build includes the other system.
+    fn with_optional_reference(self, name: &'static str, reference: Option<f64>, higher_is_better: bool) -> Self {
+        match reference {
+            Some(reference) => self.with_reference(name, reference, higher_is_better),
+            None => self,
+        }
+    }
+
+    /// Adds the figure of another system, measured in the same run. The ratio says how many times better ours is.
+    fn with_reference(self, name: &'static str, reference: f64, higher_is_better: bool) -> Self {
+        let ratio = if higher_is_better { self.value / reference } else { reference / self.value };
+        Self { reference: Some(reference), reference_name: Some(name), ratio: Some(ratio), ..self }
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let figures = match args.what.as_str() {
+        "world" if args.maps.is_empty() => world::figures()?,
+        "world" => world::figures_on(&args.maps)?,
+        _ if !args.maps.is_empty() => anyhow::bail!("--maps goes with `bench world` alone"),
+        "learn" => learn::figures()?,
+        "feed" => feed::figures()?,
+        "scale" => scale::figures(args)?,
+        "queue" => queue::figures()?,
+        "growth" => growth::figures()?,
+        "serve" => serve::figures(args)?,
+        "soak" => soak::figures(args)?,
+        "floods" => floods::figures(args)?,
+        _ => plan::figures()?,
+    };
+    if args.json {
+        print_json(&serde_json::json!({ "bench": args.what, "machine": machine(), "figures": figures }))?;
+        return check_targets(args, &figures);
+    }
+    println!("{}", machine());
+    let mut level = &None;
+    for figure in &figures {
+        let Figure { name, value, unit, .. } = figure;
+        if figure.level != *level {
+            level = &figure.level;
+            println!("\n{}", level.as_deref().unwrap_or_default());
+        }
+        let missed = if figure.met == Some(false) { " MISSED" } else { "" };
+        let target = figure.target.map_or(String::new(), |target| format!("  target {target}{missed}"));
+        let reference = match (figure.reference_name, figure.reference, figure.ratio) {
+            (Some(name), Some(value), Some(ratio)) => format!("  {name} {value:.2}, ratio {ratio:.2}"),
+            _ => String::new(),
+        };
+        println!("{name:<28}{value:>12.2} {unit}{target}{reference}");
+    }
+    check_targets(args, &figures)
+}
+
+/// Fails if a service missed a target. Speed depends on the machine, so the other benches only print.
+fn check_targets(args: &Args, figures: &[Figure]) -> anyhow::Result<()> {
+    let missed: Vec<&str> = figures.iter().filter(|it| it.met == Some(false)).map(|it| &*it.name).collect();
+    if !missed.is_empty() && ["serve", "soak", "floods"].contains(&args.what.as_str()) {
+        anyhow::bail!("targets missed: {}", missed.join(", "));
+    }
+    Ok(())
+}
+
+/// A number of a process in `/proc/PID/status`, in the unit of that file; `pid` may be `self`. `None` if the system does not report it.
+pub(super) fn process_status(pid: &str, name: &str) -> Option<f64> {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
+    line.split_whitespace().next()?.parse().ok()
+}
+
+fn timed(mut work: impl FnMut()) -> f64 {
+    let started = Instant::now();
+    work();
+    started.elapsed().as_secs_f64()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values[values.len() / 2]
+}

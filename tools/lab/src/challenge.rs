@@ -1,0 +1,414 @@
+//! `surefoot challenge`.
+
+use surefoot_cli::commands::endpoint::CredentialArgs;
+use surefoot_cli::commands::map::{BodyArg, file_name, level_files, load_level};
+use crate::processes::{Process, connect, free_address, start};
+use surefoot_cli::commands::services::GraphArgs;
+use surefoot_cli::commands::{core_count, load_policy};
+use surefoot_cli::terminal::{print_json, progress_bar};
+use anyhow::{Context, bail};
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+use serde::Serialize;
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+use surefoot_eval::EvalMap;
+use surefoot_eval::challenge::host::{Hosting, Stats, host};
+use surefoot_eval::challenge::record::{Entry, record};
+use surefoot_eval::challenge::{GoalSet, Run, SETS, Score, score, score_hosted};
+use surefoot_world::exchange;
+
+/// File of a set in its folder.
+const SET_FILE: &str = "set.json";
+/// Most bytes of a run, unpacked.
+const MAX_RUN_BYTES: u64 = 1 << 30;
+
+/// Compare agents and planners of any origin on the same goals: docs/challenge.md is the protocol.
+#[derive(clap::Subcommand)]
+pub enum Command {
+    /// Write a set: its goals, and its maps as .glb and .sfmap
+    Set(SetArgs),
+    /// Record what our own NPCs do about a set, as a run
+    Record(RecordArgs),
+    /// Score a run: drive its paths, do its actions again, and see where the body gets
+    Score(ScoreArgs),
+    /// Send NPCs of a world server to the goals of a set, while its workers decide, and score what the server tells
+    Host(HostArgs),
+}
+
+/// Write a set: its goals, and its maps as .glb and .sfmap.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot challenge set paper-like --out sets/paper-like\n  surefoot challenge set custom --maps level.glb,other.obj --goals 100 --body unity --out sets/mine"
+)]
+pub struct SetArgs {
+    /// Name of the set: paper-like, kinds or benchmark; or custom for one of your own
+    name: String,
+    /// Folder to write to
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Levels of a custom set (.sfmap, .glb, .gltf, .obj)
+    #[arg(long, value_name = "FILE,...")]
+    maps: Option<String>,
+    /// Goals on each map of a custom set
+    #[arg(long, default_value_t = 300, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    goals: u32,
+    #[command(flatten)]
+    body: BodyArg,
+    /// Write the goals alone, without maps
+    #[arg(long)]
+    no_maps: bool,
+}
+
+/// Record what our own NPCs do about a set, as a run.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot challenge record paper-like --out surefoot.json.gz\n  surefoot challenge record sets/mine --straight --model general-lstm --out straight.json.gz"
+)]
+pub struct RecordArgs {
+    /// Name of a set, or its folder
+    #[arg(value_name = "SET|FOLDER")]
+    set: String,
+    /// File to write; packed if its name ends in .gz
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Head straight for goals instead of following plans
+    #[arg(long)]
+    straight: bool,
+    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
+    /// Name of the entrant; default: what it is
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    #[command(flatten)]
+    graph: GraphArgs,
+    /// Number of threads; default: one per core
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+}
+
+/// Score a run: drive its paths, do its actions again, and see where the body gets.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot challenge score run.json\n  surefoot challenge score run.json.gz --set sets/mine --json"
+)]
+pub struct ScoreArgs {
+    /// The run (.json, or packed .json.gz); several are put into one table
+    #[arg(value_name = "FILE", required = true)]
+    runs: Vec<PathBuf>,
+    /// Folder of the set; default: the set of the challenge that the run names
+    #[arg(long, value_name = "FOLDER")]
+    set: Option<PathBuf>,
+    /// Number of threads; default: one per core
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Print one JSON document: a score, or a list of them with several runs
+    #[arg(long)]
+    json: bool,
+}
+
+/// Send NPCs of a world server to the goals of a set, while its workers decide, and score what the server tells.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot challenge host benchmark:8x128                 # our own server, planner and worker, at 60 Hz\n  surefoot challenge host benchmark:8x128 --lockstep\n  surefoot challenge host kinds --server http://127.0.0.1:7600 --name \"my workers\""
+)]
+pub struct HostArgs {
+    /// Name of a set, or a part of it such as benchmark:8x128
+    set: String,
+    /// World server; default: a server, a planner and a worker of our own, each in a process
+    #[arg(long, value_name = "URI")]
+    server: Option<String>,
+    /// Let worlds wait for the workers' answers, instead of holding 60 Hz
+    #[arg(long)]
+    lockstep: bool,
+    /// Most NPCs that are under way at once
+    #[arg(long, default_value_t = 1024, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    at_once: u32,
+    /// Goals of each map that are attempted before, unscored, so that workers have the graph
+    #[arg(long, default_value_t = 16, value_name = "N")]
+    warm_up: usize,
+    /// Longest time that the attempts that run together may take, s
+    #[arg(long, default_value_t = 600, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    limit: u64,
+    /// Name of the entrant
+    #[arg(long, default_value = "Surefoot over gRPC", value_name = "NAME")]
+    name: String,
+    /// Workers of our own
+    #[arg(long, default_value_t = 1, value_name = "N", conflicts_with = "server", value_parser = clap::value_parser!(u16).range(1..=64))]
+    workers: u16,
+    #[command(flatten)]
+    credentials: CredentialArgs,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(command: &Command) -> anyhow::Result<()> {
+    match command {
+        Command::Set(args) => write_set(args),
+        Command::Record(args) => write_record(args),
+        Command::Score(args) => print_scores(args),
+        Command::Host(args) => host_set(args),
+    }
+}
+
+fn write_set(args: &SetArgs) -> anyhow::Result<()> {
+    let set = match (args.name.as_str(), &args.maps) {
+        ("custom", Some(maps)) => custom(args, maps)?,
+        ("custom", None) => bail!("a custom set needs --maps"),
+        (_, Some(_)) => bail!("--maps is for the set custom: the maps of others are fixed"),
+        (name, None) => GoalSet::named(name)?,
+    };
+    create(&args.out)?;
+    if !args.no_maps {
+        let bar = progress_bar(set.maps.len() as u64, "writing maps");
+        for map in &set.maps {
+            let made = map.load(&args.out)?;
+            write(&args.out.join(format!("{}.glb", map.name)), &exchange::export_glb(&made))?;
+            write(&args.out.join(format!("{}.sfmap", map.name)), &exchange::encode(&made))?;
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+    }
+    write(&args.out.join(SET_FILE), &serde_json::to_vec(&set)?)?;
+    let goals: usize = set.maps.iter().map(|map| map.goals.len()).sum();
+    println!("{}: {} maps, {goals} goals, hash {}", set.set, set.maps.len(), set.hash());
+    Ok(())
+}
+
+/// A set of the user's levels, which are saved beside it.
+fn custom(args: &SetArgs, maps: &str) -> anyhow::Result<GoalSet> {
+    let files = level_files(maps).context("--maps takes files of levels")?;
+    create(&args.out)?;
+    let mut levels = Vec::with_capacity(files.len());
+    for file in files {
+        let map = Arc::new(load_level(file)?);
+        let name = Path::new(&file_name(file)).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let saved = PathBuf::from(format!("{name}.sfmap"));
+        write(&args.out.join(&saved), &exchange::encode(&map))?;
+        levels.push((EvalMap::Level { name, map }, Some(saved)));
+    }
+    Ok(GoalSet::draw(&args.name, levels, args.body.profile()?, args.goals as usize, 0)?)
+}
+
+/// The set with a name, or in a folder, and the folder of its files.
+fn load_set(name: &str) -> anyhow::Result<(GoalSet, PathBuf)> {
+    let whole = name.split_once(':').map_or(name, |(whole, _)| whole);
+    if SETS.contains(&whole) && !Path::new(name).exists() {
+        return Ok((GoalSet::named(name)?, PathBuf::new()));
+    }
+    let folder = PathBuf::from(name);
+    let path = folder.join(SET_FILE);
+    let text = std::fs::read(&path).with_context(|| {
+        format!("cannot read {}; the sets of the challenge are {}", path.display(), SETS.join(", "))
+    })?;
+    let set: GoalSet = serde_json::from_slice(&text).with_context(|| format!("{} is not a set", path.display()))?;
+    set.check()?;
+    Ok((set, folder))
+}
+
+fn write_record(args: &RecordArgs) -> anyhow::Result<()> {
+    let (set, folder) = load_set(&args.set)?;
+    let policy = load_policy(args.model.as_deref())?;
+    let means = if args.straight { "straight" } else { "by plan" };
+    let name = args.name.clone().unwrap_or_else(|| format!("Surefoot {means}, {}", policy.manifest().name));
+    let graph = if args.straight { None } else { Some(args.graph.settings()?) };
+    let entry = Entry { name, policy, graph, thread_count: args.threads.unwrap_or_else(core_count) };
+    let bar = progress_bar(set.maps.len() as u64, "recording");
+    let run = record(&entry, &set, &folder, |map| {
+        bar.set_message(map.to_owned());
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    write_run(&args.out, &run)
+}
+
+fn write_run(path: &Path, run: &Run) -> anyhow::Result<()> {
+    let failed = || format!("cannot write {}", path.display());
+    let mut file = BufWriter::new(File::create(path).with_context(failed)?);
+    if is_packed(path) {
+        let mut packed = GzEncoder::new(file, Compression::default());
+        serde_json::to_writer(&mut packed, run).with_context(failed)?;
+        return packed.finish().and_then(|mut file| file.flush()).with_context(failed);
+    }
+    serde_json::to_writer(&mut file, run).with_context(failed)?;
+    file.flush().with_context(failed)
+}
+
+fn read_run(path: &Path) -> anyhow::Result<Run> {
+    let file = BufReader::new(File::open(path).with_context(|| format!("cannot read {}", path.display()))?);
+    let text: Box<dyn Read> = if is_packed(path) { Box::new(GzDecoder::new(file)) } else { Box::new(file) };
+    let text = BufReader::new(text.take(MAX_RUN_BYTES));
+    serde_json::from_reader(text).with_context(|| format!("{} is not a run (docs/challenge.md)", path.display()))
+}
+
+fn is_packed(path: &Path) -> bool {
+    path.extension().is_some_and(|it| it == "gz")
+}
+
+fn print_scores(args: &ScoreArgs) -> anyhow::Result<()> {
+    let thread_count = args.threads.unwrap_or_else(core_count);
+    let mut loaded: Option<(GoalSet, PathBuf)> = None;
+    let mut scores = Vec::with_capacity(args.runs.len());
+    for path in &args.runs {
+        let run = read_run(path)?;
+        let (set, folder) = match loaded.take() {
+            Some(set) if set.0.set == run.set => set,
+            _ => match &args.set {
+                Some(folder) => load_set(&folder.to_string_lossy())?,
+                None => load_set(&run.set)?,
+            },
+        };
+        let bar = progress_bar(set.maps.len() as u64, "scoring");
+        let scored = score(&set, &folder, &run, thread_count, |map| {
+            bar.set_message(map.to_owned());
+            bar.inc(1);
+        });
+        bar.finish_and_clear();
+        scores.push(scored.with_context(|| format!("cannot score {}", path.display()))?);
+        loaded = Some((set, folder));
+    }
+    match (args.json, scores.as_slice()) {
+        (true, [score]) => print_json(score),
+        (true, scores) => print_json(&scores),
+        (false, scores) => {
+            print_table(scores);
+            Ok(())
+        }
+    }
+}
+
+/// A score of hosted attempts, and how the worlds kept time.
+#[derive(Serialize)]
+struct HostedScore {
+    #[serde(flatten)]
+    score: Score,
+    mode: &'static str,
+    at_once: u32,
+    /// Share of ticks that were late or dropped.
+    ticks_late_share: f64,
+    /// Share of decisions that were answered in time.
+    decisions_on_time_share: f64,
+}
+
+fn host_set(args: &HostArgs) -> anyhow::Result<()> {
+    let (set, folder) = load_set(&args.set)?;
+    let own = if args.server.is_none() { Some(OwnServices::start(args.at_once, args.workers)?) } else { None };
+    let uri = args.server.clone().or_else(|| own.as_ref().map(|own| own.server_uri.clone())).expect("one of them");
+    let hosting = Hosting {
+        lockstep: args.lockstep,
+        at_once: args.at_once as usize,
+        warm_up: args.warm_up,
+        limit: Duration::from_secs(args.limit),
+    };
+    let credentials = args.credentials.credentials()?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let bar = progress_bar(set.maps.len() as u64, "hosting");
+    let hosted = runtime.block_on(async {
+        if own.is_some() {
+            connect(&uri).await?;
+        }
+        let link = credentials.dial(&uri)?.connect_lazy();
+        let hosted = host(link, &set, hosting, |map| {
+            bar.set_message(map.to_owned());
+            bar.inc(1);
+        });
+        anyhow::Ok(hosted.await?)
+    })?;
+    bar.finish_and_clear();
+    drop(own);
+    let about = format!("Surefoot {}", env!("CARGO_PKG_VERSION"));
+    let score = score_hosted(&set, &folder, (&args.name, &about), &hosted, core_count())?;
+    let sum = |of: fn(&Stats) -> u64| hosted.iter().map(|it| of(&it.stats)).sum::<u64>() as f64;
+    let (late, ticks) = (sum(|it| it.ticks_late), sum(|it| it.ticks));
+    let (answered, missed) = (sum(|it| it.answered), sum(|it| it.missed));
+    let hosted = HostedScore {
+        score,
+        mode: if args.lockstep { "lockstep" } else { "realtime" },
+        at_once: args.at_once,
+        ticks_late_share: late / ticks.max(1.0),
+        decisions_on_time_share: answered / (answered + missed).max(1.0),
+    };
+    if args.json {
+        return print_json(&hosted);
+    }
+    print_table(std::slice::from_ref(&hosted.score));
+    println!(
+        "\n{}, at most {} NPCs at once: {:.3} % of ticks late, {:.3} % of decisions on time; ends: {}",
+        hosted.mode,
+        hosted.at_once,
+        100.0 * hosted.ticks_late_share,
+        100.0 * hosted.decisions_on_time_share,
+        hosted.score.ends.iter().map(|(end, count)| format!("{end} {count}")).collect::<Vec<_>>().join(", "),
+    );
+    Ok(())
+}
+
+/// A server, a planner and workers, each in a process of its own, which end with it.
+struct OwnServices {
+    server_uri: String,
+    _workers: Vec<Process>,
+    _services: [Process; 2],
+    _cache: tempfile::TempDir,
+}
+
+impl OwnServices {
+    fn start(npcs: u32, workers: u16) -> anyhow::Result<Self> {
+        let (server, planner) = (free_address()?.to_string(), free_address()?.to_string());
+        let (server_uri, planner_uri) = (format!("http://{server}"), format!("http://{planner}"));
+        let (npcs, cache) = ((2 * npcs).to_string(), tempfile::tempdir()?);
+        let folder = cache.path().to_str().context("the name of the folder for temporary files is not UTF-8")?;
+        let services = [
+            start(&["serve", "--listen", &server, "--max-npcs-per-client", &npcs])?,
+            start(&["plan", "--listen", &planner, "--cache", folder])?,
+        ];
+        let work = ["work", "--server", &server_uri, "--planner", &planner_uri, "--npcs", &npcs];
+        let workers = (0..workers).map(|_| start(&work)).collect::<anyhow::Result<_>>()?;
+        Ok(Self { server_uri, _workers: workers, _services: services, _cache: cache })
+    }
+}
+
+/// Scores as a Markdown table.
+fn print_table(scores: &[Score]) {
+    let percent = |share: f64| format!("{:.1}", 100.0 * share);
+    let or_none = |share: Option<f64>| share.map_or("-".to_owned(), percent);
+    println!("Success in %, with 95 % intervals over maps where there are several.\n");
+    println!(
+        "| entrant | set | all | interval | hard | where a walk leads there | where none does | died | told | time to goal | path | build | size |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    for it in scores {
+        println!(
+            "| {} | {} ({}) | **{}** | {} | {} | {} of {} | {} of {} | {} | {} | {:.1} s | {} | {:.1} s | {:.2} MB |",
+            it.entrant,
+            it.set,
+            &it.set_hash[..8],
+            percent(it.success.all.rate),
+            it.by_map.map_or("-".to_owned(), |it| format!("{} to {}", percent(it.low), percent(it.high))),
+            percent(it.success.hard.rate),
+            percent(it.on_foot.rate),
+            it.on_foot.n,
+            percent(it.not_on_foot.rate),
+            it.not_on_foot.n,
+            percent(it.died),
+            or_none(it.told),
+            it.seconds_to_goal,
+            it.metres_to_goal.map_or("-".to_owned(), |it| format!("{it:.0} m")),
+            it.build_s,
+            it.bytes / 1.0e6,
+        );
+    }
+}
+
+fn create(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}

@@ -1,0 +1,258 @@
+//! Arguments of `surefoot eval`, and the configuration that they stand for.
+
+use surefoot_cli::commands::fleet::{BlobsArg, NatsArg};
+use surefoot_cli::commands::game::WorldArgs;
+use surefoot_cli::commands::map::{BodyArg, Generated, file_name, level_files, load_level};
+use surefoot_cli::commands::services::{GraphArgs, StyleArg};
+use surefoot_cli::commands::{core_count, parse_maps, parse_seeds};
+use anyhow::{Context, bail};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use surefoot_eval::{EvalConfig, EvalMap, Method, Price, Shard, living};
+use surefoot_planner::export::import_json;
+use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};
+use surefoot_policy::Policy;
+use surefoot_rollout::{DEFAULT_NOISE_SHARE, FollowConfig};
+use surefoot_world::MapSpec;
+
+/// Subfolder of `--out` for finished units.
+const UNITS: &str = "units";
+
+/// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  surefoot eval --maps level.obj --world tcp://127.0.0.1:7701\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out runs/paper\n  surefoot eval --suite sweep --goals 500 --out runs/sweep\n  surefoot eval --suite big-map --goals 10000 --out runs/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out runs/kinds\n  surefoot eval --suite kinds --out kinds --shard 0/8\n  surefoot eval --check docs/results/kinds\n  surefoot eval --check docs/results/benchmark-plan --maps 5002..5064"
+)]
+pub struct Args {
+    /// Run a whole table instead: the paper's rows for which --models has weights (paper); what each of our choices adds to the paper's
+    /// method, and to the others of ours (ablation); graphs of
+    /// growing size on the validation maps (sweep); the 1 km map with and without graphs (big-map); crowds, doors, lifts, platforms,
+    /// floors that vanish and players (living); the training seeds in the folder seeds of --models on the benchmark maps (seeds); maps with
+    /// fewer and more devices, with and without repair (dial); or all kinds of maps, features, heights and bodies (kinds)
+    #[arg(long, value_parser = ["paper", "ablation", "sweep", "big-map", "living", "seeds", "dial", "kinds"], conflicts_with_all = ["method", "distance"])]
+    pub(super) suite: Option<String>,
+    /// Folder with the models of the suite
+    #[arg(long, value_name = "FOLDER", default_value = "models")]
+    pub(super) models: PathBuf,
+    /// Save finished maps and seeds in this folder and reuse them, and write figures, table and plots, every attempt, and what all of it was
+    /// made with
+    #[arg(long, value_name = "FOLDER")]
+    pub(super) out: Option<PathBuf>,
+    /// Run only the maps and seeds of part I of N, and save them in the folder of --out, where a run without --shard finds those of all parts.
+    /// Parts may run on any machines, in any order, more than once
+    #[arg(long, value_name = "I/N", value_parser = parse_shard, conflicts_with = "check")]
+    pub(super) shard: Option<Shard>,
+    /// Check what --out wrote into this folder: derive the figures again from the attempts on record, and make a share of these again. With
+    /// --maps, print the figures of these maps alone, and make no attempt again
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["suite", "out", "method"])]
+    pub(super) check: Option<PathBuf>,
+    /// Share of the attempts that --check makes again, 0 to 1
+    #[arg(long, default_value_t = 0.02, value_name = "SHARE", requires = "check")]
+    pub(super) share: f64,
+    /// Seed of the choice of these
+    #[arg(long, default_value_t = 0, value_name = "SEED", requires = "check")]
+    pub(super) check_seed: u64,
+    /// Maps to evaluate on: training, validation, test, benchmark, seeds such as 7 or 1000,1001 or 0..4, or files (.sfmap, .glb, .gltf, .obj)
+    /// [default: validation; test for --suite paper, benchmark for seeds, its first 16 for dial, its first 8 for kinds]
+    #[arg(long)]
+    pub(super) maps: Option<String>,
+    #[command(flatten)]
+    pub(super) generated: Generated,
+    #[command(flatten)]
+    pub(super) body: BodyArg,
+    /// Goals per map and seed
+    #[arg(long, default_value_t = 200, value_name = "N")]
+    pub(super) goals: usize,
+    /// Head straight for goals (policy), or follow plans on a graph built with the options below (graph)
+    #[arg(long, default_value = "graph", value_parser = ["policy", "graph"])]
+    pub(super) method: String,
+    #[command(flatten)]
+    pub(super) graph: GraphArgs,
+    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
+    #[arg(long, value_name = "FOLDER")]
+    pub(super) model: Option<PathBuf>,
+    /// Straight-line distance to goals in metres; default: any
+    #[arg(long, value_name = "MIN..MAX")]
+    pub(super) distance: Option<String>,
+    /// Seeds of goals, graphs and noise, such as 0 or 0..3; each runs one whole evaluation
+    #[arg(long, default_value = "0", value_name = "SEED")]
+    pub(super) seed: String,
+    #[command(flatten)]
+    pub(super) rules: Rules,
+    /// Share of the policy's exploration noise to add to actions, 0 to 1
+    #[arg(long, default_value_t = DEFAULT_NOISE_SHARE, value_name = "SHARE")]
+    pub(super) noise: f32,
+    /// Let NPCs follow their plans without rehearsing what lies ahead, as in the suites paper and sweep
+    #[arg(long)]
+    pub(super) no_rehearsals: bool,
+    /// Runs of each scene of the suite living, each with another seed
+    #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub(super) runs: u64,
+    /// Scene of the suite living, instead of all; may be repeated
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(living::SCENES))]
+    pub(super) scene: Vec<String>,
+    #[command(flatten)]
+    pub(super) style: StyleArg,
+    /// Number of threads; default: one per core
+    #[arg(long, value_name = "N")]
+    pub(super) threads: Option<usize>,
+    /// Follow plans on this graph, which `surefoot graph export --format json` wrote, instead of building one
+    #[arg(long = "graph", value_name = "FILE", conflicts_with_all = ["suite", "out", "check"])]
+    pub(super) graph_file: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) world: WorldArgs,
+    #[command(flatten)]
+    pub(super) nats: NatsArg,
+    #[command(flatten)]
+    pub(super) blobs: BlobsArg,
+}
+
+/// Rules of attempts, where the paper's differ from ours.
+#[derive(clap::Args)]
+pub(super) struct Rules {
+    /// Follow the paper: start and goal snap to the nearest vertex, edges cost their steps, failed legs are not remembered, re-plans have no
+    /// limit, nothing is rehearsed or composed, NPCs are not told where zip lines and teleporters are, no vertices or candidates at devices,
+    /// all probes are run; the default model is general-lstm. Limits are those of --patience and --replan-after
+    #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "no_transports"])]
+    pub(super) faithful: bool,
+    /// Decisions without progress that end an attempt
+    #[arg(long, default_value_t = FollowConfig::default().patience, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    patience: u32,
+    /// Decisions without coming closer to a waypoint that cause a re-plan
+    #[arg(long, default_value_t = FollowConfig::default().replan_after, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    replan_after: u32,
+    /// Most re-plans of an attempt
+    #[arg(long, default_value_t = FollowConfig::default().max_replans, value_name = "N")]
+    max_replans: u32,
+    /// Join start and goal to several near vertices, or to the nearest one
+    #[arg(long, default_value = "several", value_parser = ["several", "nearest"])]
+    attach: String,
+    /// What edges cost: what their risks are worth besides (risk), or their mean number of decisions (steps)
+    #[arg(long, default_value = "risk", value_parser = ["risk", "steps"])]
+    price: String,
+    /// Let plans use legs again that failed in the same attempt
+    #[arg(long)]
+    forget: bool,
+    /// Do not tell NPCs where zip lines and teleporters are
+    #[arg(long)]
+    no_transports: bool,
+}
+
+impl Rules {
+    fn follow(&self, composes: bool) -> FollowConfig {
+        let limits =
+            FollowConfig { patience: self.patience, replan_after: self.replan_after, ..FollowConfig::of_paper() };
+        if self.faithful {
+            return limits;
+        }
+        let attach = if self.attach == "nearest" { Attach::Nearest } else { Attach::Several };
+        FollowConfig { max_replans: self.max_replans, remembers: !self.forget, attach, composes, ..limits }
+    }
+
+    fn price(&self) -> Price {
+        if self.faithful || self.price == "steps" { Price::Steps } else { Price::Risk }
+    }
+
+    /// The policy as these rules let it sense.
+    pub(super) fn apply(&self, policy: Policy) -> Policy {
+        if self.faithful || self.no_transports { policy.without_transports() } else { policy }
+    }
+
+    pub(super) fn graph(&self, settings: BuildSettings) -> Result<BuildSettings, SettingError> {
+        if !self.faithful {
+            return Ok(settings);
+        }
+        let paper = BuildSettings::of_paper(settings.placement);
+        settings.with(|it| {
+            (it.probing, it.special_moves, it.threshold) = (paper.probing, paper.special_moves, paper.threshold);
+        })
+    }
+}
+
+impl Args {
+    /// Generated maps by seed, or levels by file.
+    fn maps(&self) -> anyhow::Result<Vec<EvalMap>> {
+        let maps = self.maps.as_deref().unwrap_or("validation");
+        let Some(files) = level_files(maps) else {
+            let kind = |spec: MapSpec| self.generated.apply(&spec).map(EvalMap::from);
+            return parse_maps(maps, self.generated.size)?.into_iter().map(kind).collect();
+        };
+        let level = |file: &Path| Ok(EvalMap::Level { name: file_name(file), map: Arc::new(load_level(file)?) });
+        files.into_iter().map(level).collect()
+    }
+
+    pub(super) fn config(&self) -> anyhow::Result<EvalConfig> {
+        if !(1..=100_000).contains(&self.goals) {
+            bail!("--goals is {}, allowed are 1 to 100000", self.goals);
+        }
+        if !(0.0..=1.0).contains(&self.noise) {
+            bail!("--noise is {}, allowed are 0 to 1", self.noise);
+        }
+        let (game, graph) = (self.world.connect()?, self.graph_file.as_deref().map(read_graph).transpose()?);
+        if game.is_some() && (self.suite.is_some() || self.out.is_some()) {
+            bail!("--world cannot be combined with --suite or --out: what a game does is not on record");
+        }
+        if self.shard.is_some() && self.out.is_none() {
+            bail!("--shard needs --out: the folder in which the units of all shards come together");
+        }
+        self.nats.check()?;
+        let is_whole = self.suite.is_none() && self.shard.is_none() && game.is_none() && graph.is_none();
+        if self.nats.nats.is_some() && !is_whole {
+            bail!(
+                "--nats cannot be combined with --suite, --shard, --world or --graph: provers run whole evaluations on one model"
+            );
+        }
+        if graph.is_some() && self.method == "policy" {
+            bail!("--graph has no use with --method policy");
+        }
+        let settings = self.rules.graph(self.graph.settings()?)?;
+        let method = if self.method == "policy" { Method::Policy } else { Method::Graph(settings) };
+        Ok(EvalConfig {
+            maps: self.maps()?,
+            goals: self.goals,
+            seeds: parse_seeds(&self.seed).context("--seed")?,
+            profile: self.body.profile()?,
+            method,
+            distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
+            noise_share: self.noise,
+            rehearses: !self.no_rehearsals
+                && !self.rules.faithful
+                && !matches!(self.suite.as_deref(), Some("paper" | "sweep")),
+            follow: self.rules.follow(self.style.composes()),
+            price: self.rules.price(),
+            game,
+            graph,
+            keep_in: self.out.as_ref().map(|folder| folder.join(UNITS)),
+            shard: self.shard,
+            record: None,
+            thread_count: self.threads.unwrap_or_else(core_count),
+        })
+    }
+}
+
+fn read_graph(path: &Path) -> anyhow::Result<Arc<NavGraph>> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(Arc::new(import_json(&text).with_context(|| format!("{} is not a graph", path.display()))?))
+}
+
+fn parse_shard(text: &str) -> Result<Shard, String> {
+    let numbers = text.split_once('/').and_then(|(idx, count)| Some((idx.parse().ok()?, count.parse().ok()?)));
+    match numbers {
+        Some((idx, count)) if idx < count => Ok(Shard { idx, count }),
+        _ => Err("expected I/N with I from 0 to N - 1, such as 0/4".to_owned()),
+    }
+}
+
+fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {
+    let wrong = || format!("--distance is `{text}`, expected MIN..MAX in metres such as 2..25");
+    let (low, high) = text.split_once("..").with_context(wrong)?;
+    let (low, high): (f32, f32) = (low.parse().with_context(wrong)?, high.parse().with_context(wrong)?);
+    if !(low >= 0.0 && low < high) {
+        bail!(wrong());
+    }
+    Ok(low..high)
+}

@@ -1,0 +1,69 @@
+//! Runs an evaluation or a suite.
+
+use super::args::Args;
+use super::results::Results;
+use super::{suites, tables};
+use surefoot_cli::commands::load_policy;
+use surefoot_cli::terminal::progress_bar;
+use anyhow::bail;
+use std::sync::Arc;
+use surefoot_eval::record::Record;
+use surefoot_eval::{EvalConfig, evaluate};
+use surefoot_policy::Policy;
+
+/// Has provers run the units, if there is a queue. They are saved in the folder of the configuration, or in one that ends with what is
+/// returned.
+#[cfg(feature = "fleet")]
+fn share(args: &Args, policy: &Policy, config: EvalConfig) -> anyhow::Result<(EvalConfig, Option<tempfile::TempDir>)> {
+    use surefoot_cli::commands::fleet::{Shared, units};
+    use surefoot_fleet::work::dispatch::Threads;
+
+    let is_checked = config.record.as_ref().is_some_and(|record| record.is_checked());
+    let Some(nats) = args.nats.nats.as_deref().filter(|_| !is_checked) else { return Ok((config, None)) };
+    let folder = if config.keep_in.is_none() { Some(tempfile::tempdir()?) } else { None };
+    let keep_in = folder.as_ref().map(|folder| folder.path().to_owned()).or_else(|| config.keep_in.clone());
+    let config = EvalConfig { keep_in, ..config };
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let shared = runtime.block_on(Shared::open(nats, args.blobs.blobs.as_deref(), policy))?;
+    let grounds = runtime.block_on(async { shared.maps() });
+    let bar = progress_bar((config.maps.len() * config.seeds.len()) as u64, "maps and seeds");
+    let threads = Threads { beside_provers: 1, alone: config.thread_count };
+    units::gather((&shared.dispatcher(), &grounds), policy, &config, threads, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok((config, folder))
+}
+
+/// There is no queue in this build.
+#[cfg(not(feature = "fleet"))]
+fn share(args: &Args, _: &Policy, config: EvalConfig) -> anyhow::Result<(EvalConfig, Option<tempfile::TempDir>)> {
+    let _ = &args.blobs.blobs;
+    Ok((config, None))
+}
+
+/// Runs what the arguments say. Attempts go to the record, or come from it if it is one to check.
+pub fn measure(args: &Args, record: Option<Arc<Record>>) -> anyhow::Result<Results> {
+    let config = EvalConfig { record, ..args.config()? };
+    if args.model.is_some() && !matches!(args.suite.as_deref(), None | Some("dial" | "kinds")) {
+        bail!("this suite takes its models from --models, not from --model");
+    }
+    match args.suite.as_deref() {
+        Some("paper") => suites::paper(args, &config),
+        Some("ablation") => suites::ablation(args, &config),
+        Some("sweep") => suites::sweep(args, &config),
+        Some("big-map") => suites::big_map(args, &config),
+        Some("living") => suites::living(args, &config),
+        Some("seeds") => tables::seeds(args, &config),
+        Some("dial") => tables::dial(args, &config),
+        Some("kinds") => tables::kinds(args, &config),
+        Some(suite) => bail!("there is no suite {suite}"),
+        None => {
+            let model = args.model.clone().or_else(|| args.rules.faithful.then(|| args.models.join("general-lstm")));
+            let policy = args.rules.apply(load_policy(model.as_deref())?);
+            let (config, _folder) = share(args, &policy, config)?;
+            let bar = progress_bar((config.maps.len() * config.seeds.len() * config.goals) as u64, "evaluating");
+            let report = evaluate(&policy, &config, |done, _| bar.set_position(done as u64))?;
+            bar.finish_and_clear();
+            Ok(Results::Plain(Box::new(report)))
+        }
+    }
+}

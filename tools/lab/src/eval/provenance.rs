@@ -1,0 +1,222 @@
+//! Provenance: what a published table was made with, and checking that it still can be.
+
+use super::args::Args;
+use super::measure::measure;
+use super::results::{Results, write_into};
+use surefoot_cli::commands::{core_count, machine, revision};
+use surefoot_cli::terminal::print_json;
+use anyhow::{Context, bail, ensure};
+use clap::Parser;
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::{BufReader, BufWriter};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+use surefoot_eval::record::{Comparison, Model, Record};
+
+/// Names of the files of a table's folder.
+const RESULTS: &str = "results.json";
+const ATTEMPTS: &str = "attempts.jsonl.gz";
+const PROVENANCE: &str = "provenance.json";
+/// Largest relative difference of figures that are derived again from the same attempts.
+const TOLERANCE: f64 = 1.0e-9;
+
+/// What a table was made with.
+#[derive(Serialize, Deserialize)]
+struct Provenance {
+    /// Arguments of the command, from `eval` on.
+    command: Vec<String>,
+    /// Version of Surefoot.
+    version: String,
+    /// Commit of the checkout that the command ran in, followed by `+` if there were changes; empty outside a checkout.
+    commit: String,
+    /// Processors.
+    machine: String,
+    /// Mean number of runnable processes in the minute before; about 0 on an idle machine. Absent where the system does not tell.
+    load_before: Option<f64>,
+    /// Wall time, s; short if finished units were loaded.
+    wall_s: f64,
+    /// Names of the models with hashes of their weights.
+    models: Vec<Model>,
+    /// Hash (BLAKE3) of the figures.
+    results: String,
+    /// The attempts, if they are on record.
+    attempts: Option<Attempts>,
+}
+
+/// The file of attempts.
+#[derive(Serialize, Deserialize)]
+struct Attempts {
+    file: String,
+    /// Hash (BLAKE3) of the file.
+    hash: String,
+    bytes: u64,
+    /// Maps and seeds by model and condition.
+    units: usize,
+}
+
+/// What is known before a table is made.
+pub struct Start {
+    load_before: Option<f64>,
+    commit: String,
+}
+
+impl Start {
+    pub fn now() -> Self {
+        let load = std::fs::read_to_string("/proc/loadavg").ok();
+        let load_before = load.and_then(|text| text.split_whitespace().next()?.parse().ok());
+        Self { load_before, commit: revision().unwrap_or_default() }
+    }
+
+    /// Writes figures, table, attempts and provenance into a folder.
+    pub fn write(self, folder: &Path, results: &Results, record: &Record, wall: Duration) -> anyhow::Result<()> {
+        let figures = serde_json::to_string_pretty(&results.json()?)? + "\n";
+        write_into(folder, RESULTS, &figures)?;
+        let attempts = if record.is_empty() { None } else { Some(write_attempts(&folder.join(ATTEMPTS), record)?) };
+        let arguments: Vec<String> = std::env::args().collect();
+        let first = arguments.iter().position(|it| it == "eval").unwrap_or(0);
+        let provenance = Provenance {
+            command: arguments[first..].to_vec(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            commit: self.commit,
+            machine: machine(),
+            load_before: self.load_before,
+            wall_s: wall.as_secs_f64(),
+            models: record.models(),
+            results: blake3::hash(figures.as_bytes()).to_hex().to_string(),
+            attempts,
+        };
+        write_into(folder, PROVENANCE, &(serde_json::to_string_pretty(&provenance)? + "\n"))?;
+        results.write(folder)
+    }
+}
+
+fn write_attempts(path: &Path, record: &Record) -> anyhow::Result<Attempts> {
+    let write = || -> anyhow::Result<()> { Ok(record.write(BufWriter::new(File::create(path)?))?) };
+    write().with_context(|| format!("cannot write {}", path.display()))?;
+    let (hash, bytes) = hash_file(path)?;
+    Ok(Attempts { file: ATTEMPTS.to_owned(), hash, bytes, units: record.len() })
+}
+
+/// Hash and size of a file.
+fn hash_file(path: &Path) -> anyhow::Result<(String, u64)> {
+    let mut hasher = blake3::Hasher::new();
+    let copied = File::open(path).and_then(|mut file| std::io::copy(&mut file, &mut hasher));
+    let bytes = copied.with_context(|| format!("cannot read {}", path.display()))?;
+    Ok((hasher.finalize().to_hex().to_string(), bytes))
+}
+
+/// Arguments of the command that made a table.
+#[derive(Parser)]
+#[command(name = "eval", no_binary_name = false)]
+struct Stored {
+    #[command(flatten)]
+    args: Args,
+}
+
+/// What a check found.
+#[derive(Serialize)]
+struct Outcome {
+    folder: PathBuf,
+    command: String,
+    made_at_commit: String,
+    made_on: String,
+    checked_on: String,
+    /// Whether the figures follow from the attempts on record.
+    derived: bool,
+    #[serde(flatten)]
+    comparison: Comparison,
+    /// Chance of a difference as large in success if nothing changed.
+    chance: f64,
+    agrees: bool,
+}
+
+/// Derives a table again from its attempts, and makes a share of these again; with `--maps`, prints the figures of these maps alone.
+pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
+    ensure!((0.0..=1.0).contains(&args.share), "--share is {}, allowed are 0 to 1", args.share);
+    let read = |name: &str| {
+        let path = folder.join(name);
+        std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))
+    };
+    let path = folder.join(PROVENANCE);
+    let provenance: Provenance =
+        serde_json::from_slice(&read(PROVENANCE)?).with_context(|| format!("{} is damaged", path.display()))?;
+    let Some(attempts) = &provenance.attempts else {
+        bail!("{} keeps no attempts: run `surefoot {}` again", folder.display(), provenance.command.join(" "));
+    };
+    let figures = read(RESULTS)?;
+    ensure!(
+        blake3::hash(&figures).to_hex().as_str() == provenance.results,
+        "{} is not the file that the provenance is of",
+        folder.join(RESULTS).display()
+    );
+    let path = folder.join(&attempts.file);
+    ensure!(hash_file(&path)?.0 == attempts.hash, "{} is not the file that the provenance is of", path.display());
+    let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let share = if args.maps.is_some() { 0.0 } else { args.share };
+    let record = Record::read(BufReader::new(file), share, args.check_seed)
+        .with_context(|| format!("cannot use {}", path.display()))?;
+    let stored = Stored::try_parse_from(&provenance.command).context("this version has no such command any more")?;
+    let maps = args.maps.clone().or(stored.args.maps);
+    let made = Args { out: None, maps, threads: Some(args.threads.unwrap_or_else(core_count)), ..stored.args };
+    let record = Arc::new(record);
+    let results = measure(&made, Some(record.clone()))?;
+    if args.maps.is_some() {
+        return results.print(args.json);
+    }
+    let figures: serde_json::Value = serde_json::from_slice(&figures)?;
+    let comparison = record.comparison();
+    let outcome = Outcome {
+        folder: folder.to_owned(),
+        command: format!("surefoot {}", provenance.command.join(" ")),
+        made_at_commit: provenance.commit,
+        made_on: provenance.machine,
+        checked_on: machine(),
+        derived: are_close(&figures, &results.json()?),
+        chance: comparison.chance(),
+        agrees: comparison.agrees(),
+        comparison,
+    };
+    if args.json {
+        print_json(&outcome)?;
+    } else {
+        outcome.print();
+    }
+    ensure!(outcome.derived, "the figures of {} do not follow from its attempts", folder.display());
+    ensure!(outcome.agrees, "the attempts that were made again do not agree with those on record");
+    Ok(())
+}
+
+impl Outcome {
+    fn print(&self) {
+        let Comparison { units, batches, attempts, identical, lost, gained } = self.comparison;
+        println!("{}: made by `{}`", self.folder.display(), self.command);
+        println!("at commit {} on {}", self.made_at_commit, self.made_on);
+        let follows = if self.derived { "follow" } else { "DO NOT FOLLOW" };
+        println!("the figures {follows} from the attempts of {units} units on record");
+        println!(
+            "{attempts} attempts of {batches} batches made again: {identical} identical, {lost} failed that had succeeded, {gained} succeeded that had failed (chance of such a difference: {:.2})",
+            self.chance
+        );
+    }
+}
+
+/// Whether two documents are the same, but for the last digits of numbers.
+fn are_close(one: &serde_json::Value, other: &serde_json::Value) -> bool {
+    use serde_json::Value;
+    match (one, other) {
+        (Value::Number(one), Value::Number(other)) => {
+            let [one, other] = [one, other].map(|it| it.as_f64().unwrap_or(f64::NAN));
+            (one - other).abs() <= TOLERANCE * one.abs().max(other.abs()).max(1.0)
+        }
+        (Value::Array(one), Value::Array(other)) => {
+            one.len() == other.len() && one.iter().zip(other).all(|(one, other)| are_close(one, other))
+        }
+        (Value::Object(one), Value::Object(other)) => {
+            one.len() == other.len()
+                && one.iter().all(|(key, value)| other.get(key).is_some_and(|it| are_close(value, it)))
+        }
+        _ => one == other,
+    }
+}

@@ -1,0 +1,225 @@
+//! `surefoot train`.
+
+use surefoot_cli::commands::endpoint::{CredentialArgs, EndpointArgs};
+use surefoot_cli::commands::game::resolve;
+use surefoot_cli::commands::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers};
+use surefoot_cli::commands::parse_seconds;
+use surefoot_cli::commands::parse_seeds;
+use surefoot_cli::commands::revision;
+use anyhow::Context;
+use std::net::SocketAddr;
+use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use surefoot_net::serving::Endpoint;
+use surefoot_game::BridgeError;
+use surefoot_game_client::GameError;
+use surefoot_net::client::Credentials;
+use surefoot_train::actors::Listener;
+use surefoot_train::worlds::Connect;
+use surefoot_train::{self, Launch, Processor, TrainConfig};
+use surefoot_world::exchange;
+use surefoot_world::map::{Features, MapKind, MoverDensities};
+
+/// Places for actors unless the command line says otherwise.
+const USUAL_ACTORS: usize = 2;
+
+/// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues exactly.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  surefoot train runs/game --from models/general-reactive --maps level.glb --worlds http://10.0.0.7:7700,http://10.0.0.8:7700\n  surefoot train runs/fed --listen 0.0.0.0:7610 --actors 8 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  tensorboard --logdir runs"
+)]
+pub struct Args {
+    /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
+    folder: PathBuf,
+    /// Continue the run in the folder
+    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features", "movers", "kind", "body", "name", "processor", "npcs", "envs"])]
+    resume: bool,
+    /// Use this configuration (the config.json of another run) instead of the defaults
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Train the agent with an LSTM
+    #[arg(long, conflicts_with = "config")]
+    recurrent: bool,
+    /// Start from the weights of this model or run; a recurrent agent may start from a reactive one
+    #[arg(long, value_name = "FOLDER")]
+    from: Option<PathBuf>,
+    /// Seeds of the maps to train on, such as 0..128, or files (.sfmap, .glb, .gltf, .obj), which are copied to the run's folder; a single
+    /// map trains a policy for it alone
+    #[arg(long, value_name = "SEEDS|FILE,...")]
+    maps: Option<String>,
+    /// Side of the training maps in metres
+    #[arg(long, value_name = "METRES")]
+    size: Option<u32>,
+    /// Height of the training maps in metres
+    #[arg(long, value_name = "METRES")]
+    height: Option<u32>,
+    /// Features of the training maps: paper, all or none, followed by changes, such as all,lava=0
+    #[arg(long, value_name = "LIST", value_parser = parse_features)]
+    features: Option<Features>,
+    /// Movers of the training maps: none or all, followed by changes, such as all,doors=0
+    #[arg(long, value_name = "LIST", value_parser = parse_movers)]
+    movers: Option<MoverDensities>,
+    /// Kinds of the training maps: terrain, islands, interior, arena, tower, open; several take turns by seed
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = parse_kind)]
+    kind: Vec<MapKind>,
+    /// Body to train: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of a profile
+    #[arg(long, value_name = "NAME|FILE")]
+    body: Option<String>,
+    /// Name of the model
+    #[arg(long)]
+    name: Option<String>,
+    /// Processor that the learner computes on
+    #[arg(long, value_parser = ["cpu", "cuda"])]
+    processor: Option<String>,
+    /// Stop after N updates
+    #[arg(long, value_name = "N")]
+    updates: Option<u64>,
+    /// Seed of weights, noise, maps and goals
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    /// Let NPCs collect experience in the worlds at these addresses instead of this process: servers of ours, or games, which run the level
+    /// of --maps; one level is for all of them, several are one for each. With --resume: the addresses from now on
+    #[arg(long, visible_alias = "world", value_name = "URI,...", value_delimiter = ',', env = "SUREFOOT_WORLDS")]
+    worlds: Vec<String>,
+    /// Environments at a time in each world
+    #[arg(long, value_name = "N", requires = "worlds")]
+    envs: Option<usize>,
+    /// NPCs on each map, or in each environment of --worlds
+    #[arg(long, value_name = "N")]
+    npcs: Option<usize>,
+    /// Let actors feed the run (`surefoot act`), which connect to this address, instead of collecting experience in this process
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "worlds")]
+    listen: Option<SocketAddr>,
+    /// Number of actors for which there are places; each has as many NPCs as the run would have in this process
+    #[arg(long, value_name = "N", requires = "listen")]
+    actors: Option<usize>,
+    /// Shortest time between two versions of weights that an actor is sent
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = parse_seconds)]
+    weights_every: f64,
+    /// Print what is in the replay buffers of the run in the folder, as JSON, and exit
+    #[arg(long, conflicts_with_all = ["resume", "worlds", "listen"])]
+    inspect: bool,
+    #[command(flatten)]
+    credentials: CredentialArgs,
+    #[command(flatten)]
+    endpoint: EndpointArgs,
+}
+
+pub fn run(args: Args) -> anyhow::Result<()> {
+    if args.inspect {
+        println!("{}", serde_json::to_string_pretty(&surefoot_train::census_of(&args.folder)?)?);
+        return Ok(());
+    }
+    let mut config = match &args.config {
+        Some(path) => {
+            let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+            serde_json::from_slice(&text)
+                .with_context(|| format!("{} is not a training configuration", path.display()))?
+        }
+        None if args.recurrent => TrainConfig::recurrent(),
+        None => TrainConfig::default(),
+    };
+    if let Some(updates) = args.updates {
+        config.total_updates = updates;
+        config.sac.decay_updates = NonZeroU64::new(updates);
+        config.stop_after = NonZeroU64::new(updates / 5);
+    }
+    config.envs_per_world = args.envs.unwrap_or(config.envs_per_world);
+    config.seed = args.seed.unwrap_or(config.seed);
+    config.start_from = args.from.or(config.start_from);
+    config.name = args.name.unwrap_or(config.name);
+    config.collector.map_side = args.size.unwrap_or(config.collector.map_side);
+    config.collector.map_height = args.height.unwrap_or(config.collector.map_height);
+    config.collector.map_features = args.features.unwrap_or(config.collector.map_features);
+    config.collector.map_movers = args.movers.unwrap_or(config.collector.map_movers);
+    if !args.kind.is_empty() {
+        config.collector.map_kinds = args.kind;
+    }
+    if let Some(body) = &args.body {
+        (config.collector.body, config.collector.random_bodies) = (load_body(body)?, 0.0);
+    }
+    match args.maps.as_deref().map(|maps| (maps, level_files(maps))) {
+        Some((_, Some(files))) => config.train_on_levels(copy_levels(&files, &args.folder)?),
+        Some((seeds, None)) => config.train_on(parse_seeds(seeds).context("--maps")?),
+        None => {}
+    }
+    config.collector.npcs_per_world = args.npcs.unwrap_or(config.collector.npcs_per_world);
+    if !args.worlds.is_empty() && config.start_from.is_some() && args.config.is_none() {
+        // Weights that know what to do need no random actions first.
+        config.collector.random_decisions = 0;
+    }
+    if !args.worlds.is_empty() {
+        config.worlds.clone_from(&args.worlds);
+    }
+    if let Some(processor) = &args.processor {
+        config.processor = if processor == "cuda" { Processor::Cuda } else { Processor::Cpu };
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    stop_on_signal(stop.clone())?;
+    let credentials = args.credentials.credentials()?;
+    let connect = connector(credentials);
+    if !args.resume {
+        // A wrong address is told before anything is written.
+        config.worlds.iter().try_for_each(|uri| connect(uri).map(drop))?;
+    }
+    if args.listen.is_some() {
+        config.actors = args.actors.unwrap_or(USUAL_ACTORS);
+    }
+    let listener = args.listen.map(|address| listen(address, &args.endpoint, args.weights_every)).transpose()?;
+    if let Some(listener) = &listener {
+        println!("actors connect to {}", listener.endpoint.address());
+    }
+    let (resume, worlds) = (args.resume, args.worlds);
+    let launch = Launch { folder: &args.folder, resume, worlds, connect, listener, revision: revision() };
+    surefoot_train::run(config, launch, &stop, |line| println!("{line}"))?;
+    Ok(())
+}
+
+/// What connects training to its worlds, with these credentials.
+pub fn connector(credentials: Credentials) -> Connect {
+    Arc::new(move |uri| {
+        let unreachable = |error: BridgeError| GameError::Unreachable { uri: uri.into(), reason: error.to_string() };
+        resolve(uri).map_err(unreachable)?.connect(&credentials)
+    })
+}
+
+/// Binds the address at which actors connect.
+fn listen(address: SocketAddr, endpoint: &EndpointArgs, weights_every: f64) -> anyhow::Result<Listener> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let endpoint = {
+        let _inside = runtime.enter();
+        Endpoint::open(address, endpoint.config()?)?
+    };
+    Ok(Listener { endpoint, runtime, weights_every: Duration::from_secs_f64(weights_every) })
+}
+
+/// Saves levels as maps in the folder of a run, and returns the files.
+pub fn copy_levels(files: &[&Path], run: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let folder = run.join("levels");
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let copy = |(idx, file): (usize, &&Path)| {
+        let map = load_level(file)?;
+        // Files of different folders may have one name.
+        let to = folder.join(format!("{idx}-{}", file_name(file))).with_extension("sfmap");
+        std::fs::write(&to, exchange::encode(&map)).with_context(|| format!("cannot write {}", to.display()))?;
+        Ok(to)
+    };
+    files.iter().enumerate().map(copy).collect()
+}
+
+/// Sets `stop` on the first Ctrl-C or SIGTERM.
+pub fn stop_on_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let signal = {
+        let _inside = runtime.enter();
+        surefoot_cli::signals::shutdown_signal()
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        runtime.block_on(signal);
+        stop.store(true, Ordering::Relaxed);
+    })?;
+    Ok(())
+}
