@@ -1,11 +1,11 @@
 //! `surefoot act`.
 
-use surefoot_cli::commands::endpoint::CredentialArgs;
-use surefoot_cli::commands::map::level_files;
 use crate::train::{connector, copy_levels, stop_on_signal};
 use anyhow::{Context, bail};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use surefoot_cli::commands::endpoint::CredentialArgs;
+use surefoot_cli::commands::map::level_files;
 use surefoot_train::actors::actor::{ActorConfig, act};
 
 /// Let NPCs act with the weights of a learner that runs elsewhere (`surefoot train --listen`), and feed it with what they do. Takes less of

@@ -1,11 +1,6 @@
 //! `surefoot challenge`.
 
-use surefoot_cli::commands::endpoint::CredentialArgs;
-use surefoot_cli::commands::map::{BodyArg, file_name, level_files, load_level};
 use crate::processes::{Process, connect, free_address, start};
-use surefoot_cli::commands::services::GraphArgs;
-use surefoot_cli::commands::{core_count, load_policy};
-use surefoot_cli::terminal::{print_json, progress_bar};
 use anyhow::{Context, bail};
 use flate2::Compression;
 use flate2::read::GzDecoder;
@@ -16,6 +11,11 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
+use surefoot_cli::commands::endpoint::CredentialArgs;
+use surefoot_cli::commands::map::{BodyArg, file_name, level_files, load_level};
+use surefoot_cli::commands::services::GraphArgs;
+use surefoot_cli::commands::{core_count, load_policy};
+use surefoot_cli::terminal::{print_json, progress_bar};
 use surefoot_eval::EvalMap;
 use surefoot_eval::challenge::host::{Hosting, Stats, host};
 use surefoot_eval::challenge::record::{Entry, record};

@@ -1,10 +1,10 @@
 //! `surefoot export` and `surefoot import`: exchange of weights with other programs.
 
-use surefoot_cli::commands::load_policy;
-use surefoot_cli::terminal::print_json;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use surefoot_cli::commands::load_policy;
+use surefoot_cli::terminal::print_json;
 use surefoot_policy::checkpoint::{self, module_bytes};
 use surefoot_policy::exchange::{from_safetensors, to_onnx, to_safetensors};
 use surefoot_policy::{Manifest, Policy};

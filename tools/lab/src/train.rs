@@ -1,11 +1,5 @@
 //! `surefoot train`.
 
-use surefoot_cli::commands::endpoint::{CredentialArgs, EndpointArgs};
-use surefoot_cli::commands::game::resolve;
-use surefoot_cli::commands::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers};
-use surefoot_cli::commands::parse_seconds;
-use surefoot_cli::commands::parse_seeds;
-use surefoot_cli::commands::revision;
 use anyhow::Context;
 use std::net::SocketAddr;
 use std::num::NonZeroU64;
@@ -13,10 +7,18 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use surefoot_net::serving::Endpoint;
+use surefoot_cli::commands::endpoint::{CredentialArgs, EndpointArgs};
+use surefoot_cli::commands::game::resolve;
+use surefoot_cli::commands::map::{
+    file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers,
+};
+use surefoot_cli::commands::parse_seconds;
+use surefoot_cli::commands::parse_seeds;
+use surefoot_cli::commands::revision;
 use surefoot_game::BridgeError;
 use surefoot_game_client::GameError;
 use surefoot_net::client::Credentials;
+use surefoot_net::serving::Endpoint;
 use surefoot_train::actors::Listener;
 use surefoot_train::worlds::Connect;
 use surefoot_train::{self, Launch, Processor, TrainConfig};

@@ -1,11 +1,11 @@
 //! Learning: SAC updates and inference.
 
 use super::{Figure, median, timed};
-use surefoot_cli::commands::load_policy;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
 use std::sync::Arc;
+use surefoot_cli::commands::load_policy;
 use surefoot_policy::{Manifest, Policy};
 use surefoot_rollout::env::{Env, Episodes};
 use surefoot_train::Learner;

@@ -16,11 +16,11 @@ mod soak;
 mod tiles;
 mod world;
 
-use surefoot_cli::commands::machine;
-use surefoot_cli::terminal::print_json;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::time::Instant;
+use surefoot_cli::commands::machine;
+use surefoot_cli::terminal::print_json;
 
 /// Measure speed.
 #[derive(clap::Args)]

@@ -3,7 +3,6 @@
 use super::edits::edits;
 use super::tiles::tiled;
 use super::{Figure, median, timed};
-use surefoot_cli::commands::core_count;
 use anyhow::Context;
 use petgraph::algo::{astar, dijkstra};
 use petgraph::graph::NodeIndex;
@@ -13,6 +12,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use surefoot_cli::commands::core_count;
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::Progress;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;

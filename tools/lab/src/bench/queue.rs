@@ -15,14 +15,14 @@ pub use measured::figures;
 mod measured {
     use super::super::median;
     use super::Figure;
-    use surefoot_cli::commands::core_count;
-    use surefoot_cli::commands::fleet::Shared;
     use crate::processes::{self, Process, cpu_s, free_address};
     use anyhow::{Context, ensure};
     use std::cell::Cell;
     use std::process::{Child, Command, Stdio};
     use std::sync::Arc;
     use std::time::Instant;
+    use surefoot_cli::commands::core_count;
+    use surefoot_cli::commands::fleet::Shared;
     use surefoot_fleet::work::map_cache::MapRef;
     use surefoot_fleet::work::probes::{QueuedProbes, result_bytes};
     use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};

@@ -1,14 +1,14 @@
 //! The world: decisions, rays, moves, and the generation, memory and loading of maps, compared with rapier and parry.
 
 use super::{Figure, median, timed};
-use surefoot_cli::commands::core_count;
-use surefoot_cli::commands::map::{file_name, load_level};
 use anyhow::Context;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
 use std::path::PathBuf;
 use std::sync::Arc;
+use surefoot_cli::commands::core_count;
+use surefoot_cli::commands::map::{file_name, load_level};
 use surefoot_world::character::Action;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop};

@@ -1,14 +1,14 @@
 //! Arguments of `surefoot eval`, and the configuration that they stand for.
 
+use anyhow::{Context, bail};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use surefoot_cli::commands::fleet::{BlobsArg, NatsArg};
 use surefoot_cli::commands::game::WorldArgs;
 use surefoot_cli::commands::map::{BodyArg, Generated, file_name, level_files, load_level};
 use surefoot_cli::commands::services::{GraphArgs, StyleArg};
 use surefoot_cli::commands::{core_count, parse_maps, parse_seeds};
-use anyhow::{Context, bail};
-use std::ops::Range;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use surefoot_eval::{EvalConfig, EvalMap, Method, Price, Shard, living};
 use surefoot_planner::export::import_json;
 use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};

@@ -3,10 +3,10 @@
 use super::args::Args;
 use super::results::Results;
 use super::{suites, tables};
-use surefoot_cli::commands::load_policy;
-use surefoot_cli::terminal::progress_bar;
 use anyhow::bail;
 use std::sync::Arc;
+use surefoot_cli::commands::load_policy;
+use surefoot_cli::terminal::progress_bar;
 use surefoot_eval::record::Record;
 use surefoot_eval::{EvalConfig, evaluate};
 use surefoot_policy::Policy;

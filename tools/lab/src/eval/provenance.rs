@@ -3,8 +3,6 @@
 use super::args::Args;
 use super::measure::measure;
 use super::results::{Results, write_into};
-use surefoot_cli::commands::{core_count, machine, revision};
-use surefoot_cli::terminal::print_json;
 use anyhow::{Context, bail, ensure};
 use clap::Parser;
 use serde::{Deserialize, Serialize};
@@ -13,6 +11,8 @@ use std::io::{BufReader, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
+use surefoot_cli::commands::{core_count, machine, revision};
+use surefoot_cli::terminal::print_json;
 use surefoot_eval::record::{Comparison, Model, Record};
 
 /// Names of the files of a table's folder.

@@ -1,8 +1,8 @@
 //! Results of all suites: as JSON, as a table, and as plots.
 
-use surefoot_cli::terminal::print_json;
 use anyhow::Context;
 use std::path::Path;
+use surefoot_cli::terminal::print_json;
 use surefoot_eval::ablation::AblationReport;
 use surefoot_eval::conditions::ConditionReport;
 use surefoot_eval::living::LivingReport;

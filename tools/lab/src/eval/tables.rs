@@ -2,12 +2,12 @@
 
 use super::args::Args;
 use super::results::Results;
-use surefoot_cli::commands::map::load_body;
-use surefoot_cli::commands::{load_policy, parse_maps};
-use surefoot_cli::terminal::progress_bar;
 use anyhow::Context;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use surefoot_cli::commands::map::load_body;
+use surefoot_cli::commands::{load_policy, parse_maps};
+use surefoot_cli::terminal::progress_bar;
 use surefoot_eval::conditions::{self, Condition};
 use surefoot_eval::{EvalConfig, EvalMap};
 use surefoot_policy::Policy;

@@ -2,10 +2,10 @@
 
 use super::core::floor;
 use super::{Case, timed};
-use surefoot_cli::commands::core_count;
 use anyhow::Context;
 use std::hint::black_box;
 use std::sync::Arc;
+use surefoot_cli::commands::core_count;
 use surefoot_planner::assets::{AssetFormat, LinkSet, Passage, Shape, ShapedEdge};
 use surefoot_planner::candidates;
 use surefoot_planner::edits::{Edit, Layer, Terrain, apply_layers};

@@ -2,9 +2,9 @@
 
 use crate::bench::link::Link;
 use crate::bench::serve::{Scene, WORLDS};
-use surefoot_cli::commands::{machine, services::CacheArgs};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
+use surefoot_cli::commands::{machine, services::CacheArgs};
 
 /// Numbers of NPCs that are recorded: all of them few enough that no part waits for cores for long.
 const NPCS: [usize; 4] = [256, 512, 768, 1024];

@@ -3,9 +3,9 @@
 use super::load::RecordLoad;
 use crate::bench::serve::{Scene, WORLDS};
 use crate::processes::{connect, cpu_s};
-use surefoot_cli::commands::services::CacheArgs;
 use anyhow::{Context, ensure};
 use std::time::{Duration, Instant};
+use surefoot_cli::commands::services::CacheArgs;
 use surefoot_fleet::blobs::Blobs;
 use surefoot_fleet::database::Database;
 use surefoot_fleet::worlds;
