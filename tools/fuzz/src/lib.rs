@@ -8,9 +8,9 @@
 use prost::Message;
 use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
+use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
-use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, Traffic, store as cache};
 use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
@@ -387,7 +387,7 @@ const TABLE_LIMIT: usize = 64;
 /// A graph of three vertices in a row.
 static SOME_GRAPH: LazyLock<NavGraph> = LazyLock::new(|| {
     let vertices = [3.0, 9.0, 15.0].map(|x| Vec3::new(x, 1.0, 9.0)).to_vec();
-    let proved = surefoot_planner::evidence::Evidence::vouched(Decisions(8.0));
+    let proved = surefoot_planner::evidence::Evidence::forced(Decisions(8.0));
     NavGraph::prove(vertices, &[(0, 1), (1, 2), (2, 1)].map(|(from, to)| EdgeKey::new(from, to)), &[proved; 3], 0.5)
 });
 
