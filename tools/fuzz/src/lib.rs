@@ -103,7 +103,7 @@ pub fn world_messages(bytes: &[u8]) {
         let _ = accepted(convert::in_range(f64::from(request.rate_hz), 0.0, 60.0, "rate_hz"));
     }
     if let Some(request) = message::<wire::WorkRequest>(bytes) {
-        let _ = accepted(server_wire::hello(Some(request.clone())));
+        let _ = accepted(server_wire::worker::hello(Some(request.clone())));
         if let Some(wire::work_request::Message::Actions(batch)) = request.message {
             answer(&batch);
         }
@@ -139,7 +139,7 @@ fn lockstep_world() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
 /// Checks an answer of the first worker and applies it if it is valid; returns whether it is. In either case the second
 /// worker's NPC must continue. NPCs are numbered from [`FIRST_NPC`], and the third is the second worker's.
 pub fn answer(batch: &wire::ActionBatch) -> bool {
-    let Some(checked) = accepted(server_wire::answer(batch.clone())) else { return false };
+    let Some(checked) = accepted(server_wire::worker::answer(batch.clone())) else { return false };
     assert_eq!(checked.decisions.len(), batch.npc_ids.len());
     let (mut world, _queues) = lockstep_world();
     world.answer(WorkerId(1), checked);
