@@ -1,7 +1,7 @@
-//! The planner's graphs of the worlds' maps: requests their builds, and again when the planner has lost one.
+//! The planner's graphs of the worlds' maps: builds, edits, queries and reports.
 //!
-//! All calls about one map go to the same replica of the planner, as long as that one answers. Worlds on equal maps share a graph. Streams have a connection of their own, and only so many are open at a time, so that
-//! queries never wait behind them.
+//! All calls about one map go to the same replica of the planner while it answers. Worlds on equal maps share a graph. Streams use a
+//! connection of their own, and their number is limited, so that queries never wait behind them.
 
 use super::config::{MAX_PAUSE, MIN_PAUSE};
 use prost::Message;
@@ -11,9 +11,12 @@ use std::time::Duration;
 use surefoot_net::client::Link;
 use surefoot_net::replicas::{ReplicaLink, ReplicaLinks, Replicas};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
+use surefoot_planner::live::Traversal;
+use surefoot_planner::{Plan, Query, Traffic};
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as planner, BuildStage};
+use surefoot_proto::plans;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
@@ -28,21 +31,21 @@ use tracing::{info, warn};
 /// Longest wait for an imported map to be fetched or imported.
 const IMPORT_LIMIT: Duration = Duration::from_secs(60);
 
-/// Builds of which the progress is watched at a time; further ones wait.
+/// Builds whose progress is watched at a time; further ones wait.
 const WATCHED_BUILDS: usize = 50;
-/// Graphs of which the edits are watched at a time; the workers of others learn of edits from the answers to their queries. With the
-/// builds this stays below the streams that a planner allows on a connection (128).
+/// Graphs whose edits are watched at a time; for further graphs, the answers to queries show edits. Builds and graphs together stay below
+/// the streams that a planner allows on a connection (128).
 const WATCHED_GRAPHS: usize = 50;
-/// Pauses after a planner that did not answer: the first, doubled up to the last.
-const PLANNER_PAUSES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
+/// Longest wait for a batch of plans.
+const PLAN_LIMIT: Duration = Duration::from_secs(5);
 const POISON: &str = "no holder of this lock panics";
 
 /// Converts a revision from the wire, where 0 means none.
-pub(super) fn revision_from_wire(revision: u64) -> Option<u64> {
+fn revision_from_wire(revision: u64) -> Option<u64> {
     (revision != 0).then_some(revision)
 }
 
-/// What distinguishes the graphs of worlds: the map, with its pieces, and the body.
+/// The map, with its pieces, and the body: worlds with equal keys share a graph.
 #[derive(Debug, Clone)]
 pub(super) struct GraphKey {
     map: Option<wire::MapSpec>,
@@ -62,7 +65,7 @@ impl GraphKey {
         Self { map, map_hash, body, pieces }
     }
 
-    /// Whether it has the body of an assignment.
+    /// Whether the key has the body of an assignment.
     pub fn is_for(&self, assignment: &wire::Assignment) -> bool {
         self.body == assignment.body
     }
@@ -77,7 +80,7 @@ impl GraphKey {
         surefoot_proto::pieces::pieces(&self.pieces, "pieces").map_err(|error| error.to_string())
     }
 
-    /// The same for equal maps and bodies.
+    /// Equal for equal maps and bodies.
     fn identity(&self) -> Identity {
         let pieces = self.pieces.iter().map(Message::encode_to_vec).collect();
         Identity(self.map_hash.clone(), self.body.as_ref().map(Message::encode_to_vec).unwrap_or_default(), pieces)
@@ -114,7 +117,7 @@ pub(super) struct Graphs {
 }
 
 impl Graphs {
-    /// Graphs of these planners, which share them, proved with the policy of that hash.
+    /// Graphs of these replicas, which share them, proved with the policy of that hash.
     pub fn new(planners: &Replicas, settings: planner::BuildSettings, policy_hash: String) -> Self {
         Self {
             queries: planners.connect_lazy(),
@@ -128,8 +131,8 @@ impl Graphs {
         }
     }
 
-    /// The graph of a map for a body, which is requested from the planner unless some world uses it already. An imported map is fetched
-    /// from `server`.
+    /// The graph of a map for a body. Unless a world uses it already, it is requested from the planner. An imported map is downloaded from
+    /// `server`.
     pub fn of(&self, key: GraphKey, server: Link) -> Arc<Graph> {
         let mut by_key = self.by_key.lock().expect(POISON);
         by_key.retain(|_, graph| graph.strong_count() > 0);
@@ -147,14 +150,14 @@ impl Graphs {
         let mut refused = self.other_policy.subscribe();
         // The sender is part of this.
         let refused = refused.wait_for(Option::is_some).await;
-        refused.ok().and_then(|status| status.clone()).unwrap_or_else(|| Status::internal("the planner is gone"))
+        refused.ok().and_then(|status| status.clone()).unwrap_or_else(|| Status::internal("the watch of the planner's policy has ended"))
     }
 
     fn start(&self, key: GraphKey, server: Link) -> Graph {
         let (ready, id) = watch::channel(String::new());
         let (interim, interim_id) = watch::channel(String::new());
         let (edited, revision) = watch::channel(None);
-        let (goes_on, progress) = watch::channel(Instant::now());
+        let (running, progress) = watch::channel(Instant::now());
         let (queries, streams) = (self.queries.for_key(&key.map_hash), self.streams.for_key(&key.map_hash));
         let planner = |link| PlannerServiceClient::new(link).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let is_imported = key.map.is_none();
@@ -173,17 +176,17 @@ impl Graphs {
             watched_builds: self.watched_builds.clone(),
             watched_graphs: self.watched_graphs.clone(),
             other_policy: self.other_policy.clone(),
-            goes_on,
+            running,
             interim,
         };
         Graph {
-            client: planner(queries),
+            client: planner(queries.clone()),
+            link: queries,
             id,
             interim_id,
             ready: ready.clone(),
             revision,
             progress,
-            resting: Mutex::default(),
             build: tokio::spawn(builder.run(ready, edited)),
         }
     }
@@ -191,24 +194,24 @@ impl Graphs {
 
 /// The planner's graph of one map for one body.
 pub(super) struct Graph {
-    pub client: PlannerServiceClient<ReplicaLink>,
+    client: PlannerServiceClient<ReplicaLink>,
+    /// The link of `client`.
+    link: ReplicaLink,
     /// Id of the graph; empty until it is built, and again when the planner no longer knows it.
     pub id: watch::Receiver<String>,
     /// Id of the graph while its build is running, once plans can be made on it; otherwise empty.
     interim_id: watch::Receiver<String>,
-    /// Sender of `id`; clear it when the planner no longer knows the graph.
-    pub ready: watch::Sender<String>,
+    /// Sender of `id`; cleared when the planner no longer knows the graph.
+    ready: watch::Sender<String>,
     /// Revision of designers' edits; `None` while unknown.
     pub revision: watch::Receiver<Option<u64>>,
-    /// When the planner last said that the build goes on.
+    /// When the planner last reported that the build is running.
     progress: watch::Receiver<Instant>,
-    /// Until when the planner is left alone because it did not answer, and the pause after the next failure.
-    resting: Mutex<Option<(Instant, Duration)>>,
     build: tokio::task::JoinHandle<()>,
 }
 
 impl Graph {
-    /// Waits until the graph is ready: at most `limit`, and at most `silence` without a word from the planner. Returns whether it is.
+    /// Waits until the graph is ready: at most `limit`, and at most `silence` without a report from the planner. Returns whether it is ready.
     pub async fn wait(&self, limit: Duration, silence: Duration) -> bool {
         let (mut id, progress) = (self.id.clone(), self.progress.clone());
         let started = Instant::now();
@@ -223,31 +226,73 @@ impl Graph {
         }
     }
 
-    /// Id of the graph to make plans on now, that of an interim graph if `takes_interim`; empty if there is none.
+    /// Id of the graph for plans now, or of the interim graph if `takes_interim`; empty if there is none.
     pub fn id_for_plans(&self, takes_interim: bool) -> String {
         let id = self.id.borrow().clone();
         if id.is_empty() && takes_interim { self.interim_id.borrow().clone() } else { id }
     }
 
-    /// Whether the planner is left alone for now, because it did not answer.
+    /// Whether no replica of the planner has answered of late; queries can wait until one is tried again.
     pub fn is_resting(&self) -> bool {
-        self.resting.lock().expect(POISON).is_some_and(|(until, _)| Instant::now() < until)
+        self.link.is_resting()
     }
 
-    /// Notes whether the planner answered a query. After a failure it is left alone, longer from failure to failure.
-    pub fn note_answer(&self, answered: bool) {
-        let [first, longest] = PLANNER_PAUSES;
-        let mut resting = self.resting.lock().expect(POISON);
-        *resting = match *resting {
-            _ if answered => None,
-            // Queries that were sent together fail together.
-            Some((until, pause)) if Instant::now() < until => Some((until, pause)),
-            former => {
-                let pause = former.map_or(first, |(_, pause)| pause);
-                Some((Instant::now() + pause, (pause * 2).min(longest)))
+    /// Requests plans on the graph `graph_id`; on a failure there are none.
+    pub async fn find_paths(&self, graph_id: String, queries: &[Query], traffic: Option<&Traffic>) -> Plans {
+        let queries = queries.iter().map(plans::query_to_wire).collect();
+        let request = planner::FindPathsRequest { graph_id, queries, traffic: traffic.map(plans::traffic_to_wire) };
+        let mut client = self.client.clone();
+        let answer = tokio::time::timeout(PLAN_LIMIT, client.find_paths(request)).await;
+        let planner::FindPathsResponse { plans, revision, interim } = match answer {
+            Ok(Ok(response)) => response.into_inner(),
+            Ok(Err(status)) => {
+                if status.code() == Code::NotFound {
+                    // The planner has evicted the graph.
+                    self.ready.send_replace(String::new());
+                }
+                warn!(%status, "the planner found no paths");
+                return Plans::default();
+            }
+            Err(_) => {
+                warn!("the planner did not answer within {} s", PLAN_LIMIT.as_secs());
+                return Plans::default();
             }
         };
+        // The planner knows that there is no path only when the graph is complete.
+        let is_known = |plan: &Plan| !interim || plan.no_path.is_none();
+        let plans = plans.iter().map(|plan| plans::plan(plan).ok().filter(is_known)).collect();
+        Plans { plans, revision: revision_from_wire(revision) }
     }
+
+    /// Reports traversals of edges in the background, to an interim graph if `takes_interim`.
+    pub fn report(&self, takes_interim: bool, traversals: Vec<Traversal>) {
+        let graph_id = self.id_for_plans(takes_interim);
+        if graph_id.is_empty() {
+            // The planner has lost the graph of these traversals.
+            return;
+        }
+        let request = planner::ReportTraversalsRequest {
+            graph_id,
+            traversals: traversals.iter().map(plans::traversal_to_wire).collect(),
+            // The link adds the id.
+            request_id: String::new(),
+        };
+        let mut client = self.client.clone();
+        tokio::spawn(async move {
+            if let Ok(Err(status)) = tokio::time::timeout(PLAN_LIMIT, client.report_traversals(request)).await {
+                warn!(%status, "cannot report traversals to the planner");
+            }
+        });
+    }
+}
+
+/// Plans for a batch of queries.
+#[derive(Default)]
+pub(super) struct Plans {
+    /// The plan for each query, in order; `None` or missing if there is none.
+    pub plans: Vec<Option<Plan>>,
+    /// Revision of designers' edits with which the plans were made.
+    pub revision: Option<u64>,
 }
 
 impl Drop for Graph {
@@ -264,13 +309,13 @@ struct Builder {
     watched_builds: Arc<Semaphore>,
     watched_graphs: Arc<Semaphore>,
     other_policy: watch::Sender<Option<Status>>,
-    goes_on: watch::Sender<Instant>,
+    running: watch::Sender<Instant>,
     /// Sender of `Graph::interim_id`.
     interim: watch::Sender<String>,
 }
 
 impl Builder {
-    /// Has the graph built, retrying after failures and when it is lost. Sends its id to `ready` and its revision to `edited`.
+    /// Builds the graph, again after failures and when the planner has lost it. Sends its id to `ready` and its revision to `edited`.
     async fn run(mut self, ready: watch::Sender<String>, edited: watch::Sender<Option<u64>>) {
         let mut pause = MIN_PAUSE;
         loop {
@@ -297,7 +342,7 @@ impl Builder {
                         self.other_policy.send_replace(Some(status));
                         return;
                     }
-                    warn!(%status, "no graph yet: NPCs head straight for their goals");
+                    warn!(%status, "the planner has not built the graph: NPCs head straight for their goals until a retry succeeds");
                     tokio::time::sleep(pause).await;
                     pause = (pause * 2).min(MAX_PAUSE);
                 }
@@ -353,7 +398,7 @@ impl Builder {
         let mut progress = self.client.watch_build(planner::WatchBuildRequest { build_id }).await?.into_inner();
         while let Some(message) = progress.next().await {
             let build = message?.build.unwrap_or_default();
-            self.goes_on.send_replace(Instant::now());
+            self.running.send_replace(Instant::now());
             self.interim.send_replace(build.interim_graph_id.clone());
             match (build.stage(), build.failure) {
                 (BuildStage::Done, _) => return Ok(build.graph_id),

@@ -1,28 +1,28 @@
 //! The NPC worker: connects to a world server, requests plans from the planner, and decides for NPCs.
 //!
-//! Each connection is a session (`session`) with one task per world (`world`). The policy runs on a thread of its own (`inference`),
-//! in lockstep on blocking threads, never on those that move messages. A lost connection is retried with growing pauses. Without a
-//! planner, or while it is unavailable, NPCs head straight for their goals. `graph` follows the planner's graph of a world's map; `ahead`
-//! holds the map itself, on which NPCs rehearse the legs of their plans. In a fleet a worker has a session with each of the `servers`, which
-//! share its `room`.
+//! Each connection is a `session` with one task per world and body (`world`). The policy of realtime worlds runs on a thread of its own
+//! (`inference`), that of lockstep worlds on blocking threads, and never on threads that move messages. A lost connection is retried with
+//! growing pauses. Without a planner, or while it is unavailable, NPCs head straight for their goals. `graph` follows the planner's graph
+//! of a world's map; `maps` holds the maps on which NPCs rehearse. In a fleet a worker has a session with each server of the `directory`,
+//! and the sessions share its `capacity`.
 
-mod ahead;
+mod capacity;
 mod config;
 pub mod crowd;
+mod directory;
 mod graph;
 mod inference;
-mod room;
-mod servers;
+mod maps;
 mod session;
 mod world;
 
 pub use config::WorkConfig;
 
-use ahead::Maps;
+use maps::Maps;
 use config::{MAX_PAUSE, MIN_PAUSE};
 use graph::Graphs;
-use room::Room;
-use servers::Looks;
+use capacity::CapacityShare;
+use directory::LookUps;
 use session::{Session, SessionEnd};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -58,14 +58,14 @@ struct Worker {
     graphs: Option<Graphs>,
     /// Maps to rehearse on; none without rehearsals.
     maps: Option<Arc<Maps>>,
-    room: Room,
+    capacity_share: CapacityShare,
     shutdown: Shutdown,
 }
 
 impl Worker {
     fn session<'a>(&'a self, address: &'a str) -> Session<'a> {
-        let Self { config, policy, graphs, maps, room, .. } = self;
-        Session { address, config, policy, graphs: graphs.as_ref(), maps: maps.as_ref(), room }
+        let Self { config, policy, graphs, maps, capacity_share, .. } = self;
+        Session { address, config, policy, graphs: graphs.as_ref(), maps: maps.as_ref(), capacity_share }
     }
 }
 
@@ -79,15 +79,15 @@ pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Res
     let graphs = Graphs::new(&planners, settings_to_wire(&config.graph), policy_hash.clone());
     let graphs = (!config.planners.is_empty()).then_some(graphs);
     let maps = config.rehearses.then(|| Arc::new(Maps::new(config.maps.clone())));
-    let room = Room::new(config.capacity);
+    let capacity_share = CapacityShare::new(config.capacity);
     let (listing, listed) = watch::channel(config.servers.iter().cloned().collect());
-    let worker = Arc::new(Worker { config, policy, graphs, maps, room, shutdown: shutdown.clone() });
+    let worker = Arc::new(Worker { config, policy, graphs, maps, capacity_share, shutdown: shutdown.clone() });
     if !worker.config.is_of_fleet {
         return serve_all(&worker, listed).await;
     }
     listing.send_replace(BTreeSet::new());
     let (credentials, seeds) = (worker.config.credentials.clone(), worker.config.servers.clone());
-    let directory = servers::follow(credentials, seeds, listing, Looks::default());
+    let directory = directory::follow(credentials, seeds, listing, LookUps::default());
     tokio::select! {
         followed = directory => Ok(followed?),
         served = serve_all(&worker, listed) => served,
@@ -135,7 +135,7 @@ async fn serve(
     let sessions = async {
         loop {
             let end = worker.session(&address).run(&server).await;
-            worker.room.leave(&address);
+            worker.capacity_share.leave(&address);
             let status = match end {
                 SessionEnd::OtherPolicy(status) => return WorkError::OtherPolicy(status),
                 SessionEnd::Refused(status) if is_final(status.code()) => return WorkError::Refused(status),
@@ -155,7 +155,7 @@ async fn serve(
         () = gone => Ok(()),
         () = worker.shutdown.wait() => Ok(()),
     };
-    worker.room.leave(&address);
+    worker.capacity_share.leave(&address);
     ended.map(|()| address)
 }
 

@@ -1,11 +1,11 @@
 //! One connection to the server: sends hello, then dispatches messages to the tasks of the worlds.
 
-use super::ahead::Maps;
+use super::maps::{Arrival, Maps};
 use super::config::WorkConfig;
 use super::graph::{Graph, GraphKey, Graphs};
 use super::inference::Inference;
-use super::room::Room;
-use super::world::{Manner, Stage, WorldError, WorldMessage, WorldTask};
+use super::capacity::CapacityShare;
+use super::world::{MotionSettings, RehearsalMap, WorldError, WorldMessage, WorldParts, WorldTask};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Instant;
@@ -17,17 +17,17 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::work_response::Message;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_world::sense::OBSERVATION_VERSION;
-use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::TrySendError;
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
 use tracing::{info, warn};
 
-/// Most answers waiting to be sent; when full, worlds wait.
+/// Most answers that wait to be sent; when the queue is full, worlds wait.
 const OUT_QUEUE: usize = 256;
-/// Most messages waiting for a world's task. When full, observations are dropped, and the server counts missed decisions.
+/// Most messages that wait for a world's task. When the queue is full, observations are dropped and the server counts missed decisions.
 const WORLD_QUEUE: usize = 256;
 
 /// One connection to a server.
@@ -41,7 +41,7 @@ pub(super) struct Session<'a> {
     /// Maps to rehearse on; none without rehearsals.
     pub maps: Option<&'a Arc<Maps>>,
     /// The worker's capacity, of which the server gets a share.
-    pub room: &'a Room,
+    pub capacity_share: &'a CapacityShare,
 }
 
 /// How a connection ended.
@@ -67,27 +67,29 @@ struct Worlds {
     tasks: JoinSet<Result<(), WorldError>>,
 }
 
+/// An open connection to a server.
+struct Connection {
+    link: Link,
+    responses: tonic::Streaming<wire::WorkResponse>,
+    out: mpsc::Sender<wire::WorkRequest>,
+    /// Whether the server has accepted the worker.
+    is_welcome: bool,
+    /// The capacity that the server knows.
+    offered: u32,
+}
+
 impl Session<'_> {
     /// Decides for NPCs until the connection is lost.
     pub async fn run(&self, server: &Dialer) -> SessionEnd {
-        // Other servers get their share of it as soon as they are connected.
-        let room = self.room.offer_next().max(1);
-        let (channel, mut responses, out) = match self.connect(server, room).await {
-            Ok(connected) => connected,
+        let mut connection = match self.connect(server).await {
+            Ok(connection) => connection,
             Err(status) => return SessionEnd::Refused(status),
         };
-        let mut is_welcome = false;
         let inference = match Inference::start(self.policy.clone()) {
             Ok(inference) => inference,
             Err(error) => return SessionEnd::Refused(Status::resource_exhausted(format!("no thread: {error}"))),
         };
-        let mut worlds = Worlds {
-            npcs: BTreeMap::new(),
-            queues: BTreeMap::new(),
-            keys: BTreeMap::new(),
-            tasks: JoinSet::new(),
-            inference,
-        };
+        let mut worlds = Worlds::new(inference);
         let other_policy = async {
             match self.graphs {
                 Some(graphs) => graphs.other_policy().await,
@@ -95,84 +97,70 @@ impl Session<'_> {
             }
         };
         tokio::pin!(other_policy);
-        let (mut changes, mut offered) = (self.room.changes(), room);
+        let mut changes = self.capacity_share.changes();
         loop {
             let response = tokio::select! {
-                response = responses.next() => response,
-                Ok(()) = changes.changed(), if is_welcome => {
-                    let offer = self.room.offer(self.address);
-                    if offer != offered {
-                        let message = wire::work_request::Message::Capacity(offer);
-                        // When too many answers wait, the next change says it.
-                        let is_sent = out.try_send(wire::WorkRequest { message: Some(message) }).is_ok();
-                        offered = if is_sent { offer } else { offered };
-                    }
+                response = connection.responses.next() => response,
+                Ok(()) = changes.changed(), if connection.is_welcome => {
+                    connection.offer(self.capacity_share.offer(self.address));
                     continue;
                 }
                 status = &mut other_policy => return SessionEnd::OtherPolicy(status),
                 Some(ended) = worlds.tasks.join_next() => match ended {
                     // The server ended the world.
                     Ok(Ok(())) => continue,
-                    // The server assigns the NPCs anew once this connection is gone.
+                    // The server reassigns the NPCs once this connection has ended.
                     Ok(Err(error)) => return SessionEnd::Lost(Status::internal(error.to_string())),
                     Err(error) => return SessionEnd::Lost(Status::internal(format!("a world's task failed: {error}"))),
                 },
             };
             let message = match response {
                 Some(Ok(response)) => response.message,
-                Some(Err(status)) if !is_welcome => return SessionEnd::Refused(status),
+                Some(Err(status)) if !connection.is_welcome => return SessionEnd::Refused(status),
                 Some(Err(status)) => return SessionEnd::Lost(status),
                 None => return SessionEnd::Lost(Status::unavailable("the server ended the stream")),
             };
-            if worlds.note(message.as_ref()) {
-                self.room.note(self.address, worlds.npc_count());
+            if worlds.record_assignments(message.as_ref()) {
+                self.capacity_share.note(self.address, worlds.npc_count());
             }
-            let passed = match message {
-                Some(Message::Welcome(welcome)) => {
-                    is_welcome = true;
-                    info!(worker = welcome.worker_id, server = self.address, "deciding for NPCs");
-                    Ok(())
-                }
-                Some(Message::Assignment(assignment)) => {
-                    let known = worlds.keys.get(&(assignment.world_id, assignment.body_idx));
-                    if known.is_some_and(|key| key.is_for(&assignment)) {
-                        Ok(())
-                    } else {
-                        // Where another body had this index, no NPC has it any more: the task ends with its queue.
-                        self.start_world(&mut worlds, channel.clone(), &assignment, out.clone())
-                    }
-                }
-                Some(Message::Release(release)) => {
-                    worlds.pass_to_all(release.world_id, || WorldMessage::Release(release.npc_ids.clone()))
-                }
-                Some(Message::Ended(ended)) => {
-                    worlds.pass_to_all(ended.world_id, || WorldMessage::Ended(ended.clone()))
-                }
-                Some(Message::Observations(batch)) => {
-                    worlds.pass((batch.world_id, batch.body_idx), WorldMessage::Observations(batch))
-                }
-                Some(Message::Edited(edited)) => self.edit_world(&mut worlds, &channel, &edited),
-                Some(Message::Over(over)) => {
-                    // Its tasks end with the queues.
-                    worlds.queues.retain(|(world_id, _), _| *world_id != over.world_id);
-                    worlds.keys.retain(|(world_id, _), _| *world_id != over.world_id);
-                    Ok(())
-                }
-                None => Ok(()),
-            };
-            if let Err(status) = passed {
+            if let Some(Err(status)) = message.map(|message| self.handle(message, &mut worlds, &mut connection)) {
                 return SessionEnd::Lost(status);
             }
         }
     }
 
-    async fn connect(
-        &self,
-        server: &Dialer,
-        capacity: u32,
-    ) -> Result<(Link, tonic::Streaming<wire::WorkResponse>, mpsc::Sender<wire::WorkRequest>), Status> {
-        let channel = server.connect().await.map_err(|error| Status::unavailable(error.to_string()))?;
-        let mut client = WorldServiceClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
+    /// Handles a message of the server.
+    fn handle(&self, message: Message, worlds: &mut Worlds, connection: &mut Connection) -> Result<(), Status> {
+        match message {
+            Message::Welcome(welcome) => {
+                connection.is_welcome = true;
+                info!(worker = welcome.worker_id, server = self.address, "deciding for NPCs");
+            }
+            Message::Assignment(assignment) => {
+                let known = worlds.keys.get(&(assignment.world_id, assignment.body_idx));
+                if !known.is_some_and(|key| key.is_for(&assignment)) {
+                    // If another body had this index, no NPC has that body any more: its task ends with the queue.
+                    self.start_world(worlds, connection, &assignment)?;
+                }
+            }
+            Message::Release(release) => {
+                worlds.pass_to_all(release.world_id, || WorldMessage::Release(release.npc_ids.clone()))?;
+            }
+            Message::Ended(ended) => worlds.pass_to_all(ended.world_id, || WorldMessage::Ended(ended.clone()))?,
+            Message::Observations(batch) => {
+                worlds.pass((batch.world_id, batch.body_idx), WorldMessage::Observations(batch))?;
+            }
+            Message::Edited(edited) => self.edit_world(worlds, &connection.link, &edited)?,
+            Message::Over(over) => worlds.end(over.world_id),
+        }
+        Ok(())
+    }
+
+    async fn connect(&self, server: &Dialer) -> Result<Connection, Status> {
+        // Other servers get their share as soon as they are connected.
+        let capacity = self.capacity_share.offer_next().max(1);
+        let link = server.connect().await.map_err(|error| Status::unavailable(error.to_string()))?;
+        let mut client = WorldServiceClient::new(link.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let (out, requests) = mpsc::channel(OUT_QUEUE);
         let hello = wire::Hello {
             name: self.config.name.clone(),
@@ -184,53 +172,88 @@ impl Session<'_> {
         let hello = wire::WorkRequest { message: Some(wire::work_request::Message::Hello(hello)) };
         out.send(hello).await.map_err(|_| Status::internal("the request stream closed"))?;
         let responses = client.work(ReceiverStream::new(requests)).await?.into_inner();
-        Ok((channel, responses, out))
+        Ok(Connection { link, responses, out, is_welcome: false, offered: capacity })
     }
 
     fn start_world(
         &self,
         worlds: &mut Worlds,
-        server: Link,
+        connection: &Connection,
         assignment: &wire::Assignment,
-        out: mpsc::Sender<wire::WorkRequest>,
     ) -> Result<(), Status> {
+        let server = &connection.link;
         let body = convert::body(assignment.body.as_ref())?;
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
         let key = GraphKey::of(assignment);
-        let maps = self.maps.filter(|_| self.graphs.is_some());
-        let stage = maps.map(|maps| Stage {
+        let map = self.map_of(&key, server).zip(self.maps).map(|(map, maps)| RehearsalMap {
             maps: maps.clone(),
-            map: maps.of(&key, server.clone()),
-            awaited_since: Instant::now(),
+            map,
+            requested: Instant::now(),
             body,
         });
-        let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(key.clone(), server));
-        let manner = Manner { noise_share: self.config.noise_share, composes: self.config.composes };
-        let inference = worlds.inference.clone();
-        let world = WorldTask::new(assignment, (self.policy.clone(), inference), manner, graph, stage, out);
-        worlds.tasks.spawn(world.run(messages));
+        let parts = WorldParts {
+            policy: self.policy.clone(),
+            inference: worlds.inference.clone(),
+            motion: MotionSettings { noise_share: self.config.noise_share, composes: self.config.composes },
+            graph: self.graph_of(&key, server),
+            map,
+            out: connection.out.clone(),
+        };
+        worlds.tasks.spawn(WorldTask::new(assignment, parts).run(messages));
         worlds.queues.insert((assignment.world_id, assignment.body_idx), sender);
         worlds.keys.insert((assignment.world_id, assignment.body_idx), key);
         Ok(())
     }
 
-    /// Tells the tasks of a world that its map has other pieces, and asks for the graphs of that map.
+    /// The map of a world to rehearse on; without a planner there is nothing to rehearse.
+    fn map_of(&self, key: &GraphKey, server: &Link) -> Option<watch::Receiver<Arrival>> {
+        self.maps.filter(|_| self.graphs.is_some()).map(|maps| maps.of(key, server.clone()))
+    }
+
+    fn graph_of(&self, key: &GraphKey, server: &Link) -> Option<Arc<Graph>> {
+        self.graphs.map(|graphs| graphs.of(key.clone(), server.clone()))
+    }
+
+    /// Passes the new pieces on the map of a world to its tasks, with the map and its graphs.
     fn edit_world(&self, worlds: &mut Worlds, server: &Link, edited: &wire::MapEdited) -> Result<(), Status> {
         let tasks = (edited.world_id, 0)..=(edited.world_id, u32::MAX);
         let mut messages = Vec::new();
         for (&task, key) in worlds.keys.range_mut(tasks) {
             *key = key.with_pieces(edited.pieces.clone());
-            let map = self.maps.filter(|_| self.graphs.is_some()).map(|maps| maps.of(key, server.clone()));
-            let graph = self.graphs.map(|graphs| graphs.of(key.clone(), server.clone()));
+            let (map, graph) = (self.map_of(key, server), self.graph_of(key, server));
             messages.push((task, WorldMessage::Edited { map, graph }));
         }
         messages.into_iter().try_for_each(|(task, message)| worlds.pass(task, message))
     }
 }
 
+impl Connection {
+    /// Offers a capacity to the server, if it knows another one.
+    fn offer(&mut self, capacity: u32) {
+        if capacity != self.offered {
+            let message = wire::work_request::Message::Capacity(capacity);
+            // If too many answers wait, the next change sends it.
+            if self.out.try_send(wire::WorkRequest { message: Some(message) }).is_ok() {
+                self.offered = capacity;
+            }
+        }
+    }
+}
+
 impl Worlds {
-    /// Takes in which NPCs are assigned; whether there may be another number of them.
-    fn note(&mut self, message: Option<&Message>) -> bool {
+    fn new(inference: Inference) -> Self {
+        let (npcs, queues, keys) = Default::default();
+        Self { npcs, queues, keys, inference, tasks: JoinSet::new() }
+    }
+
+    /// Ends the tasks of a world, together with their queues.
+    fn end(&mut self, world_id: u64) {
+        self.queues.retain(|(of_world, _), _| *of_world != world_id);
+        self.keys.retain(|(of_world, _), _| *of_world != world_id);
+    }
+
+    /// Records which NPCs are assigned, and returns whether their number may have changed.
+    fn record_assignments(&mut self, message: Option<&Message>) -> bool {
         match message {
             Some(Message::Assignment(assignment)) => {
                 self.npcs.entry(assignment.world_id).or_default().extend(&assignment.npc_ids);
@@ -251,15 +274,15 @@ impl Worlds {
         self.npcs.values().map(BTreeSet::len).sum::<usize>() as u32
     }
 
-    /// Passes a message to all tasks of a world: each picks the NPCs that are its own.
+    /// Passes a message to all tasks of a world, each of which picks its own NPCs.
     fn pass_to_all(&self, world_id: u64, message: impl Fn() -> WorldMessage) -> Result<(), Status> {
         self.queues.range((world_id, 0)..=(world_id, u32::MAX)).try_for_each(|(&task, _)| self.pass(task, message()))
     }
 
-    /// Passes a message to a world's task. Observations that find a full queue are dropped; any other message must not be lost, so
-    /// the session ends and the server assigns its NPCs anew.
+    /// Passes a message to a world's task. Observations that find a full queue are dropped. No other message may be lost, so a full queue
+    /// ends the session and the server reassigns its NPCs.
     fn pass(&self, task: (u64, u32), message: WorldMessage) -> Result<(), Status> {
-        // The server may have had a message under way when the world ended.
+        // The server may have sent a message before the world ended.
         let Some(queue) = self.queues.get(&task) else { return Ok(()) };
         let (world_id, _) = task;
         match queue.try_send(message) {

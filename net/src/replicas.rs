@@ -136,6 +136,13 @@ pub struct ReplicaLink {
     lines: Arc<[Arc<Line>]>,
 }
 
+impl ReplicaLink {
+    /// Whether no replica has answered its last call, and none is due to be tried again.
+    pub fn is_resting(&self) -> bool {
+        self.lines.iter().all(|line| line.is_resting())
+    }
+}
+
 impl Service<Request<Body>> for ReplicaLink {
     type Response = Response<Body>;
     type Error = Error;

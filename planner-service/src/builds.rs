@@ -163,7 +163,7 @@ impl Planner {
         // From this stage on, interim graphs are told of.
         job.enter(BuildPhase::Probes);
         let interims = Interims { planner: self, wanted: &wanted, started };
-        let spared = Built { graph: update.without_affected_edges(), stats: BuildStats::default() };
+        let spared = Built { graph: update.spared(), stats: BuildStats::default() };
         self.host(&wanted, spared, Provenance::Interim, CarriedOver::default())?;
         job.note_usable(wanted.id);
         let spared_s = started.elapsed().as_secs_f32();

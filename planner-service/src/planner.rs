@@ -481,7 +481,16 @@ impl Planner {
                 found.ok_or(PlannerError::UnknownVertex { field, vertex, count })
             })
         };
-        let trial = Trial::walk(position(from, "from")?, position(to, "to")?, 0);
+        let trial = Trial {
+            start: position(from, "from")?,
+            via: None,
+            goal: position(to, "to")?,
+            stream: 0,
+            on_foot: false,
+            keep_track: false,
+            held: None,
+            ride: None,
+        };
         let Ok(permit) = self.shared.probing.clone().acquire_owned().await else {
             return Err(PlannerError::ShuttingDown);
         };

@@ -1,16 +1,17 @@
-//! Runs whole episodes towards many goals at once, straight or by plan, for validation, evaluation and pictures.
+//! Runs many attempts at once in this process, straight or by plan, for validation, evaluation and pictures.
 
-use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
+use crate::attempt::{AfterRehearsal, Attempt};
+use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
+use crate::follow::scene::Scene;
 use crate::follow::{Fault, FollowConfig, Follower, Step};
 use crate::goals::Goal;
 use crate::motion::{Motion, Trace};
-use crate::rehearse::{Actor, Ghost, Next, NoiseStream, Rehearsal, Resort, Tally};
-use crate::scene::Scene;
+use crate::rehearse::{NoiseStream, Rehearsal};
 use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_planner::EdgeCosts;
+use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::{Router, Traffic};
 use surefoot_policy::Policy;
 use surefoot_world::{Action, CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};
@@ -20,7 +21,7 @@ const BATCH: usize = 256;
 
 /// Result of one attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Attempt {
+pub struct AttemptResult {
     /// How the attempt ended.
     pub end: End,
     /// Number of decisions.
@@ -29,7 +30,7 @@ pub struct Attempt {
     pub replans: u32,
     /// Length of the path from decision to decision, m.
     pub length: f32,
-    /// Number of plans that were taken: 1 for one that went through as planned.
+    /// Number of plans that were taken: 1 if the first plan went through.
     #[serde(default)]
     pub plans: u32,
     /// Chance of arriving as planned that the first plan gave; `None` without a plan that leads to the goal.
@@ -41,6 +42,57 @@ pub struct Attempt {
     /// Why the attempt failed; `None` if it succeeded or did not follow a plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
+}
+
+/// Measures one attempt while it runs.
+#[derive(Debug)]
+pub struct Measured {
+    /// Position of the feet at the last decision, m.
+    pub feet: Vec3,
+    /// How the attempt ended, once it has.
+    pub end: Option<End>,
+    decisions: u32,
+    length: f32,
+    /// Chances of arriving as planned, and with re-plans, that the first plan gave.
+    promised: Option<(f32, f32)>,
+}
+
+impl Measured {
+    /// Begins at `start`, m.
+    pub fn begin(start: Vec3) -> Self {
+        Self { feet: start, end: None, decisions: 0, length: 0.0, promised: None }
+    }
+
+    /// Records the chances that the first plan gives.
+    pub fn record_first_plan(&mut self, follower: &Follower) {
+        self.promised = follower.promised();
+    }
+
+    /// Records where a decision led, m.
+    pub fn record_decision(&mut self, feet: Vec3) {
+        self.decisions += 1;
+        self.length += self.feet.distance(feet);
+        self.feet = feet;
+    }
+
+    /// The result of an attempt that has ended.
+    ///
+    /// # Panics
+    /// If it has not.
+    pub fn result(&self, follower: Option<&Follower>) -> AttemptResult {
+        let end = self.end.expect("every attempt ends");
+        let failed = follower.filter(|_| end != End::Reached);
+        AttemptResult {
+            end,
+            decisions: self.decisions,
+            replans: follower.map_or(0, Follower::replans),
+            length: self.length,
+            plans: follower.map_or(0, Follower::plans),
+            promised: self.promised.map(|it| it.0),
+            promised_arrival: self.promised.map(|it| it.1),
+            fault: failed.map(|follower| follower.fault(end.is_harm())),
+        }
+    }
 }
 
 /// Runs attempts on one map.
@@ -73,14 +125,14 @@ pub struct Figures {
 /// Positions of the feet of one NPC, m: the start, then the position after each decision.
 pub type Track = Vec<Vec3>;
 
-/// An attempt, and what the NPC did in it.
+/// An attempt with its track and actions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Played {
     /// Result of the attempt.
-    pub attempt: Attempt,
+    pub attempt: AttemptResult,
     /// Where the NPC was.
     pub track: Track,
-    /// What it did, decision by decision.
+    /// Its action in each decision.
     pub actions: Vec<Action>,
 }
 
@@ -99,53 +151,53 @@ impl Rollout {
         }
     }
 
-    /// Runs one attempt for each goal, heading straight for the goal, and returns the attempts in the order of the goals.
-    pub fn run(&self, policy: &Policy, goals: &[Goal]) -> Vec<Attempt> {
+    /// Runs one attempt for each goal, heading straight for the goal, and returns the results in the order of the goals.
+    pub fn run(&self, policy: &Policy, goals: &[Goal]) -> Vec<AttemptResult> {
         self.measure(policy, None, goals, &mut Figures::default())
     }
 
-    /// Same as [`run`](Self::run), but following plans of `router`, if there is one, and adds what was measured to `figures`.
+    /// Like [`run`](Self::run), but follows plans of `router`, if there is one, and adds what was measured to `figures`.
     pub fn measure(
         &self,
         policy: &Policy,
         router: Option<&Router>,
         goals: &[Goal],
         figures: &mut Figures,
-    ) -> Vec<Attempt> {
-        let run = |chunk| self.run_batch(policy, router, chunk, figures, &mut |_, _| {});
+    ) -> Vec<AttemptResult> {
+        let run = |chunk| self.run_batch((policy, router), chunk, figures, &mut |_, _| {});
         goals.chunks(BATCH).flat_map(run).map(|played| played.attempt).collect()
     }
 
-    /// Runs all attempts together, following plans of `router`, in a world that `stir` changes before each decision, of which it gets the
-    /// number. Returns the attempts in the order of the goals.
+    /// Runs all attempts together, following plans of `router`. `before_each_decision` gets the world and the number of the decision, and may
+    /// change the world. Returns the results in the order of the goals.
     pub fn live(
         &self,
         policy: &Policy,
         router: &Router,
         goals: &[Goal],
-        mut stir: impl FnMut(&mut World, u32),
-    ) -> Vec<Attempt> {
-        let played = self.run_batch(policy, Some(router), goals, &mut Figures::default(), &mut stir);
+        mut before_each_decision: impl FnMut(&mut World, u32),
+    ) -> Vec<AttemptResult> {
+        let figures = &mut Figures::default();
+        let played = self.run_batch((policy, Some(router)), goals, figures, &mut before_each_decision);
         played.into_iter().map(|played| played.attempt).collect()
     }
 
-    /// Same as [`measure`](Self::measure), but returns what the NPCs did besides.
+    /// Like [`measure`](Self::measure), but also returns the tracks and actions of the NPCs.
     pub fn play(&self, policy: &Policy, router: Option<&Router>, goals: &[Goal]) -> Vec<Played> {
-        let run = |chunk| self.run_batch(policy, router, chunk, &mut Figures::default(), &mut |_, _| {});
+        let run = |chunk| self.run_batch((policy, router), chunk, &mut Figures::default(), &mut |_, _| {});
         goals.chunks(BATCH).flat_map(run).collect()
     }
 
     fn run_batch(
         &self,
-        policy: &Policy,
-        router: Option<&Router>,
+        (policy, router): (&Policy, Option<&Router>),
         goals: &[Goal],
         Figures { search_us, motion }: &mut Figures,
-        stir: &mut dyn FnMut(&mut World, u32),
+        before_each_decision: &mut dyn FnMut(&mut World, u32),
     ) -> Vec<Played> {
         let config = WorldConfig::new(self.profile.clone(), self.task.clone(), self.solid);
         let mut worlds = [World::with_config(self.map.clone(), config)];
-        stir(&mut worlds[0], 0);
+        before_each_decision(&mut worlds[0], 0);
         let mut decisions = DecisionLoop::new(policy);
         let mut walkers: Vec<Walker> = (0..)
             .zip(goals)
@@ -154,6 +206,7 @@ impl Rollout {
                 Walker::start(&mut worlds[0], goal, noise, router.map(|_| self.follow))
             })
             .collect();
+        walkers.iter().for_each(|walker| decisions.begin(walker.deciding.row_idx));
         let mut guide = router.map(|router| Guide {
             router,
             policy,
@@ -162,67 +215,53 @@ impl Rollout {
             traffic: self.solid.then(Traffic::default),
             search_us,
         });
-        for walker in &mut walkers {
-            decisions.begin(walker.lane.row_idx);
-            if let (Some(follower), Some(guide)) = (&mut walker.follower, &mut guide) {
-                let waypoint = guide.plan(follower, walker.track[0]);
-                worlds[0].set_waypoint(walker.lane.slot, waypoint);
-                walker.promised = follower.promised();
-                walker.rehearses_next = true;
-            }
+        if let Some(guide) = &mut guide {
+            walkers.iter_mut().for_each(|walker| guide.begin(&mut worlds[0], walker));
         }
-        let mut lanes: Vec<Lane> = walkers.iter().map(|walker| walker.lane).collect();
+        let mut npcs: Vec<DecidingNpc> = walkers.iter().map(|walker| walker.deciding).collect();
         for decision in 1.. {
-            stir(&mut worlds[0], decision);
+            before_each_decision(&mut worlds[0], decision);
             if let Some(guide) = &mut guide {
-                guide.count_traffic(&walkers);
-                guide.look(&mut worlds[0], &mut walkers);
-                guide.rehearse(&mut worlds[0], &mut walkers, &decisions);
+                guide.prepare(&mut worlds[0], &mut walkers, &decisions);
             }
-            lanes.retain(|lane| walkers[lane.slot.0 as usize].goes_on(&mut worlds[0], self.solid));
-            if lanes.is_empty() {
+            npcs.retain(|npc| walkers[npc.slot.0 as usize].is_running(&mut worlds[0], self.solid));
+            if npcs.is_empty() {
                 break;
             }
-            lanes.iter_mut().for_each(|lane| lane.style = walkers[lane.slot.0 as usize].style());
-            let noise = lanes.iter().flat_map(|lane| walkers[lane.slot.0 as usize].noise.draw(lane.style)).collect();
-            let mut stage = Stage { worlds: &mut worlds, lanes: &lanes };
-            let closed = decisions.decide(&mut stage, policy, Noise::Rows(noise)).to_vec();
-            for ((lane, outcome), action) in lanes.iter().zip(closed).zip(decisions.actions()) {
-                let walker = &mut walkers[lane.slot.0 as usize];
-                walker.actions.push(*action);
-                walker.note_motion(&worlds[0], motion);
-                self.settle(&mut worlds[0], walker, guide.as_mut(), outcome);
+            npcs.iter_mut().for_each(|npc| npc.style = walkers[npc.slot.0 as usize].style());
+            let noise = npcs.iter().flat_map(|npc| walkers[npc.slot.0 as usize].noise.draw(npc.style)).collect();
+            let mut batch = DecisionBatch { worlds: &mut worlds, npcs: &npcs };
+            let outcomes = decisions.decide(&mut batch, policy, Noise::Rows(noise)).to_vec();
+            for ((npc, outcome), action) in npcs.iter().zip(outcomes).zip(decisions.actions()) {
+                let walker = &mut walkers[npc.slot.0 as usize];
+                walker.record(&worlds[0], *action, motion);
+                match &mut guide {
+                    Some(guide) => guide.follow(&mut worlds[0], walker, outcome.end),
+                    None => walker.measured.end = self.end_of_straight(&worlds[0], walker, outcome),
+                }
             }
         }
         walkers.into_iter().map(Walker::finish).collect()
     }
 
-    /// Processes one decision of one NPC.
-    fn settle(&self, world: &mut World, walker: &mut Walker, guide: Option<&mut Guide<'_>>, outcome: DecisionOutcome) {
-        let npc = world.npc(walker.lane.slot).expect("an NPC in every slot");
-        let stalled = npc.episode.expect("an episode in every slot").stalled_decisions;
-        walker.track.push(npc.body.feet);
-        match guide {
-            Some(guide) => guide.follow(world, walker, outcome.end),
-            None => walker.end = outcome.end.or((stalled >= self.follow.patience).then_some(End::NoProgress)),
-        }
+    /// How the attempt of an NPC that heads straight for its goal has ended, if it has.
+    fn end_of_straight(&self, world: &World, walker: &Walker, outcome: DecisionOutcome) -> Option<End> {
+        let episode = world.npc(walker.deciding.slot).and_then(|npc| npc.episode).expect("an episode in every slot");
+        let is_out_of_patience = episode.stalled_decisions >= self.follow.patience;
+        outcome.end.or(is_out_of_patience.then_some(End::NoProgress))
     }
 }
 
 /// One NPC with its running attempt.
 struct Walker {
-    lane: Lane,
+    deciding: DecidingNpc,
     noise: NoiseStream,
-    follower: Option<Follower>,
-    /// Chances of arriving as planned, and with re-plans, that the first plan gave.
-    promised: Option<(f32, f32)>,
-    /// Whether what lies ahead must be rehearsed before the next decision.
-    rehearses_next: bool,
-    ghost: Option<Ghost>,
+    /// The attempt by plan; `None` if the NPC heads straight for its goal.
+    attempt: Option<Attempt>,
+    measured: Measured,
     track: Track,
     actions: Vec<Action>,
     trace: Trace,
-    end: Option<End>,
 }
 
 impl Walker {
@@ -230,127 +269,117 @@ impl Walker {
     fn start(world: &mut World, goal: &Goal, noise: NoiseStream, by_plan: Option<FollowConfig>) -> Self {
         let slot = world.spawn(goal.start, goal.yaw);
         world.set_waypoint(slot, goal.goal);
-        let follower = by_plan.map(|config| Follower::new(goal.goal, config));
-        let track = vec![goal.start];
-        let trace = Trace::begin(world.npc(slot).expect("just spawned"));
         Self {
-            lane: Lane::of(slot),
+            deciding: DecidingNpc::of(slot),
             noise,
-            follower,
-            promised: None,
-            rehearses_next: false,
-            ghost: None,
-            track,
+            attempt: by_plan.map(|config| Attempt::new(Follower::new(goal.goal, config))),
+            measured: Measured::begin(goal.start),
+            track: vec![goal.start],
             actions: Vec::new(),
-            trace,
-            end: None,
+            trace: Trace::begin(world.npc(slot).expect("just spawned")),
         }
     }
 
-    /// How the NPC moves next: composed only where a rehearsal has shown that it arrives so.
+    fn follower(&self) -> Option<&Follower> {
+        self.attempt.as_ref().map(|attempt| &attempt.follower)
+    }
+
     fn style(&self) -> Style {
-        if let Some(stay) = self.follower.as_ref().and_then(Follower::stays) {
-            return stay;
-        }
-        let ghost = self.ghost.as_ref().filter(|ghost| ghost.is_ahead());
-        ghost.and(self.follower.as_ref()).map_or(Style::Free, Follower::style)
+        self.attempt.as_ref().map_or(Style::Free, Attempt::style)
     }
 
-    fn note_motion(&mut self, world: &World, motion: &mut Motion) {
-        let npc = world.npc(self.lane.slot).expect("a running NPC");
-        motion.note(&mut self.trace, npc, self.follower.as_ref().and_then(Follower::ability));
+    /// Records one decision.
+    fn record(&mut self, world: &World, action: Action, motion: &mut Motion) {
+        let npc = world.npc(self.deciding.slot).expect("a running NPC");
+        motion.note(&mut self.trace, npc, self.attempt.as_ref().and_then(|attempt| attempt.follower.ability()));
+        self.actions.push(action);
+        self.track.push(npc.body.feet);
+        self.measured.record_decision(npc.body.feet);
     }
 
-    /// Whether the attempt goes on; otherwise the NPC comes to rest if it `stays`, and is removed if not.
-    fn goes_on(&self, world: &mut World, stays: bool) -> bool {
-        match self.end {
-            Some(_) if stays => world.clear_waypoint(self.lane.slot),
-            Some(_) => _ = world.despawn(self.lane.slot),
+    /// Whether the NPC decides again; otherwise it comes to rest if it `stays`, or leaves the world.
+    fn is_running(&self, world: &mut World, stays: bool) -> bool {
+        match self.measured.end {
+            Some(_) if stays => world.clear_waypoint(self.deciding.slot),
+            Some(_) => _ = world.despawn(self.deciding.slot),
             None => {}
         }
-        self.end.is_none()
+        self.measured.end.is_none()
     }
 
     fn finish(self) -> Played {
-        let end = self.end.expect("every attempt ends");
-        let failed = self.follower.as_ref().filter(|_| end != End::Reached);
-        let attempt = Attempt {
-            end,
-            decisions: self.track.len() as u32 - 1,
-            plans: self.follower.as_ref().map_or(0, Follower::plans),
-            promised: self.promised.map(|it| it.0),
-            promised_arrival: self.promised.map(|it| it.1),
-            replans: self.follower.as_ref().map_or(0, Follower::replans),
-            length: self.track.windows(2).fold(0.0, |length, step| length + step[0].distance(step[1])),
-            fault: failed.map(|follower| follower.fault(end.is_harm())),
-        };
+        let attempt = self.measured.result(self.follower());
         Played { attempt, track: self.track, actions: self.actions }
     }
 }
 
-/// Where plans come from, and what tries them out.
+/// Plans for NPCs, and rehearses their plans.
 struct Guide<'a> {
     router: &'a Router,
     policy: &'a Policy,
     rehearsal: Rehearsal,
     rehearses: bool,
-    /// Where the NPCs are about to be; `None` if they do not get in each other's way.
+    /// Predicted places of the NPCs; `None` if they do not get in each other's way.
     traffic: Option<Traffic>,
     search_us: &'a mut Vec<f64>,
 }
 
 impl Guide<'_> {
+    /// Begins the attempt of an NPC with its first plan.
+    fn begin(&mut self, world: &mut World, walker: &mut Walker) {
+        self.plan(world, walker, walker.measured.feet);
+        let Walker { attempt, measured, .. } = walker;
+        measured.record_first_plan(&attempt_of(attempt).follower);
+    }
+
+    /// Prepares the next decision of all NPCs.
+    fn prepare(&mut self, world: &mut World, walkers: &mut [Walker], decisions: &DecisionLoop) {
+        self.count_traffic(walkers);
+        if !world.movers().is_empty() {
+            walkers.iter_mut().for_each(|walker| self.watch_movers(world, walker));
+        }
+        if self.rehearses {
+            self.rehearse(world, walkers, decisions);
+        }
+    }
+
     fn count_traffic(&mut self, walkers: &[Walker]) {
         let Some(traffic) = &mut self.traffic else { return };
         *traffic = Traffic::default();
-        for walker in walkers.iter().filter(|walker| walker.end.is_none()) {
-            if let (Some(follower), Some(feet)) = (&walker.follower, walker.track.last()) {
-                follower.add_to(traffic, *feet);
+        for walker in walkers.iter().filter(|walker| walker.measured.end.is_none()) {
+            if let Some(follower) = walker.follower() {
+                follower.add_to(traffic, walker.measured.feet);
             }
         }
     }
 
-    /// Processes one decision of an NPC. `leg_end` is the end of the episode towards the current waypoint, if it ended.
+    /// Processes one decision of an NPC. `leg_end` is how the way to the current waypoint ended, if it did.
     fn follow(&mut self, world: &mut World, walker: &mut Walker, leg_end: Option<End>) {
-        let slot = walker.lane.slot;
+        let slot = walker.deciding.slot;
         let body = world.npc(slot).expect("a running NPC").body;
-        let feet = body.feet;
-        let is_barred = walker.follower.as_ref().is_some_and(Follower::is_barred);
-        if self.rehearses && !is_barred && !walker.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&body)) {
-            (walker.ghost, walker.rehearses_next) = (None, true);
+        let attempt = attempt_of(&mut walker.attempt);
+        let is_as_forecast = attempt.check_forecast(&body);
+        let mut step = attempt.follower.record_decision(body.feet, leg_end);
+        let is_pushed = world.config().npc_collision && !is_as_forecast && body.is_grounded();
+        if is_pushed && matches!(step, Step::Keep | Step::HeadFor(_)) {
+            let waypoint = attempt.follower.return_to_way(world.map(), &world.config().profiles[0], body.feet);
+            step = waypoint.map_or(step, Step::HeadFor);
         }
-        let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
-        let waypoint_reached = leg_end == Some(End::Reached);
-        let is_arrival = waypoint_reached && follower.is_last_leg() && !follower.is_second_best();
-        if is_arrival || leg_end.is_some_and(End::is_harm) {
-            walker.end = leg_end;
-            return;
+        match step {
+            Step::Keep => {}
+            Step::HeadFor(waypoint) => {
+                attempt.extend_forecast();
+                world.set_waypoint(slot, waypoint);
+            }
+            Step::Plan => self.plan(world, walker, body.feet),
+            Step::End(end) => walker.measured.end = Some(end),
         }
-        let is_pushed = world.config().npc_collision && walker.ghost.is_none() && body.is_grounded();
-        let step = match follower.note(feet, waypoint_reached) {
-            step @ (Step::Keep | Step::Head(_)) if is_pushed => {
-                follower.regain(world.map(), &world.config().profiles[0], feet).map_or(step, Step::Head)
-            }
-            step => step,
-        };
-        let waypoint = match step {
-            Step::Keep => return,
-            Step::Head(waypoint) => waypoint,
-            Step::Plan => {
-                walker.ghost = None;
-                self.plan(follower, feet)
-            }
-            Step::GiveUp => return walker.end = Some(End::NoProgress),
-            Step::Unreachable => return walker.end = Some(End::Unreachable),
-        };
-        world.set_waypoint(slot, waypoint);
-        walker.rehearses_next = true;
     }
 
-    /// Plans from `feet`, m, and returns the first waypoint, m.
-    fn plan(&mut self, follower: &mut Follower, feet: Vec3) -> Vec3 {
+    /// Plans for an NPC from `feet`, m; it heads for the first waypoint.
+    fn plan(&mut self, world: &mut World, walker: &mut Walker, feet: Vec3) {
         let Self { router, traffic, search_us, .. } = self;
-        follower.plan(feet, |query| {
+        let waypoint = attempt_of(&mut walker.attempt).plan(feet, |query| {
             let started = Instant::now();
             let plan = match traffic {
                 Some(traffic) => router.find_path_in(traffic, query, &EdgeCosts::new()),
@@ -358,92 +387,73 @@ impl Guide<'_> {
             };
             search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
             plan
-        })
+        });
+        world.set_waypoint(walker.deciding.slot, waypoint);
     }
 
-    /// Lets all NPCs look at the movers, and call those that they want; those whose way is barred plan anew.
-    fn look(&mut self, world: &mut World, walkers: &mut [Walker]) {
-        if world.movers().is_empty() {
+    /// Lets an NPC watch the movers, call those that it needs, and plan again if they bar its plan.
+    fn watch_movers(&mut self, world: &mut World, walker: &mut Walker) {
+        if walker.measured.end.is_some() {
             return;
         }
-        for walker in walkers.iter_mut().filter(|walker| walker.end.is_none()) {
-            let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
-            let body = world.npc(walker.lane.slot).expect("a running NPC").body;
-            follower.look(Scene { map: world.map(), states: world.movers() }, body.feet, body.is_grounded());
-            if follower.has_replanned_enough() {
-                walker.end = Some(End::NoProgress);
-                continue;
-            }
-            if follower.waypoint().is_none() && !follower.is_barred() {
-                let waypoint = self.plan(follower, body.feet);
-                world.set_waypoint(walker.lane.slot, waypoint);
-                (walker.ghost, walker.rehearses_next) = (None, true);
-                let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
-                follower.look(Scene { map: world.map(), states: world.movers() }, body.feet, body.is_grounded());
-            }
-            if let Some(call) = walker.follower.as_ref().and_then(Follower::call) {
-                world.call(call.mover, call.stop);
-            }
+        let body = world.npc(walker.deciding.slot).expect("a running NPC").body;
+        let watch = |world: &World, attempt: &mut Attempt| {
+            let scene = Scene { map: world.map(), states: world.movers() };
+            attempt.follower.watch_movers(scene, body.feet, body.is_grounded());
+        };
+        let attempt = attempt_of(&mut walker.attempt);
+        watch(world, attempt);
+        if attempt.follower.has_used_up_replans() {
+            walker.measured.end = Some(End::NoProgress);
+            return;
+        }
+        if attempt.follower.waypoint().is_none() && !attempt.follower.is_barred() {
+            self.plan(world, walker, body.feet);
+            watch(world, attempt_of(&mut walker.attempt));
+        }
+        if let Some(call) = walker.follower().and_then(Follower::call) {
+            world.call(call.mover, call.stop);
         }
     }
 
     /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more.
     fn rehearse(&mut self, world: &mut World, walkers: &mut [Walker], decisions: &DecisionLoop) {
         let hidden_len = self.policy.memory_len();
-        let mut waiting: Vec<(usize, Tally)> = Vec::new();
-        for (idx, walker) in walkers.iter_mut().enumerate() {
-            let is_due = std::mem::take(&mut walker.rehearses_next) && walker.end.is_none();
-            if self.rehearses && is_due {
-                waiting.push((idx, Tally::default()));
-            }
-        }
-        while !waiting.is_empty() {
-            let ghosts: Vec<Option<Ghost>> = waiting.iter().map(|(idx, _)| walkers[*idx].ghost.take()).collect();
-            let actors = waiting.iter().zip(ghosts).map(|((idx, _), ghost)| {
-                let Walker { lane, follower, noise, .. } = &walkers[*idx];
-                let npc = *world.npc(lane.slot).expect("a running NPC");
-                let follower = follower.as_ref().expect("NPCs with a guide follow plans");
-                let hidden = decisions.hidden()[lane.row_idx * hidden_len..][..hidden_len].to_vec();
-                Actor { npc, follower: follower.clone(), hidden, noise: *noise, ghost }
+        let is_due =
+            |walker: &Walker| walker.measured.end.is_none() && walker.attempt.as_ref().is_some_and(Attempt::is_due);
+        let mut due: Vec<usize> = (0..walkers.len()).filter(|idx| is_due(&walkers[*idx])).collect();
+        due.iter().for_each(|idx| attempt_of(&mut walkers[*idx].attempt).begin_rehearsals());
+        while !due.is_empty() {
+            let starts = due.iter().map(|idx| {
+                let Walker { deciding, attempt, noise, .. } = &mut walkers[*idx];
+                let npc = *world.npc(deciding.slot).expect("a running NPC");
+                let hidden = decisions.hidden()[deciding.row_idx * hidden_len..][..hidden_len].to_vec();
+                attempt_of(attempt).rehearsal(npc, hidden, *noise)
             });
-            let actors: Vec<Actor> = actors.collect();
-            let results = self.rehearsal.run(self.policy, actors, world.movers());
-            let mut results = results.into_iter();
-            waiting.retain_mut(|(idx, tally)| {
+            let starts = starts.collect();
+            let mut results = self.rehearsal.run(self.policy, starts, world.movers()).into_iter();
+            due.retain(|idx| {
                 let walker = &mut walkers[*idx];
-                match results.next().expect("a result for each actor") {
-                    Ok(ghost) => {
-                        let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
-                        follower.learn_way(ghost.way());
-                        walker.ghost = Some(ghost);
-                        false
+                let result = results.next().expect("a result for each rehearsal");
+                match attempt_of(&mut walker.attempt).record_rehearsal(result, &mut walker.noise) {
+                    AfterRehearsal::Act => false,
+                    AfterRehearsal::Rehearse => true,
+                    AfterRehearsal::Plan => {
+                        let feet = world.npc(walker.deciding.slot).expect("a running NPC").body.feet;
+                        self.plan(world, walker, feet);
+                        true
                     }
-                    Err(mishap) => {
-                        let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
-                        let resort = tally.note(mishap, follower);
-                        self.resort(world, walker, resort)
+                    AfterRehearsal::End => {
+                        walker.measured.end = Some(End::Unreachable);
+                        false
                     }
                 }
             });
         }
     }
+}
 
-    /// Does what is left for an NPC after a mishap in a rehearsal, and returns whether it rehearses again.
-    fn resort(&mut self, world: &mut World, walker: &mut Walker, resort: Resort) -> bool {
-        let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
-        match resort.take(follower, &mut walker.noise) {
-            Next::Again => true,
-            Next::Plan => {
-                let feet = world.npc(walker.lane.slot).expect("a running NPC").body.feet;
-                let waypoint = self.plan(follower, feet);
-                world.set_waypoint(walker.lane.slot, waypoint);
-                true
-            }
-            Next::Wait => false,
-            Next::Stop => {
-                walker.end = Some(End::Unreachable);
-                false
-            }
-        }
-    }
+/// The attempt of an NPC with a guide.
+fn attempt_of(attempt: &mut Option<Attempt>) -> &mut Attempt {
+    attempt.as_mut().expect("NPCs with a guide follow plans")
 }

@@ -1,6 +1,6 @@
 //! Crowds: NPCs that head for one goal after another, for recordings and for samples of the decisions of a policy.
 
-use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
+use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::goals::random_point;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -20,26 +20,26 @@ pub fn record(map: Arc<Map>, policy: &Policy, npc_count: usize, decision_count: 
     let points = navigable::sample_many(&map, &profile, npc_count * 4, &mut rng)?;
     let mut worlds = [World::new(map, profile, TaskConfig::default())];
     worlds[0].start_recording();
-    let lanes: Vec<Lane> = points[..npc_count].iter().map(|&feet| Lane::of(worlds[0].spawn(feet, 0.0))).collect();
+    let npcs: Vec<DecidingNpc> = points[..npc_count].iter().map(|&feet| DecidingNpc::of(worlds[0].spawn(feet, 0.0))).collect();
     let mut decisions = DecisionLoop::new(policy);
-    lanes.iter().for_each(|lane| decisions.begin(lane.row_idx));
+    npcs.iter().for_each(|npc| decisions.begin(npc.row_idx));
     for _ in 0..decision_count {
-        lanes.iter().for_each(|lane| renew_goal(&mut worlds[0], *lane, &points, &mut rng));
-        let mut stage = Stage { worlds: &mut worlds, lanes: &lanes };
-        decisions.decide(&mut stage, policy, Noise::Shared(DEFAULT_NOISE_SHARE, &mut rng));
+        npcs.iter().for_each(|npc| renew_goal(&mut worlds[0], *npc, &points, &mut rng));
+        let mut batch = DecisionBatch { worlds: &mut worlds, npcs: &npcs };
+        decisions.decide(&mut batch, policy, Noise::Shared(DEFAULT_NOISE_SHARE, &mut rng));
     }
     Ok(worlds[0].finish_recording().expect("a recording is under way"))
 }
 
 /// Sets a new goal for an NPC whose episode has ended; an NPC that came to harm is teleported first.
-fn renew_goal(world: &mut World, lane: Lane, points: &[Vec3], rng: &mut ChaCha8Rng) {
-    let npc = world.npc(lane.slot).expect("a spawned NPC");
+fn renew_goal(world: &mut World, deciding: DecidingNpc, points: &[Vec3], rng: &mut ChaCha8Rng) {
+    let npc = world.npc(deciding.slot).expect("a spawned NPC");
     let (harmed, episode) = (npc.harm.is_some(), npc.episode);
     if harmed {
-        world.teleport(lane.slot, random_point(points, rng), 0.0);
+        world.teleport(deciding.slot, random_point(points, rng), 0.0);
     }
     if harmed || episode.is_none_or(|episode| episode.end.is_some()) {
-        world.set_waypoint(lane.slot, random_point(points, rng));
+        world.set_waypoint(deciding.slot, random_point(points, rng));
     }
 }
 
@@ -67,15 +67,15 @@ pub fn sample_decisions(
     let points = navigable::sample_many(&map, &profile, 2 * npc_count, &mut rng)?;
     let mut worlds = [World::new(map, profile, TaskConfig::default())];
     let mut decisions = DecisionLoop::new(policy);
-    let mut lanes = Vec::with_capacity(npc_count);
+    let mut npcs = Vec::with_capacity(npc_count);
     for pair in points.chunks_exact(2) {
         let slot = worlds[0].spawn(pair[0], 0.0);
         worlds[0].set_waypoint(slot, pair[1]);
-        decisions.begin(Lane::of(slot).row_idx);
-        lanes.push(Lane::of(slot));
+        decisions.begin(DecidingNpc::of(slot).row_idx);
+        npcs.push(DecidingNpc::of(slot));
     }
     let samples = (0..decision_count).map(|_| {
-        decisions.decide(&mut Stage { worlds: &mut worlds, lanes: &lanes }, policy, Noise::Shared(0.0, &mut rng));
+        decisions.decide(&mut DecisionBatch { worlds: &mut worlds, npcs: &npcs }, policy, Noise::Shared(0.0, &mut rng));
         let actions = decisions.actions().iter().flat_map(|action| action.to_array()).collect();
         Sample { observations: decisions.observations().to_vec(), actions }
     });

@@ -12,24 +12,24 @@ pub const DEFAULT_NOISE_SHARE: f32 = 0.5;
 
 /// An NPC that decides, and the row of its hidden state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lane {
-    /// Index of the world in [`Stage::worlds`].
+pub struct DecidingNpc {
+    /// Index of the world in [`DecisionBatch::worlds`].
     pub world_idx: usize,
     /// Slot of the NPC in that world.
     pub slot: NpcSlot,
     /// Row of the NPC's hidden state.
     pub row_idx: usize,
-    /// How the NPC carries out what the policy wants.
+    /// How the NPC carries out the policy's action.
     pub style: Style,
 }
 
-impl Lane {
-    /// The lane of an NPC if there is only one world; the row is the slot.
+impl DecidingNpc {
+    /// An NPC of the only world; its row is its slot.
     pub fn of(slot: NpcSlot) -> Self {
         Self { world_idx: 0, slot, row_idx: slot.0 as usize, style: Style::Free }
     }
 
-    /// The same lane in another style.
+    /// The same NPC in another style.
     pub fn in_style(self, style: Style) -> Self {
         Self { style, ..self }
     }
@@ -37,23 +37,23 @@ impl Lane {
 
 /// Worlds, and the NPCs in them that decide together.
 #[derive(Debug)]
-pub struct Stage<'a> {
-    /// Worlds; every one is stepped.
+pub struct DecisionBatch<'a> {
+    /// Worlds, all of which are stepped.
     pub worlds: &'a mut [World],
     /// NPCs that decide; all others keep their action.
-    pub lanes: &'a [Lane],
+    pub npcs: &'a [DecidingNpc],
 }
 
 /// Noise that is added to the policy's mean actions, in units of the policy's standard deviation.
 #[derive(Debug)]
 pub enum Noise<'a> {
-    /// This share of the policy's exploration noise, drawn from one generator for all lanes in order.
+    /// This share of the policy's exploration noise, drawn from one generator for all NPCs in order.
     Shared(f32, &'a mut ChaCha8Rng),
-    /// One row of [`ACTION_LEN`](surefoot_world::character::ACTION_LEN) values for each lane.
+    /// One row of [`ACTION_LEN`](surefoot_world::character::ACTION_LEN) values for each NPC.
     Rows(Vec<f32>),
 }
 
-/// The decision loop: buffers that are reused from decision to decision, and the hidden states of all lanes.
+/// The decision loop: buffers that are reused from decision to decision, and the hidden states of all NPCs.
 #[derive(Debug)]
 pub struct DecisionLoop {
     /// Number of values of an observation.
@@ -94,21 +94,21 @@ impl DecisionLoop {
         self.hidden.set_rows(rows);
     }
 
-    /// Last observations of the lanes, one after another.
+    /// Last observations of the NPCs, one after another.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
 
-    /// Last actions of the lanes, in their order.
+    /// Last actions of the NPCs, in their order.
     pub fn actions(&self) -> &[Action] {
         &self.actions
     }
 
-    /// Runs one whole decision of all lanes and returns the outcome of each lane, in order.
-    pub fn decide(&mut self, stage: &mut Stage<'_>, policy: &Policy, noise: Noise<'_>) -> &[DecisionOutcome] {
-        self.choose(stage, policy, noise);
+    /// Runs one whole decision of all NPCs and returns the outcome of each NPC, in order.
+    pub fn decide(&mut self, batch: &mut DecisionBatch<'_>, policy: &Policy, noise: Noise<'_>) -> &[DecisionOutcome] {
+        self.choose(batch, policy, noise);
         let actions = std::mem::take(&mut self.actions);
-        self.advance(stage, &actions);
+        self.advance(batch, &actions);
         self.actions = actions;
         &self.outcomes
     }
@@ -116,47 +116,47 @@ impl DecisionLoop {
     /// Same as [`decide`](Self::decide), but calls `each_tick` with the worlds after each tick.
     pub fn decide_watched(
         &mut self,
-        stage: &mut Stage<'_>,
+        batch: &mut DecisionBatch<'_>,
         policy: &Policy,
         noise: Noise<'_>,
         mut each_tick: impl FnMut(&[World]),
     ) -> &[DecisionOutcome] {
-        self.choose(stage, policy, noise);
+        self.choose(batch, policy, noise);
         let actions = std::mem::take(&mut self.actions);
-        begin(stage, &actions);
+        begin(batch, &actions);
         for _ in 0..TICKS_PER_DECISION {
-            stage.worlds.iter_mut().for_each(World::tick);
-            each_tick(stage.worlds);
+            batch.worlds.iter_mut().for_each(World::tick);
+            each_tick(batch.worlds);
         }
         self.actions = actions;
-        self.close(stage)
+        self.close(batch)
     }
 
-    /// The first two phases, and the style of each lane.
-    fn choose(&mut self, stage: &Stage<'_>, policy: &Policy, noise: Noise<'_>) {
-        self.observe(stage.worlds, stage.lanes);
-        self.act(stage.lanes, policy, noise);
-        for (lane, action) in stage.lanes.iter().zip(&mut self.actions) {
-            let world = &stage.worlds[lane.world_idx];
-            let npc = world.npc(lane.slot).expect("an NPC that decides");
-            *action = lane.style.shape(*action, npc, world.profile_of(npc));
+    /// The first two phases, and the style of each NPC.
+    fn choose(&mut self, batch: &DecisionBatch<'_>, policy: &Policy, noise: Noise<'_>) {
+        self.observe(batch.worlds, batch.npcs);
+        self.act(batch.npcs, policy, noise);
+        for (deciding, action) in batch.npcs.iter().zip(&mut self.actions) {
+            let world = &batch.worlds[deciding.world_idx];
+            let npc = world.npc(deciding.slot).expect("an NPC that decides");
+            *action = deciding.style.shape(*action, npc, world.profile_of(npc));
         }
     }
 
-    /// The first phase: writes the observation of every lane.
-    pub fn observe(&mut self, worlds: &[World], lanes: &[Lane]) {
-        self.observations.resize(lanes.len() * self.observation_len, 0.0);
-        for (lane, row) in lanes.iter().zip(self.observations.chunks_exact_mut(self.observation_len)) {
-            worlds[lane.world_idx].observe(lane.slot, row);
+    /// The first phase: writes the observation of every NPC.
+    pub fn observe(&mut self, worlds: &[World], npcs: &[DecidingNpc]) {
+        self.observations.resize(npcs.len() * self.observation_len, 0.0);
+        for (npc, row) in npcs.iter().zip(self.observations.chunks_exact_mut(self.observation_len)) {
+            worlds[npc.world_idx].observe(npc.slot, row);
             if !self.senses_transports {
                 sense::hide_transports(row);
             }
         }
     }
 
-    /// The second phase: computes the action of every lane from its observation.
-    pub fn act(&mut self, lanes: &[Lane], policy: &Policy, noise: Noise<'_>) {
-        let rows = lanes.iter().map(|lane| lane.row_idx);
+    /// The second phase: computes the action of every NPC from its observation.
+    pub fn act(&mut self, npcs: &[DecidingNpc], policy: &Policy, noise: Noise<'_>) {
+        let rows = npcs.iter().map(|npc| npc.row_idx);
         let Self { observations, actions, hidden, .. } = self;
         match noise {
             Noise::Shared(share, rng) => hidden.act(policy, rows, observations, share, rng, actions),
@@ -164,31 +164,31 @@ impl DecisionLoop {
         }
     }
 
-    /// The third phase: holds one action for each lane during ten ticks of all worlds, then closes the decision.
+    /// The third phase: holds one action for each NPC during ten ticks of all worlds, then closes the decision.
     ///
     /// # Panics
-    /// If the NPC of a lane has no episode, or the numbers of actions and lanes differ.
-    pub fn advance(&mut self, stage: &mut Stage<'_>, actions: &[Action]) -> &[DecisionOutcome] {
-        begin(stage, actions);
-        stage.worlds.iter_mut().for_each(World::tick_decision);
-        self.close(stage)
+    /// If an NPC has no episode, or the numbers of actions and NPCs differ.
+    pub fn advance(&mut self, batch: &mut DecisionBatch<'_>, actions: &[Action]) -> &[DecisionOutcome] {
+        begin(batch, actions);
+        batch.worlds.iter_mut().for_each(World::tick_decision);
+        self.close(batch)
     }
 
-    fn close(&mut self, Stage { worlds, lanes }: &mut Stage<'_>) -> &[DecisionOutcome] {
+    fn close(&mut self, DecisionBatch { worlds, npcs }: &mut DecisionBatch<'_>) -> &[DecisionOutcome] {
         self.outcomes.clear();
         self.outcomes.extend(
-            lanes.iter().map(|lane| {
-                worlds[lane.world_idx].close_decision(lane.slot).expect("an NPC that decides has an episode")
+            npcs.iter().map(|npc| {
+                worlds[npc.world_idx].close_decision(npc.slot).expect("an NPC that decides has an episode")
             }),
         );
         &self.outcomes
     }
 }
 
-/// Starts the decision of every lane.
-fn begin(Stage { worlds, lanes }: &mut Stage<'_>, actions: &[Action]) {
-    assert_eq!(actions.len(), lanes.len(), "one action for each lane");
-    for (lane, action) in lanes.iter().zip(actions) {
-        worlds[lane.world_idx].decide(lane.slot, *action);
+/// Starts the decision of every NPC.
+fn begin(DecisionBatch { worlds, npcs }: &mut DecisionBatch<'_>, actions: &[Action]) {
+    assert_eq!(actions.len(), npcs.len(), "one action for each NPC");
+    for (npc, action) in npcs.iter().zip(actions) {
+        worlds[npc.world_idx].decide(npc.slot, *action);
     }
 }

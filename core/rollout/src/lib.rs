@@ -1,15 +1,15 @@
-//! The decision loop, and what training, probing, evaluation, environments and pictures share around it.
+//! The decision loop, and the parts around it that training, probing, evaluation, environments and pictures share.
 //!
-//! [`decision`] is the loop: observe, act, ten ticks, close. [`goals`] draws starts and goals, [`follow`] follows a plan,
-//! [`style`] shapes actions so that NPCs look composed, [`motion`] measures how they move,
-//! [`attempts`] runs whole episodes, straight or by plan, [`probe`] runs the short episodes that prove edges, [`rehearse`]
-//! runs legs ahead of NPCs, [`drive`] is a plain controller that follows a path without a policy, [`shape`] measures where the leaps of an
-//! edge begin and end, [`env`](mod@env) lets a caller choose the actions, [`crowd`] keeps NPCs moving for recordings, and
-//! [`graphs`] builds graphs with probes that run in this process.
+//! - [`decision`]: observe, act, ten ticks, close; [`style`] shapes the actions and [`motion`] measures how NPCs move.
+//! - [`attempt`]: the state machine of an NPC on its way to a goal; [`follow`] follows a plan and [`rehearse`] runs its next legs ahead of time.
+//!   [`attempts`] runs many of them in this process.
+//! - [`probe`]: the short episodes that prove edges; [`graphs`] builds graphs with them, and [`shape`] measures where the leaps of an edge
+//!   begin and end, with [`drive`], a controller that follows a path without a policy.
+//! - [`env`](mod@env): NPCs whose actions the caller chooses; [`goals`] draws starts and goals, and [`crowd`] keeps NPCs busy.
 //!
 //! This crate neither learns nor uses the network.
 
-mod aside;
+pub mod attempt;
 pub mod attempts;
 pub mod crowd;
 pub mod decision;
@@ -21,12 +21,12 @@ pub mod graphs;
 pub mod motion;
 pub mod probe;
 pub mod rehearse;
-pub mod scene;
 pub mod shape;
 pub mod style;
 
-pub use attempts::{Attempt, Rollout};
-pub use decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
+pub use attempt::Attempt;
+pub use attempts::{AttemptResult, Rollout};
+pub use decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 pub use follow::{Fault, FollowConfig, Follower};
 pub use goals::Goal;
 pub use motion::Motion;

@@ -3,16 +3,15 @@
 //! Every episode draws its heading and noise from its own random stream, which its trial names, so that its result does not
 //! depend on the other episodes, on their order or on the number of threads.
 
-use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
+use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::goals::{Goal, random_yaw};
 use crate::style::Style;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-use surefoot_planner::needs::{MoverAt, Need, Needs, Ride};
+use surefoot_planner::needs::{self, Boarding, Need, Needs, Ride};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
-use surefoot_planner::ride_stops::{Boarding, longest_ride_ticks, states_for_proof};
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
 use surefoot_policy::actor::gaussian;
@@ -68,10 +67,10 @@ impl ProbeContext {
     }
 
     /// A world in which movers stand where edges are proved, and `held` at its stop.
-    pub(crate) fn world_for(&self, held: Option<MoverAt>) -> World {
+    pub(crate) fn world_for(&self, held: Option<(u16, u8)>) -> World {
         let mut world = World::new(self.map.clone(), self.profile.clone(), TaskConfig::default());
         if !self.map.movers().is_empty() {
-            world.set_movers(states_for_proof(&self.map, held));
+            world.set_movers(needs::states_for_proof(&self.map, held));
         }
         world
     }
@@ -203,12 +202,12 @@ fn run_chunk(
 
 /// Runs a ride: the body stands still on the mover until that has reached the stop where the ride ends; `None` if `watch` cancelled.
 fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride, watch: &dyn ProbeWatch) -> Option<Outcome> {
-    let mut world = context.world_for(Some(MoverAt { mover: ride.mover, stop: ride.from }));
+    let mut world = context.world_for(Some((ride.mover, ride.from)));
     let mut outcome = Outcome::begin(trial.start);
     outcome.needs = Needs::of_ride(ride);
     let slot = world.spawn(trial.start, 0.0);
     world.order(ride.mover, MoverOrder::GoTo(ride.to));
-    for tick in 1..=longest_ride_ticks(&context.map.movers()[usize::from(ride.mover)], ride) {
+    for tick in 1..=needs::longest_ride_ticks(&context.map.movers()[usize::from(ride.mover)], ride) {
         if tick % TICKS_PER_DECISION == 0 && watch.is_cancelled() {
             return None;
         }
@@ -242,7 +241,7 @@ pub(crate) struct Probes<'a> {
 
 impl<'a> Probes<'a> {
     /// Prepares trials of which this mover is held at that stop. `reliance` is that on the map.
-    pub(crate) fn new(context: &'a ProbeContext, reliance: &'a Reliance, seed: u64, held: Option<MoverAt>) -> Self {
+    pub(crate) fn new(context: &'a ProbeContext, reliance: &'a Reliance, seed: u64, held: Option<(u16, u8)>) -> Self {
         let policy = &context.policy;
         Self {
             policy,
@@ -265,7 +264,7 @@ impl<'a> Probes<'a> {
         let wait = self.boarding.map_or(0, |boarding| boarding.wait_from(trial.start));
         let started = Running::start(&mut self.worlds[0], trial_idx, (trial, style), self.seed, wait);
         let slot = started.slot;
-        self.decisions.begin(Lane::of(slot).row_idx);
+        self.decisions.begin(DecidingNpc::of(slot).row_idx);
         self.running.push(started);
         slot
     }
@@ -278,32 +277,32 @@ impl<'a> Probes<'a> {
     /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows the world after
     /// each tick if somebody watches.
     pub(crate) fn decide(&mut self, mut watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
-        let lanes: Vec<Lane> =
-            self.running.iter().map(|probe| Lane::of(probe.slot).in_style(probe.course.style)).collect();
-        let noise = self.running.iter_mut().flat_map(|probe| probe.course.noise()).collect();
-        let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
+        let npcs: Vec<DecidingNpc> =
+            self.running.iter().map(|run| DecidingNpc::of(run.slot).in_style(run.probe.style)).collect();
+        let noise = self.running.iter_mut().flat_map(|run| run.probe.noise()).collect();
+        let mut batch = DecisionBatch { worlds: &mut self.worlds, npcs: &npcs };
         let noise = Noise::Rows(noise);
         let Self { reliance, running, .. } = self;
         let closed = if reliance.is_void() && watch.is_none() {
-            self.decisions.decide(&mut stage, self.policy, noise)
+            self.decisions.decide(&mut batch, self.policy, noise)
         } else {
             let note_tick = |worlds: &[World]| {
-                running.iter_mut().for_each(|probe| probe.note_needs(&worlds[0], reliance));
+                running.iter_mut().for_each(|run| run.record_needs(&worlds[0], reliance));
                 if let Some(watch) = &mut watch {
                     watch(worlds);
                 }
             };
-            self.decisions.decide_watched(&mut stage, self.policy, noise, note_tick)
+            self.decisions.decide_watched(&mut batch, self.policy, noise, note_tick)
         };
         let mut closed = closed.iter();
         let mut finished = Vec::new();
         let [world] = &mut self.worlds;
-        self.running.retain_mut(|probe| {
-            if probe.note(world, *closed.next().expect("an outcome for each lane")) {
+        self.running.retain_mut(|run| {
+            if run.record(world, *closed.next().expect("an outcome for each NPC")) {
                 return true;
             }
-            world.despawn(probe.slot);
-            finished.push((probe.trial_idx, probe.course.outcome.clone()));
+            world.despawn(run.slot);
+            finished.push((run.trial_idx, run.probe.outcome.clone()));
             false
         });
         finished
@@ -314,32 +313,32 @@ impl<'a> Probes<'a> {
 struct Running {
     slot: NpcSlot,
     trial_idx: usize,
-    course: Course,
+    probe: RunningProbe,
 }
 
 impl Running {
     fn start(world: &mut World, trial_idx: usize, (trial, style): (&Trial, Style), seed: u64, wait: u32) -> Self {
-        let (course, Goal { start, yaw, goal }) = Course::begin(trial, seed, wait, &world.config().profiles[0]);
-        let course = Course { style, ..course };
+        let (probe, Goal { start, yaw, goal }) = RunningProbe::begin(trial, seed, wait, &world.config().profiles[0]);
+        let probe = RunningProbe { style, ..probe };
         let slot = world.spawn(start, yaw);
         world.set_waypoint(slot, goal);
-        Self { slot, trial_idx, course }
+        Self { slot, trial_idx, probe }
     }
 
     /// Records what the body relies on in this tick.
-    fn note_needs(&mut self, world: &World, reliance: &Reliance) {
+    fn record_needs(&mut self, world: &World, reliance: &Reliance) {
         let Some(npc) = world.npc(self.slot) else { return };
-        let needs = &mut self.course.outcome.needs;
+        let needs = &mut self.probe.outcome.needs;
         reliance.of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| {
             needs.add(Need { mover, stops });
         });
     }
 
     /// Records one decision and returns whether the trial continues.
-    fn note(&mut self, world: &mut World, closed: DecisionOutcome) -> bool {
+    fn record(&mut self, world: &mut World, closed: DecisionOutcome) -> bool {
         let npc = world.npc(self.slot).expect("a trial has an NPC");
         let episode = npc.episode.expect("a trial has an episode");
-        let noted = Noted {
+        let report = DecisionReport {
             feet: npc.body.feet,
             is_grounded: npc.body.is_grounded(),
             ability: npc.used_abilities.most_demanding(),
@@ -347,20 +346,20 @@ impl Running {
             stalled: episode.stalled_decisions,
             decisions: episode.decisions,
         };
-        match self.course.note(&noted, &world.config().profiles[0]) {
-            Next::Same => true,
-            Next::Head(goal) => {
+        match self.probe.record(&report, &world.config().profiles[0]) {
+            ProbeStep::Keep => true,
+            ProbeStep::HeadFor(goal) => {
                 world.set_waypoint(self.slot, goal);
                 true
             }
-            Next::Over => false,
+            ProbeStep::End => false,
         }
     }
 }
 
 /// A trial that runs, in whatever world.
 #[derive(Debug)]
-pub struct Course {
+pub struct RunningProbe {
     /// How the NPC moves.
     pub style: Style,
     /// The outcome so far.
@@ -376,7 +375,7 @@ pub struct Course {
 
 /// What a decision of a trial came to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Noted {
+pub struct DecisionReport {
     /// Position of the feet, m.
     pub feet: Vec3,
     /// Whether the body stands on the ground.
@@ -393,16 +392,16 @@ pub struct Noted {
 
 /// What follows a decision of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Next {
+pub enum ProbeStep {
     /// The NPC goes on.
-    Same,
+    Keep,
     /// It heads for this place from now on, m.
-    Head(Vec3),
+    HeadFor(Vec3),
     /// The trial is over.
-    Over,
+    End,
 }
 
-impl Course {
+impl RunningProbe {
     /// Begins a trial with the random stream that it names under `seed`, after `wait` decisions. Returns also where the NPC starts, and
     /// for which place it heads first.
     pub fn begin(trial: &Trial, seed: u64, wait: u32, profile: &CharacterProfile) -> (Self, Goal) {
@@ -414,8 +413,8 @@ impl Course {
         outcome.track.extend(trial.keep_track.then_some(Some(trial.start)));
         let style = if trial.on_foot { Style::for_leg(Ability::Walk) } else { Style::Free };
         let give_up_after = patience(trial.start, goal, profile);
-        let course = Self { style, outcome, keep_track: trial.keep_track, next, give_up_after, rng, wait };
-        (course, Goal { start: trial.start, yaw, goal })
+        let probe = Self { style, outcome, keep_track: trial.keep_track, next, give_up_after, rng, wait };
+        (probe, Goal { start: trial.start, yaw, goal })
     }
 
     /// Noise that is added to the next action, in units of the policy's standard deviation.
@@ -425,28 +424,28 @@ impl Course {
     }
 
     /// Records one decision.
-    pub fn note(&mut self, noted: &Noted, profile: &CharacterProfile) -> Next {
+    pub fn record(&mut self, report: &DecisionReport, profile: &CharacterProfile) -> ProbeStep {
         let outcome = &mut self.outcome;
-        outcome.ability = outcome.ability.max(noted.ability);
-        outcome.bounds = [outcome.bounds[0].min(noted.feet), outcome.bounds[1].max(noted.feet)];
+        outcome.ability = outcome.ability.max(report.ability);
+        outcome.bounds = [outcome.bounds[0].min(report.feet), outcome.bounds[1].max(report.feet)];
         if self.keep_track {
-            outcome.track.push(noted.is_grounded.then_some(noted.feet));
+            outcome.track.push(report.is_grounded.then_some(report.feet));
         }
-        let gave_up = (noted.stalled >= self.give_up_after).then_some(End::NoProgress);
-        let Some(end) = noted.end.or(gave_up) else { return Next::Same };
+        let gave_up = (report.stalled >= self.give_up_after).then_some(End::NoProgress);
+        let Some(end) = report.end.or(gave_up) else { return ProbeStep::Keep };
         outcome.reached = end == End::Reached;
         outcome.died = end.is_harm();
-        outcome.decisions = noted.decisions + self.wait;
-        let Some(next) = self.next.take() else { return Next::Over };
-        let approach = std::mem::replace(outcome, Outcome::begin(noted.feet));
+        outcome.decisions = report.decisions + self.wait;
+        let Some(next) = self.next.take() else { return ProbeStep::End };
+        let approach = std::mem::replace(outcome, Outcome::begin(report.feet));
         self.wait = 0;
         let goes_on = approach.reached;
         outcome.approach = Some(Box::new(approach));
         if !goes_on {
-            return Next::Over;
+            return ProbeStep::End;
         }
-        self.give_up_after = patience(noted.feet, next, profile);
-        Next::Head(next)
+        self.give_up_after = patience(report.feet, next, profile);
+        ProbeStep::HeadFor(next)
     }
 }
 

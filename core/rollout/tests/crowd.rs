@@ -4,7 +4,7 @@ use std::sync::Arc;
 use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::graphs::build;
-use surefoot_rollout::{Attempt, Goal, ProbeContext, Rollout};
+use surefoot_rollout::{AttemptResult, Goal, ProbeContext, Rollout};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -50,7 +50,7 @@ fn a_crowd_gets_through_a_door_without_anybody_stuck_beside_it() {
     let last = |solid: bool| {
         let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         rollout.solid = solid;
-        let attempts: Vec<Attempt> = rollout.live(&policy, &router, &goals(), |_, _| {});
+        let attempts: Vec<AttemptResult> = rollout.live(&policy, &router, &goals(), |_, _| {});
         let arrived = attempts.iter().filter(|attempt| attempt.end == End::Reached).count();
         assert_eq!(arrived, 64, "solid: {solid}");
         attempts.iter().map(|attempt| attempt.decisions).max().unwrap()

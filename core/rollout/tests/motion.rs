@@ -8,7 +8,7 @@ use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
-use surefoot_rollout::{Attempt, Goal, Motion, ProbeContext, Rollout, Style};
+use surefoot_rollout::{AttemptResult, Goal, Motion, ProbeContext, Rollout, Style};
 use surefoot_world::character::Body;
 use surefoot_world::{
     Ability, Action, CharacterProfile, DECISION_SECONDS, End, Map, MapSpec, TaskConfig, Vec3, World, navigable,
@@ -27,14 +27,14 @@ fn composed_npcs_turn_and_jump_less_and_arrive_as_often() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let points = navigable::sample_many(&map, &CharacterProfile::default(), 400, &mut rng).unwrap();
     let goals = Goal::draw(&points, 5.0..200.0, 80, &mut rng);
-    let run = |composes: bool| -> (Vec<Attempt>, Motion) {
+    let run = |composes: bool| -> (Vec<AttemptResult>, Motion) {
         let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         rollout.follow.composes = composes;
         let mut figures = Figures::default();
         (rollout.measure(&policy, Some(&router), &goals, &mut figures), figures.motion)
     };
     let ((composed, calm), (free, restless)) = (run(true), run(false));
-    let reached = |attempts: &[Attempt]| attempts.iter().filter(|attempt| attempt.end == End::Reached).count();
+    let reached = |attempts: &[AttemptResult]| attempts.iter().filter(|attempt| attempt.end == End::Reached).count();
     assert!(reached(&composed) + 1 >= reached(&free), "{} of {}", reached(&composed), reached(&free));
     assert!(2.0 * calm.reversals_per_s() < restless.reversals_per_s(), "{calm:?} {restless:?}");
     assert!(2.0 * calm.walk.jumps_per_100m() < restless.walk.jumps_per_100m(), "{calm:?} {restless:?}");

@@ -5,11 +5,12 @@ use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use surefoot_planner::{BuildSettings, LegKey, Progress, Router};
 use surefoot_policy::Policy;
+use surefoot_rollout::attempt::{Recovery, RetryBudget};
 use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
-use surefoot_rollout::rehearse::{Actor, Mishap, NoiseStream, Rehearsal, Resort, Tally};
+use surefoot_rollout::rehearse::{NoiseStream, Rehearsal, RehearsalFailure, RehearsalStart};
 use surefoot_rollout::{
-    Attempt, DecisionLoop, FollowConfig, Follower, Goal, Lane, Noise, ProbeContext, Rollout, Stage,
+    AttemptResult, DecidingNpc, DecisionBatch, DecisionLoop, FollowConfig, Follower, Goal, Noise, ProbeContext, Rollout,
 };
 use surefoot_world::map::MapKind;
 use surefoot_world::{CharacterProfile, End, Map, MapSpec, RawMapSpec, TaskConfig, Vec3, World, navigable};
@@ -27,7 +28,7 @@ fn goals(map: &Map, count: usize) -> Vec<Goal> {
     Goal::draw(&points, 5.0..200.0, count, &mut rng)
 }
 
-fn harmed(attempts: &[Attempt]) -> usize {
+fn harmed(attempts: &[AttemptResult]) -> usize {
     attempts.iter().filter(|attempt| attempt.end.is_harm()).count()
 }
 
@@ -48,15 +49,15 @@ fn npcs_that_rehearse_do_not_fall_where_others_do() {
     assert_eq!(harmed(&rehearsed), 0);
 }
 
-/// A world with one NPC that heads straight for its goal, and the NPC as an actor of its rehearsal.
-fn heads_straight(map: &Arc<Map>, policy: &Policy, goal: &Goal, noise: NoiseStream) -> ([World; 1], Lane, Actor) {
+/// A world with one NPC that heads straight for its goal, and the start of its rehearsal.
+fn heads_straight(map: &Arc<Map>, policy: &Policy, goal: &Goal, noise: NoiseStream) -> ([World; 1], DecidingNpc, RehearsalStart) {
     let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
-    let lane = Lane::of(world.spawn(goal.start, goal.yaw));
-    world.set_waypoint(lane.slot, goal.goal);
+    let deciding = DecidingNpc::of(world.spawn(goal.start, goal.yaw));
+    world.set_waypoint(deciding.slot, goal.goal);
     let follower = Follower::new(goal.goal, FollowConfig::default()).straight();
-    let npc = *world.npc(lane.slot).unwrap();
-    let actor = Actor { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, ghost: None };
-    ([world], lane, actor)
+    let npc = *world.npc(deciding.slot).unwrap();
+    let start = RehearsalStart { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, forecast: None };
+    ([world], deciding, start)
 }
 
 #[test]
@@ -66,26 +67,26 @@ fn an_npc_does_what_its_rehearsal_foretold() {
     let mut foretold = 0;
     for (stream, goal) in (0..).zip(goals(&map, 12)) {
         let mut noise = NoiseStream::new(0.5, 7, stream);
-        let (mut worlds, lane, actor) = heads_straight(&map, &policy, &goal, noise);
-        let Ok(mut ghost) = rehearsal.run(&policy, vec![actor], &[]).remove(0) else { continue };
+        let (mut worlds, deciding, start) = heads_straight(&map, &policy, &goal, noise);
+        let Ok(mut forecast) = rehearsal.run(&policy, vec![start], &[]).remove(0) else { continue };
         let mut decisions = DecisionLoop::new(&policy);
-        decisions.begin(lane.row_idx);
+        decisions.begin(deciding.row_idx);
         loop {
-            let draw = Noise::Rows(noise.draw(lane.style).collect());
-            let end = decisions.decide(&mut Stage { worlds: &mut worlds, lanes: &[lane] }, &policy, draw)[0].end;
-            let body = worlds[0].npc(lane.slot).unwrap().body;
-            if end.is_none() && !ghost.foretold(&body) {
+            let draw = Noise::Rows(noise.draw(deciding.style).collect());
+            let end = decisions.decide(&mut DecisionBatch { worlds: &mut worlds, npcs: &[deciding] }, &policy, draw)[0].end;
+            let body = worlds[0].npc(deciding.slot).unwrap().body;
+            if end.is_none() && !forecast.matches(&body) {
                 // As far as it was rehearsed.
                 break;
             }
             foretold += 1;
             if end.is_some() {
-                assert!(ghost.foretold(&body), "the end was foretold, too");
+                assert!(forecast.matches(&body), "the end was foretold, too");
                 break;
             }
             let mut elsewhere = body;
             elsewhere.feet += Vec3::X * 0.001;
-            assert!(!ghost.clone().foretold(&elsewhere), "another body is another story");
+            assert!(!forecast.clone().matches(&elsewhere), "another body is another story");
         }
     }
     assert!(foretold > 100, "{foretold} decisions were foretold");
@@ -98,18 +99,18 @@ fn an_npc_whose_rehearsal_arrived_stands_alive_afterwards() {
     let (mut arrived, mut refused) = (0, 0);
     for (stream, goal) in (0..).zip(goals(&map, 400)) {
         let mut noise = NoiseStream::new(0.5, 9, stream);
-        let (mut worlds, lane, actor) = heads_straight(&map, &policy, &goal, noise);
-        if rehearsal.run(&policy, vec![actor], &[])[0].is_err() {
+        let (mut worlds, deciding, start) = heads_straight(&map, &policy, &goal, noise);
+        if rehearsal.run(&policy, vec![start], &[])[0].is_err() {
             refused += 1;
             continue;
         }
         let mut decisions = DecisionLoop::new(&policy);
-        decisions.begin(lane.row_idx);
+        decisions.begin(deciding.row_idx);
         // The rehearsal went on for 160 decisions at most.
         let mut end = None;
         for _ in 0..160 {
-            let draw = Noise::Rows(noise.draw(lane.style).collect());
-            end = decisions.decide(&mut Stage { worlds: &mut worlds, lanes: &[lane] }, &policy, draw)[0].end;
+            let draw = Noise::Rows(noise.draw(deciding.style).collect());
+            end = decisions.decide(&mut DecisionBatch { worlds: &mut worlds, npcs: &[deciding] }, &policy, draw)[0].end;
             if end.is_some() {
                 break;
             }
@@ -118,9 +119,9 @@ fn an_npc_whose_rehearsal_arrived_stands_alive_afterwards() {
             continue;
         }
         // What the server does with an NPC that has arrived.
-        worlds[0].clear_waypoint(lane.slot);
+        worlds[0].clear_waypoint(deciding.slot);
         (0..240).for_each(|_| worlds[0].tick());
-        let npc = worlds[0].npc(lane.slot).unwrap();
+        let npc = worlds[0].npc(deciding.slot).unwrap();
         assert_eq!(npc.harm, None, "an NPC that arrived at {} died", goal.goal);
         assert!(npc.body.velocity.length() < 0.5, "{:?}", npc.body);
         arrived += 1;
@@ -129,15 +130,15 @@ fn an_npc_whose_rehearsal_arrived_stands_alive_afterwards() {
 }
 
 #[test]
-fn after_a_mishap_other_noise_is_tried_then_another_way_and_at_last_nothing() {
-    let harm = Mishap { leg: LegKey::DIRECT, is_harm: true };
-    let stall = Mishap { is_harm: false, ..harm };
-    let resorts = |mishap| {
-        let mut tally = Tally::default();
+fn after_a_failure_other_noise_is_tried_then_another_way_and_at_last_nothing() {
+    let harm = RehearsalFailure { leg: LegKey::DIRECT, is_harm: true };
+    let stall = RehearsalFailure { is_harm: false, ..harm };
+    let recoveries = |failure| {
+        let mut retries = RetryBudget::default();
         let mut follower = Follower::new(Vec3::ZERO, FollowConfig::default());
-        (0..96).map(|_| tally.note(mishap, &mut follower)).collect::<Vec<Resort>>()
+        (0..96).map(|_| retries.spend(failure, &mut follower)).collect::<Vec<Recovery>>()
     };
-    assert_eq!(resorts(harm)[..3], [Resort::Redraw, Resort::Redraw, Resort::Avoid(harm)]);
-    assert_eq!(resorts(stall)[..2], [Resort::Redraw, Resort::Avoid(stall)]);
-    assert_eq!([resorts(harm)[95], resorts(stall)[95]], [Resort::Stop; 2]);
+    assert_eq!(recoveries(harm)[..3], [Recovery::ChangeNoise, Recovery::ChangeNoise, Recovery::Avoid(harm)]);
+    assert_eq!(recoveries(stall)[..2], [Recovery::ChangeNoise, Recovery::Avoid(stall)]);
+    assert_eq!([recoveries(harm)[95], recoveries(stall)[95]], [Recovery::Stop; 2]);
 }

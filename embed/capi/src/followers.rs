@@ -1,13 +1,13 @@
-//! Followers: attempts of NPCs at goals by plan, with the rules of the server's NPCs.
+//! Followers: attempts of NPCs at goals by plan, with the rules of NPCs on a server.
 
 use crate::abi;
 use crate::error::{Fault, Status};
 use crate::graphs::{self, Graph};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::{AbilitySet, Caution, Plan, Query};
-use surefoot_rollout::follow;
+use surefoot_rollout::follow::Step;
 use surefoot_rollout::{FollowConfig, Follower as Rules};
-use surefoot_world::Vec3;
+use surefoot_world::{End, Vec3};
 
 /// `sf_follower`: an attempt at a goal.
 #[derive(Debug)]
@@ -17,8 +17,8 @@ pub struct Follower {
     plan: Option<Plan>,
     /// Traversals that the caller has not taken.
     traversals: Vec<abi::Traversal>,
-    /// How the attempt ended; it then stays so.
-    end: Option<follow::Step>,
+    /// How the attempt ended.
+    end: Option<End>,
 }
 
 impl Follower {
@@ -28,15 +28,18 @@ impl Follower {
         Self { rules: Rules::new(goal, config), plan: None, traversals: Vec::new(), end: None }
     }
 
-    /// Takes note of a decision: where the feet are, m, and whether the NPC came to its waypoint meanwhile.
+    /// Records a decision: where the feet are, m, and whether the NPC reached its waypoint.
     pub fn advance(&mut self, feet: Vec3, reached: bool) -> abi::Step {
-        let step = self.end.unwrap_or_else(|| self.rules.note(feet, reached));
-        self.collect();
-        if matches!(step, follow::Step::GiveUp | follow::Step::Unreachable) {
-            self.end = Some(step);
+        if let Some(end) = self.end {
+            return self.step(Step::End(end));
         }
-        if step == follow::Step::Plan {
-            self.plan = None;
+        let step = self.rules.record_decision(feet, reached.then_some(End::Reached));
+        self.collect();
+        match step {
+            // The caller decides whether the goal is reached.
+            Step::End(End::Reached) | Step::Keep | Step::HeadFor(_) => {}
+            Step::End(end) => self.end = Some(end),
+            Step::Plan => self.plan = None,
         }
         self.step(step)
     }
@@ -50,26 +53,26 @@ impl Follower {
         without: AbilitySet,
     ) -> Result<abi::Step, Fault> {
         if let Some(end) = self.end {
-            return Ok(self.step(end));
+            return Ok(self.step(Step::End(end)));
         }
-        self.rules.forget_plan();
+        self.rules.drop_plan();
         loop {
             let query = Query { caution, without, ..self.rules.query(feet) };
             let plan = graph.find(&query);
             if !self.rules.reconsiders(&plan) {
                 self.plan = Some(plan.clone());
                 let waypoint = self.rules.take_plan(plan);
-                return Ok(self.step(follow::Step::Head(waypoint)));
+                return Ok(self.step(Step::HeadFor(waypoint)));
             }
         }
     }
 
-    /// Takes note that the NPC died.
-    pub fn note_harm(&mut self) {
+    /// Records that the NPC died, which ends the attempt.
+    pub fn record_death(&mut self) {
         if self.end.is_none() {
-            self.rules.note_harm();
+            self.rules.record_harm();
             self.collect();
-            self.end = Some(follow::Step::GiveUp);
+            self.end = Some(End::NoProgress);
         }
     }
 
@@ -79,12 +82,12 @@ impl Follower {
         self.plan.as_ref().map(|plan| graphs::legs(plan).collect()).ok_or_else(missing)
     }
 
-    /// Traversals that have not been taken.
+    /// Traversals since the last call of [`forget_traversals`](Self::forget_traversals).
     pub fn traversals(&self) -> &[abi::Traversal] {
         &self.traversals
     }
 
-    /// Forgets the first traversals, which were taken.
+    /// Forgets the traversals, which the caller has taken.
     pub fn forget_traversals(&mut self) {
         self.traversals.clear();
     }
@@ -101,13 +104,13 @@ impl Follower {
         }));
     }
 
-    fn step(&self, step: follow::Step) -> abi::Step {
+    fn step(&self, step: Step) -> abi::Step {
         let kind = match step {
-            follow::Step::Keep => 0,
-            follow::Step::Head(_) => 1,
-            follow::Step::Plan => 2,
-            follow::Step::GiveUp => 3,
-            follow::Step::Unreachable => 4,
+            Step::Keep | Step::End(End::Reached) => 0,
+            Step::HeadFor(_) => 1,
+            Step::Plan => 2,
+            Step::End(End::Unreachable) => 4,
+            Step::End(_) => 3,
         };
         abi::Step {
             struct_size: 0,

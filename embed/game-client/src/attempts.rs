@@ -1,17 +1,18 @@
-//! Sends NPCs of a game to goals, straight or by plan, as evaluations do in worlds of ours.
+//! Sends NPCs of a game to goals, straight or by plan, as evaluations do in simulated worlds.
 //!
-//! The game moves on from waypoint to waypoint by itself; a new route goes there only where a leg fails. Nothing is rehearsed, since nobody
-//! can run ahead in the game, and NPCs are free to move as their policy wants.
+//! The game itself moves on from waypoint to waypoint and gets a new route only where a leg fails. Rehearsals are not possible in a game, so
+//! its NPCs move freely.
 
 use super::drive::{Deciding, Drive};
 use super::link::{EnvState, Game, GameError, Level};
 use std::time::Instant;
 use surefoot_planner::Router;
 use surefoot_policy::Policy;
+use surefoot_rollout::attempts::Measured;
 use surefoot_rollout::env::Route;
 use surefoot_rollout::follow::Step;
 use surefoot_rollout::rehearse::NoiseStream;
-use surefoot_rollout::{Attempt, FollowConfig, Follower, Goal, Style};
+use surefoot_rollout::{AttemptResult, FollowConfig, Follower, Goal, Style};
 use surefoot_world::{End, Episode, TaskConfig, Vec3};
 
 /// Rules of attempts.
@@ -29,14 +30,14 @@ pub struct Rules {
 /// goals, and the duration of every search, us.
 ///
 /// # Errors
-/// If the game is of no use.
+/// If the game refuses, does not answer, or breaks the contract.
 pub fn attempt(
     game: &Game,
     level: &Level,
     policy: &Policy,
     router: Option<&Router>,
     (goals, rules): (&[Goal], Rules),
-) -> Result<(Vec<Attempt>, Vec<f64>), GameError> {
+) -> Result<(Vec<AttemptResult>, Vec<f64>), GameError> {
     if goals.is_empty() {
         return Ok(Default::default());
     }
@@ -45,15 +46,15 @@ pub fn attempt(
         (0..).zip(goals).map(|(idx, goal)| Walker::start(idx, goal, rules, guide.as_mut())).collect();
     let starts: Vec<Goal> = goals.iter().zip(&walkers).map(|(goal, walker)| walker.first_leg(goal)).collect();
     let mut drive = Drive::new(game.open(level, &starts)?, policy, &level.body);
-    while walkers.iter().any(|walker| walker.end.is_none()) {
+    while walkers.iter().any(|walker| walker.measured.end.is_none()) {
         let (mut deciding, mut noise, mut routes) = (Vec::new(), Vec::new(), Vec::new());
-        for walker in walkers.iter_mut().filter(|walker| walker.end.is_none()) {
+        for walker in walkers.iter_mut().filter(|walker| walker.measured.end.is_none()) {
             deciding.push(Deciding { npc_idx: walker.npc_idx, style: Style::Free });
             noise.extend(walker.noise.draw(Style::Free));
             routes.extend(walker.route.take());
         }
         let state = drive.decide(&deciding, noise, &routes)?;
-        for walker in walkers.iter_mut().filter(|walker| walker.end.is_none()) {
+        for walker in walkers.iter_mut().filter(|walker| walker.measured.end.is_none()) {
             walker.settle(state, rules, guide.as_mut());
         }
     }
@@ -68,7 +69,7 @@ struct Guide<'a> {
 }
 
 impl Guide<'_> {
-    /// Plans anew from `feet`, m.
+    /// Plans from `feet`, m.
     fn plan(&mut self, follower: &mut Follower, feet: Vec3) {
         let Self { router, search_us } = self;
         follower.plan(feet, |query| {
@@ -86,16 +87,13 @@ struct Walker {
     goal: Vec3,
     noise: NoiseStream,
     follower: Option<Follower>,
-    promised: Option<(f32, f32)>,
-    /// The way to the goal.
+    measured: Measured,
+    /// The whole way to the goal.
     episode: Episode,
     /// Sent with the next step.
     route: Option<Route>,
     /// Places of its route that it had passed before the last step.
     passed: u32,
-    feet: Vec3,
-    length: f32,
-    end: Option<End>,
 }
 
 impl Walker {
@@ -105,31 +103,28 @@ impl Walker {
             goal: goal.goal,
             noise: NoiseStream::new(rules.noise_share, rules.seed, npc_idx as u64),
             follower: None,
-            promised: None,
+            measured: Measured::begin(goal.start),
             episode: Episode::new(goal.goal, goal.start),
             route: None,
             passed: 0,
-            feet: goal.start,
-            length: 0.0,
-            end: None,
         };
         if let Some(guide) = guide {
             let mut follower = Follower::new(goal.goal, rules.follow);
             guide.plan(&mut follower, goal.start);
-            walker.promised = follower.promised();
+            walker.measured.record_first_plan(&follower);
             walker.follower = Some(follower);
             walker.send_route();
         }
         walker
     }
 
-    /// Where it heads first on its way to `goal`: its route only begins where the first step ends.
+    /// Where the NPC heads in the first step to `goal`: its route begins when that step ends.
     fn first_leg(&self, goal: &Goal) -> Goal {
         let waypoint = self.follower.as_ref().and_then(Follower::waypoint);
         Goal { goal: waypoint.unwrap_or(goal.goal), ..*goal }
     }
 
-    /// Heads for the waypoints that lie ahead, from the end of the next step on.
+    /// Heads for the waypoints ahead when the next step ends.
     fn send_route(&mut self) {
         let waypoints = self.follower.as_ref().map_or(&[][..], Follower::waypoints_ahead).to_vec();
         self.route = (!waypoints.is_empty()).then_some(Route { npc_idx: self.npc_idx, start: None, waypoints });
@@ -139,15 +134,14 @@ impl Walker {
     fn settle(&mut self, state: &EnvState, rules: Rules, guide: Option<&mut Guide<'_>>) {
         let task = TaskConfig::default();
         let feet = state.positions[self.npc_idx];
-        self.length += self.feet.distance(feet);
-        self.feet = feet;
+        self.measured.record_decision(feet);
         self.episode.note_tick(feet, &task);
         self.episode.close_decision(&task);
         let ended = state.ended[self.npc_idx];
         match guide {
             None => {
-                let has_stalled = self.episode.stalled_decisions >= rules.follow.patience;
-                self.end = ended.or(has_stalled.then_some(End::NoProgress));
+                let is_out_of_patience = self.episode.stalled_decisions >= rules.follow.patience;
+                self.measured.end = ended.or(is_out_of_patience.then_some(End::NoProgress));
             }
             Some(guide) => self.follow(state, ended, guide),
         }
@@ -155,48 +149,36 @@ impl Walker {
 
     /// Processes one decision of an NPC that follows a plan. `ended` is how the way along its route ended, if it did.
     fn follow(&mut self, state: &EnvState, ended: Option<End>, guide: &mut Guide<'_>) {
-        let passed = state.passed[self.npc_idx];
+        let (passed, feet) = (state.passed[self.npc_idx], self.measured.feet);
         let passes = passed.saturating_sub(std::mem::replace(&mut self.passed, passed));
         let follower = self.follower.as_mut().expect("an NPC with a guide follows plans");
-        let is_there = ended == Some(End::Reached);
-        let is_at_goal = self.feet.distance(self.goal) <= TaskConfig::default().goal_radius;
-        let is_arrival = is_there && (is_at_goal || follower.is_last_leg() && !follower.is_second_best());
-        if is_arrival || ended.is_some_and(End::is_harm) {
-            self.end = ended;
+        let is_at_goal = feet.distance(self.goal) <= TaskConfig::default().goal_radius;
+        if ended == Some(End::Reached) && is_at_goal {
+            self.measured.end = ended;
             return;
         }
-        // The game heads on by itself where it passed a place, and rests where the way ended.
+        // The game itself heads on from a place that an NPC has passed, and lets it rest where the route ended.
         let mut needs_route = ended.is_some();
-        for note in 0..passes.max(1) {
-            match follower.note(self.feet, passes > note || is_there) {
+        for pass in 0..passes.max(1) {
+            let has_passed = passes > pass && !ended.is_some_and(End::is_harm);
+            let leg_end = if has_passed { Some(End::Reached) } else { ended };
+            match follower.record_decision(feet, leg_end) {
                 Step::Keep => {}
-                Step::Head(_) => needs_route |= passes == 0,
+                Step::HeadFor(_) => needs_route |= passes == 0,
                 Step::Plan => {
-                    guide.plan(follower, self.feet);
+                    guide.plan(follower, feet);
                     needs_route = true;
                     break;
                 }
-                Step::GiveUp => self.end = Some(End::NoProgress),
-                Step::Unreachable => self.end = Some(End::Unreachable),
+                Step::End(end) => self.measured.end = Some(end),
             }
         }
-        if needs_route && self.end.is_none() {
+        if needs_route && self.measured.end.is_none() {
             self.send_route();
         }
     }
 
-    fn finish(self) -> Attempt {
-        let end = self.end.expect("every attempt ends");
-        let failed = self.follower.as_ref().filter(|_| end != End::Reached);
-        Attempt {
-            end,
-            decisions: self.episode.decisions,
-            plans: self.follower.as_ref().map_or(0, Follower::plans),
-            promised: self.promised.map(|it| it.0),
-            promised_arrival: self.promised.map(|it| it.1),
-            replans: self.follower.as_ref().map_or(0, Follower::replans),
-            length: self.length,
-            fault: failed.map(|follower| follower.fault(end.is_harm())),
-        }
+    fn finish(self) -> AttemptResult {
+        self.measured.result(self.follower.as_ref())
     }
 }

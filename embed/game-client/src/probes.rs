@@ -1,6 +1,6 @@
 //! Probes candidate edges in a game: the policy runs there, many trials at a time, and the planner hears how they went.
 //!
-//! Every trial has the heading, the noise and the patience that it has in a world of ours ([`Course`]), so a game with our physics proves
+//! Every trial has the heading, the noise and the patience that it has in a world of ours ([`RunningProbe`]), so a game with our physics proves
 //! our edges. Edges that hang on movers are not proved: the contract does not tell where they stand.
 
 use super::drive::{Deciding, Drive, seen};
@@ -12,7 +12,7 @@ use surefoot_planner::{BuildError, BuildSettings, Built, Progress};
 use surefoot_policy::Policy;
 use surefoot_rollout::env::Route;
 use surefoot_rollout::graphs;
-use surefoot_rollout::probe::{Course, Next, Noted};
+use surefoot_rollout::probe::{RunningProbe, ProbeStep, DecisionReport};
 use surefoot_rollout::style::npc_of;
 use surefoot_rollout::{Goal, ProbeContext};
 use surefoot_world::{End, Episode, TaskConfig};
@@ -142,7 +142,7 @@ struct Crew<'a> {
 /// An NPC with the trial that it runs.
 struct Lane {
     trial_idx: usize,
-    course: Course,
+    probe: RunningProbe,
     /// The way to the place for which it heads.
     episode: Episode,
     /// Places of its route that it had passed before the last step.
@@ -153,9 +153,9 @@ struct Lane {
 
 impl Lane {
     fn begin(run: &InGame<'_>, trials: &[Trial], trial_idx: usize, seed: u64) -> (Self, Goal) {
-        let (course, goal) = Course::begin(&trials[trial_idx], seed, 0, &run.level.body);
+        let (probe, goal) = RunningProbe::begin(&trials[trial_idx], seed, 0, &run.level.body);
         let episode = Episode::new(goal.goal, goal.start);
-        (Self { trial_idx, course, episode, passed: 0, is_arriving: false }, goal)
+        (Self { trial_idx, probe, episode, passed: 0, is_arriving: false }, goal)
     }
 }
 
@@ -185,8 +185,8 @@ impl<'a> Crew<'a> {
         let (mut deciding, mut noise) = (Vec::new(), Vec::new());
         for (npc_idx, lane) in self.lanes.iter_mut().enumerate() {
             let Some(lane) = lane.as_mut().filter(|lane| !lane.is_arriving) else { continue };
-            deciding.push(Deciding { npc_idx, style: lane.course.style });
-            noise.extend(lane.course.noise());
+            deciding.push(Deciding { npc_idx, style: lane.probe.style });
+            noise.extend(lane.probe.noise());
         }
         let routes = std::mem::take(&mut self.routes);
         self.drive.decide(&deciding, noise, &routes)?;
@@ -196,7 +196,7 @@ impl<'a> Crew<'a> {
                 continue;
             }
             let Some(lane) = self.lanes[npc_idx].take() else { continue };
-            over.push((lane.trial_idx, lane.course.outcome));
+            over.push((lane.trial_idx, lane.probe.outcome));
             self.next_trial(npc_idx);
         }
         Ok(over)
@@ -213,7 +213,7 @@ impl<'a> Crew<'a> {
         let has_passed = state.passed[npc_idx] > std::mem::replace(&mut lane.passed, state.passed[npc_idx]);
         lane.episode.note_tick(feet, &self.task);
         lane.episode.close_decision(&self.task);
-        let noted = Noted {
+        let report = DecisionReport {
             feet,
             is_grounded: npc_of(seen(state, npc_idx)).body.is_grounded(),
             ability: state.abilities[npc_idx],
@@ -221,9 +221,9 @@ impl<'a> Crew<'a> {
             stalled: lane.episode.stalled_decisions,
             decisions: lane.episode.decisions,
         };
-        match lane.course.note(&noted, &self.run.level.body) {
-            Next::Same => true,
-            Next::Head(goal) => {
+        match lane.probe.record(&report, &self.run.level.body) {
+            ProbeStep::Keep => true,
+            ProbeStep::HeadFor(goal) => {
                 lane.episode = Episode::new(goal, feet);
                 if !has_passed {
                     // The first place was reached before the route began there.
@@ -231,7 +231,7 @@ impl<'a> Crew<'a> {
                 }
                 true
             }
-            Next::Over => false,
+            ProbeStep::End => false,
         }
     }
 

@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::sync::{Mutex, MutexGuard};
 use surefoot_policy::Policy;
-use surefoot_rollout::Attempt;
+use surefoot_rollout::AttemptResult;
 use surefoot_world::End;
 
 /// Most bytes that a record may have when it is unpacked.
@@ -83,7 +83,7 @@ impl Comparison {
         self.chance() >= SIGNIFICANT
     }
 
-    fn add(&mut self, recorded: &[Attempt], again: &[Attempt]) {
+    fn add(&mut self, recorded: &[AttemptResult], again: &[AttemptResult]) {
         self.batches += 1;
         for (recorded, again) in recorded.iter().zip(again) {
             let [was, is] = [recorded, again].map(|it| it.end == End::Reached);
@@ -191,11 +191,11 @@ impl Record {
     }
 
     /// Compares a batch that was made again with the same one of a unit on record.
-    pub(super) fn compare(&self, unit: &Unit, batch: Batch, again: &[Attempt]) {
-        let recorded: Vec<Attempt> = batch.indices(unit.attempts.len()).map(|idx| unit.attempts[idx]).collect();
+    pub(super) fn compare(&self, unit: &Unit, batch: Batch, again: &[AttemptResult]) {
+        let recorded: Vec<AttemptResult> = batch.indices(unit.attempts.len()).map(|idx| unit.attempts[idx]).collect();
         // Through the same text as those on record.
         let text = serde_json::to_vec(again).expect("attempts are plain data");
-        let again: Vec<Attempt> = serde_json::from_slice(&text).expect("it was written as such");
+        let again: Vec<AttemptResult> = serde_json::from_slice(&text).expect("it was written as such");
         self.comparison.lock().expect("nobody panics with it").add(&recorded, &again);
     }
 

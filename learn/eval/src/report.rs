@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use surefoot_policy::Policy;
 use surefoot_rollout::follow::Fault;
-use surefoot_rollout::{Attempt, Motion};
+use surefoot_rollout::{AttemptResult, Motion};
 use surefoot_world::{DECISION_SECONDS, End};
 
 /// A success rate with its 95 % Wilson interval.
@@ -192,12 +192,12 @@ impl Calibration {
     const BOUNDS: [f64; 9] = [0.0, 0.5, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98, 1.0];
 
     /// The calibration of the chances of arriving, re-plans included.
-    fn of_arrivals<'u>(attempts: impl Iterator<Item = &'u Attempt>) -> Option<Self> {
+    fn of_arrivals<'u>(attempts: impl Iterator<Item = &'u AttemptResult>) -> Option<Self> {
         Self::of(attempts.filter_map(|it| Some((it.promised_arrival?, it.end == End::Reached))))
     }
 
     /// The calibration of the chances of going through as planned.
-    fn of_plans<'u>(attempts: impl Iterator<Item = &'u Attempt>) -> Option<Self> {
+    fn of_plans<'u>(attempts: impl Iterator<Item = &'u AttemptResult>) -> Option<Self> {
         Self::of(attempts.filter_map(|it| Some((it.promised?, it.end == End::Reached && it.plans == 1))))
     }
 
@@ -250,7 +250,7 @@ impl MapReport {
 
 /// Summarises units.
 pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report {
-    let reached: Vec<(f32, &Attempt)> = units
+    let reached: Vec<(f32, &AttemptResult)> = units
         .iter()
         .flat_map(|unit| unit.distances.iter().copied().zip(&unit.attempts))
         .filter(|(_, attempt)| attempt.end == End::Reached)
@@ -318,7 +318,7 @@ pub fn count_faults(units: &[Unit]) -> BTreeMap<String, usize> {
     faults
 }
 
-fn attempts(units: &[Unit]) -> impl Iterator<Item = &Attempt> {
+fn attempts(units: &[Unit]) -> impl Iterator<Item = &AttemptResult> {
     units.iter().flat_map(|unit| &unit.attempts)
 }
 

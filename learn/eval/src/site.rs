@@ -23,7 +23,7 @@ use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
-use surefoot_rollout::{Attempt, Goal, Rollout};
+use surefoot_rollout::{AttemptResult, Goal, Rollout};
 use surefoot_world::reach::Reach;
 use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
 
@@ -127,7 +127,7 @@ fn path_of(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) ->
 
 /// Stands for a unit that is run elsewhere: every attempt in it is missing. It is neither saved nor recorded.
 fn elsewhere(config: &EvalConfig, choice: &EvalMap, seed: u64) -> Unit {
-    let missing = Attempt {
+    let missing = AttemptResult {
         end: End::NoProgress,
         decisions: 0,
         replans: 0,
@@ -218,7 +218,7 @@ impl<'a> Site<'a> {
         let router = built.map(|built| {
             let graph = match config.price {
                 Price::Risk => built.graph,
-                Price::Steps => built.graph.priced_by_decisions(),
+                Price::Steps => built.graph.priced_by_steps(),
             };
             (Router::new(graph, DEFAULT_TABLE_LIMIT, config.thread_count), built.stats)
         });
@@ -236,7 +236,7 @@ impl<'a> Site<'a> {
         let mut reachable = reachable(&terrain, self.router(), &self.goals);
         let batches: Vec<Batch> = Batch::all(self.goals.len()).collect();
         let results = self.attempt(&batches)?;
-        let mut attempts: Vec<Option<Attempt>> = vec![None; self.goals.len()];
+        let mut attempts: Vec<Option<AttemptResult>> = vec![None; self.goals.len()];
         let mut all = Figures::default();
         for (batch, (of_batch, figures)) in batches.into_iter().zip(results) {
             for (idx, attempt) in batch.indices(self.goals.len()).zip(of_batch) {
@@ -245,7 +245,7 @@ impl<'a> Site<'a> {
             all.search_us.extend(figures.search_us);
             all.motion.add(&figures.motion);
         }
-        let attempts: Vec<Attempt> = attempts.into_iter().flatten().collect();
+        let attempts: Vec<AttemptResult> = attempts.into_iter().flatten().collect();
         // A goal that was reached can be reached, whatever the survey says.
         for (reachable, attempt) in reachable.iter_mut().zip(&attempts) {
             *reachable |= attempt.end == End::Reached;
@@ -276,7 +276,7 @@ impl<'a> Site<'a> {
     }
 
     /// Attempts the goals of these batches, distributed over threads, and returns the results in the order of the batches.
-    fn attempt(&self, batches: &[Batch]) -> Result<Vec<(Vec<Attempt>, Figures)>, EvalError> {
+    fn attempt(&self, batches: &[Batch]) -> Result<Vec<(Vec<AttemptResult>, Figures)>, EvalError> {
         let results = map_indices(batches.len(), self.config.thread_count, |idx| {
             let batch = batches[idx];
             match &self.config.game {
@@ -296,7 +296,7 @@ impl<'a> Site<'a> {
         self.seed.wrapping_mul(1_000_003).wrapping_add(batch.idx() as u64)
     }
 
-    fn attempt_here(&self, batch: Batch) -> (Vec<Attempt>, Figures) {
+    fn attempt_here(&self, batch: Batch) -> (Vec<AttemptResult>, Figures) {
         let config = self.config;
         let mut rollout = Rollout::new(self.map.clone(), config.profile.clone(), TaskConfig::default());
         rollout.noise_share = config.noise_share;
@@ -308,7 +308,7 @@ impl<'a> Site<'a> {
     }
 
     /// Attempts the goals of a batch in a game, where nothing is rehearsed, and motion is not measured.
-    fn attempt_in(&self, game: &Game, batch: Batch) -> Result<(Vec<Attempt>, Figures), EvalError> {
+    fn attempt_in(&self, game: &Game, batch: Batch) -> Result<(Vec<AttemptResult>, Figures), EvalError> {
         let EvalConfig { profile, follow, noise_share, .. } = self.config;
         let level = Level { map: self.map.clone(), body: profile.clone(), solid_npcs: false };
         let rules = Rules { follow: *follow, noise_share: *noise_share, seed: self.seed_of(batch) };

@@ -2,7 +2,7 @@
 
 use super::maps::MapName;
 use serde::{Deserialize, Serialize};
-use surefoot_rollout::{Attempt, Motion};
+use surefoot_rollout::{AttemptResult, Motion};
 
 /// Most goals in a batch. Independent of the number of threads, so that results are too.
 const GOALS_PER_BATCH: usize = 128;
@@ -21,7 +21,7 @@ pub struct Unit {
     /// Whether a walk leads from each start to its goal, by the survey.
     pub on_foot: Vec<bool>,
     /// Result of the attempt at each goal.
-    pub attempts: Vec<Attempt>,
+    pub attempts: Vec<AttemptResult>,
     /// How the NPCs moved.
     pub motion: Motion,
     /// Figures of the graph, if one was used.

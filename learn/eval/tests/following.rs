@@ -7,7 +7,9 @@ use surefoot_planner::{Attach, BuildSettings, EdgeKey, Leg, NoPath, Plan};
 use surefoot_policy::Policy;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::{DEFAULT_NOISE_SHARE, Goal};
-use surefoot_world::{Ability, Chance, CharacterProfile, Map, MapSpec, Seconds, Vec3, navigable};
+use surefoot_world::{Ability, Chance, CharacterProfile, End, Map, MapSpec, Seconds, Vec3, navigable};
+
+const REACHED: Option<End> = Some(End::Reached);
 
 fn plan(waypoints: &[f32]) -> Plan {
     let legs = (0..waypoints.len() as u32).map(|idx| Leg {
@@ -31,7 +33,7 @@ fn follower() -> Follower {
         Vec3::new(30.0, 0.0, 0.0),
         FollowConfig { replan_after: 5, patience: 40, max_replans: 3, composes: false, ..FollowConfig::default() },
     );
-    assert_eq!(follower.note(Vec3::ZERO, false), Step::Plan, "without a plan, the follower needs one");
+    assert_eq!(follower.record_decision(Vec3::ZERO, None), Step::Plan, "without a plan, the follower needs one");
     assert_eq!(follower.take_plan(plan(&[10.0, 20.0, 30.0])), Vec3::new(10.0, 0.0, 0.0));
     follower
 }
@@ -39,9 +41,9 @@ fn follower() -> Follower {
 #[test]
 fn each_touched_waypoint_leads_to_the_next() {
     let mut follower = follower();
-    assert_eq!(follower.note(Vec3::new(5.0, 0.0, 0.0), false), Step::Keep);
-    assert_eq!(follower.note(Vec3::new(10.0, 0.0, 0.0), true), Step::Head(Vec3::new(20.0, 0.0, 0.0)));
-    assert_eq!(follower.note(Vec3::new(20.0, 0.0, 0.0), true), Step::Head(Vec3::new(30.0, 0.0, 0.0)));
+    assert_eq!(follower.record_decision(Vec3::new(5.0, 0.0, 0.0), None), Step::Keep);
+    assert_eq!(follower.record_decision(Vec3::new(10.0, 0.0, 0.0), REACHED), Step::HeadFor(Vec3::new(20.0, 0.0, 0.0)));
+    assert_eq!(follower.record_decision(Vec3::new(20.0, 0.0, 0.0), REACHED), Step::HeadFor(Vec3::new(30.0, 0.0, 0.0)));
     assert!(follower.is_last_leg());
 }
 
@@ -51,19 +53,19 @@ fn a_leg_without_progress_is_avoided_by_re_plans_until_patience_ends() {
     let stuck = Vec3::new(4.0, 0.0, 0.0);
     let mut replans = 0;
     for decision in 0..200 {
-        match follower.note(stuck, false) {
+        match follower.record_decision(stuck, None) {
             Step::Keep => {}
             Step::Plan => {
                 replans += 1;
                 assert!(follower.query(stuck).avoid.contains(&EdgeKey::new(0, 1).into()));
                 follower.take_plan(plan(&[10.0, 30.0]));
             }
-            Step::GiveUp => {
+            Step::End(End::NoProgress) => {
                 assert_eq!(replans, 3);
                 assert!(decision < 40);
                 return;
             }
-            Step::Head(_) | Step::Unreachable => panic!("no waypoint was touched"),
+            Step::HeadFor(_) | Step::End(_) => panic!("no waypoint was touched"),
         }
     }
     panic!("never gave up");
@@ -96,9 +98,9 @@ fn a_plan_to_the_nearest_place_ends_there_as_unreachable() {
     let nearest = Vec3::new(20.0, 0.0, 0.0);
     let no_path = Some(NoPath::DifferentIslands);
     follower.take_plan(Plan { no_path, nearest: Some(nearest), ..plan(&[10.0, 20.0]) });
-    assert_eq!(follower.note(Vec3::new(10.0, 0.0, 0.0), true), Step::Head(nearest));
-    assert_eq!(follower.note(Vec3::new(15.0, 0.0, 0.0), false), Step::Keep);
-    assert_eq!(follower.note(nearest, true), Step::Unreachable);
+    assert_eq!(follower.record_decision(Vec3::new(10.0, 0.0, 0.0), REACHED), Step::HeadFor(nearest));
+    assert_eq!(follower.record_decision(Vec3::new(15.0, 0.0, 0.0), None), Step::Keep);
+    assert_eq!(follower.record_decision(nearest, REACHED), Step::End(End::Unreachable));
     assert_eq!(follower.take_traversals().len(), 2, "both edges were passed");
 }
 
@@ -189,7 +191,7 @@ fn by_the_papers_rules_nothing_is_remembered_and_only_patience_ends_an_attempt()
     follower.take_plan(plan(&[10.0, 30.0]));
     let stuck = Vec3::new(4.0, 0.0, 0.0);
     let mut replans = 0;
-    let end = (0..1000).find_map(|_| match follower.note(stuck, false) {
+    let end = (0..1000).find_map(|_| match follower.record_decision(stuck, None) {
         Step::Keep => None,
         Step::Plan => {
             replans += 1;
@@ -201,5 +203,5 @@ fn by_the_papers_rules_nothing_is_remembered_and_only_patience_ends_an_attempt()
         end => Some(end),
     });
     // The decision that takes a plan up and five without progress on it.
-    assert_eq!((end, replans), (Some(Step::GiveUp), 300 / 6));
+    assert_eq!((end, replans), (Some(Step::End(End::NoProgress)), 300 / 6));
 }

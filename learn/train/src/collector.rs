@@ -9,7 +9,7 @@ use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use surefoot_policy::{ActorConfig, Policy};
 use surefoot_rollout::goals::random_yaw;
-use surefoot_rollout::{DecisionLoop, Lane, Noise, Stage};
+use surefoot_rollout::{DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{Action, DecisionOutcome, End, NpcSlot, Vec3, World, WorldState};
 
@@ -53,7 +53,7 @@ pub struct Collector {
     /// One world for each arena.
     worlds: Vec<World>,
     /// All lanes, world by world.
-    lanes: Vec<Lane>,
+    lanes: Vec<DecidingNpc>,
     decisions: DecisionLoop,
     /// For each lane whose next row is a boundary, what follows it.
     boundaries: Vec<Option<AfterBoundary>>,
@@ -104,9 +104,9 @@ pub struct CollectorState {
     stats: CollectorStats,
 }
 
-fn lanes_of(config: &CollectorConfig) -> Vec<Lane> {
+fn lanes_of(config: &CollectorConfig) -> Vec<DecidingNpc> {
     let npcs = config.npcs_per_world;
-    let lane = |idx: usize| Lane { world_idx: idx / npcs, row_idx: idx, ..Lane::of(NpcSlot((idx % npcs) as u32)) };
+    let lane = |idx: usize| DecidingNpc { world_idx: idx / npcs, row_idx: idx, ..DecidingNpc::of(NpcSlot((idx % npcs) as u32)) };
     (0..config.world_count * npcs).map(lane).collect()
 }
 
@@ -215,10 +215,10 @@ impl Collector {
     fn advance(&mut self, actions: &[Action]) -> Vec<Option<DecisionOutcome>> {
         let is_deciding = |idx: &usize| self.boundaries[*idx].is_none();
         let deciding: Vec<usize> = (0..self.lanes.len()).filter(is_deciding).collect();
-        let lanes: Vec<Lane> = deciding.iter().map(|&idx| self.lanes[idx]).collect();
+        let lanes: Vec<DecidingNpc> = deciding.iter().map(|&idx| self.lanes[idx]).collect();
         let actions: Vec<Action> = deciding.iter().map(|&idx| actions[idx]).collect();
-        let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
-        let closed = self.decisions.advance(&mut stage, &actions);
+        let mut batch = DecisionBatch { worlds: &mut self.worlds, npcs: &lanes };
+        let closed = self.decisions.advance(&mut batch, &actions);
         let mut outcomes = vec![None; self.lanes.len()];
         deciding.iter().zip(closed).for_each(|(&idx, outcome)| outcomes[idx] = Some(*outcome));
         outcomes
@@ -235,7 +235,7 @@ impl Collector {
 
     /// Processes the outcome of one lane's decision and prepares its next row.
     fn settle(&mut self, lane_idx: usize, outcome: DecisionOutcome) -> (f32, RowKind) {
-        let Lane { world_idx, slot, .. } = self.lanes[lane_idx];
+        let DecidingNpc { world_idx, slot, .. } = self.lanes[lane_idx];
         let episode = self.worlds[world_idx].npc(slot).and_then(|npc| npc.episode);
         let stalled = episode.map_or(0, |episode| episode.stalled_decisions);
         match outcome.end {
@@ -293,7 +293,7 @@ impl Collector {
     }
 
     fn respawn(&mut self, lane_idx: usize) {
-        let Lane { world_idx, slot, row_idx, .. } = self.lanes[lane_idx];
+        let DecidingNpc { world_idx, slot, row_idx, .. } = self.lanes[lane_idx];
         self.decisions.begin(row_idx);
         self.is_fresh[lane_idx] = true;
         let yaw = random_yaw(&mut self.rng);
@@ -312,7 +312,7 @@ impl Collector {
     }
 
     fn new_goal(&mut self, lane_idx: usize) {
-        let Lane { world_idx, slot, .. } = self.lanes[lane_idx];
+        let DecidingNpc { world_idx, slot, .. } = self.lanes[lane_idx];
         let near = self.rng.random_bool(self.config.near_share);
         let band = if near { self.config.near_goals } else { self.config.far_goals };
         let world = &mut self.worlds[world_idx];
@@ -325,7 +325,7 @@ impl Collector {
 
     /// Stores the running attempt for a retry, if it has a grounded start.
     fn note_failure(&mut self, lane_idx: usize) {
-        let Lane { world_idx, slot, .. } = self.lanes[lane_idx];
+        let DecidingNpc { world_idx, slot, .. } = self.lanes[lane_idx];
         let episode = self.worlds[world_idx].npc(slot).and_then(|npc| npc.episode);
         if let Some(failure) = self.starts[lane_idx].zip(episode.map(|episode| episode.goal)) {
             self.arenas[world_idx].note_failure(failure, &mut self.rng);

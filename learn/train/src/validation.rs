@@ -9,7 +9,7 @@ use std::sync::Arc;
 use surefoot_game_client::attempts::{Rules, attempt};
 use surefoot_game_client::{GameError, Level};
 use surefoot_policy::Policy;
-use surefoot_rollout::{Attempt, FollowConfig, Goal, Rollout};
+use surefoot_rollout::{AttemptResult, FollowConfig, Goal, Rollout};
 use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
 
 /// Success of a policy on validation maps.
@@ -81,7 +81,7 @@ impl ValidationSet {
         FollowConfig { patience: 90, ..FollowConfig::default() }
     }
 
-    fn run_here(&self, map: &Arc<Map>, policy: &Policy, noise_share: f32, goals: &[Goal]) -> Vec<Attempt> {
+    fn run_here(&self, map: &Arc<Map>, policy: &Policy, noise_share: f32, goals: &[Goal]) -> Vec<AttemptResult> {
         let mut rollout = Rollout::new(map.clone(), self.body.clone(), self.task.clone());
         rollout.follow = self.follow();
         rollout.noise_share = noise_share;

@@ -11,7 +11,6 @@ mod endpoint;
 mod files;
 mod gate;
 mod generations;
-mod health;
 mod incoming;
 mod limits;
 mod metered;

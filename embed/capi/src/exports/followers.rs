@@ -36,7 +36,7 @@ export! {
     }
 
     fn sf_follower_note_death(follower: *mut Handle<Follower>) {
-        lock(reference(follower, "follower")?, "follower")?.note_harm();
+        lock(reference(follower, "follower")?, "follower")?.record_death();
         Ok(())
     }
 

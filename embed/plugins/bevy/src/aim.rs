@@ -192,7 +192,7 @@ impl Course<'_, '_, '_> {
         let Route { graph, follower } = self.attempt.route.as_mut()?;
         let on_map = feet + graph.origin();
         let leg = self.plan.plan.as_ref().filter(|_| follower.leg_key().is_some()).map(|plan| plan.legs[self.plan.leg]);
-        let mut step = follower.note(on_map, has_reached);
+        let mut step = follower.record_decision(on_map, has_reached.then_some(End::Reached));
         follower.take_traversals().iter().for_each(|traversal| graph.note(traversal));
         if let (Some(leg), Step::Plan | Step::GiveUp) = (leg, step) {
             self.commands.trigger(LegFailed { agent: self.agent, leg, died: false });
@@ -206,7 +206,7 @@ impl Course<'_, '_, '_> {
                 plan
             });
             self.plan.plan = made.map(|plan| graph.in_scene(plan));
-            step = Step::Head(waypoint);
+            step = Step::HeadFor(waypoint);
         }
         let no_path = self.plan.plan.as_ref().and_then(|plan| plan.no_path);
         let is_lost = self.plan.plan.as_ref().is_some_and(|plan| plan.no_path.is_some() && plan.nearest.is_none());
@@ -214,11 +214,12 @@ impl Course<'_, '_, '_> {
         match step {
             // The plan would be the straight way to the goal, of which nothing is known.
             _ if is_lost => Some(unreachable(no_path)),
-            Step::Unreachable => Some(unreachable(no_path)),
-            Step::GiveUp | Step::Plan => Some(AgentStatus::Failed(Failure::GaveUp)),
-            Step::Keep | Step::Head(_) => {
+            Step::End(End::Unreachable) => Some(unreachable(no_path)),
+            Step::End(End::Reached) => Some(AgentStatus::Reached),
+            Step::End(_) | Step::Plan => Some(AgentStatus::Failed(Failure::GaveUp)),
+            Step::Keep | Step::HeadFor(_) => {
                 self.plan.status = no_path.map_or(AgentStatus::Following, AgentStatus::Nearing);
-                if let Step::Head(waypoint) = step {
+                if let Step::HeadFor(waypoint) = step {
                     let waypoint = waypoint - graph.origin();
                     self.plan.waypoint = Some(waypoint);
                     self.attempt.head_for(waypoint, feet);
@@ -245,7 +246,7 @@ pub(crate) fn note_death(
     if let Some(attempt) = &mut mind.attempt {
         if let Some(Route { follower, .. }) = &mut attempt.route {
             let leg: Option<Leg> = follower.leg_key().and(plan.plan.as_ref()).map(|made| made.legs[plan.leg]);
-            follower.note_harm();
+            follower.record_harm();
             if let Some(leg) = leg {
                 commands.trigger(LegFailed { agent, leg, died: true });
             }

@@ -9,7 +9,7 @@ use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::convert;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, npc_event, spawn_result};
-use surefoot_rollout::Attempt;
+use surefoot_rollout::AttemptResult;
 use surefoot_world::{DECISION_SECONDS, End, Vec3};
 use tokio_stream::StreamExt;
 use tonic::{Code, Request, Status, Streaming};
@@ -36,7 +36,7 @@ pub struct Hosting {
 #[derive(Debug, Clone)]
 pub struct Hosted {
     /// The attempts, in the order of the goals. Their lengths are not known, and are 0.
-    pub attempts: Vec<Attempt>,
+    pub attempts: Vec<AttemptResult>,
     /// Time that the attempts before took, s: that of what workers prepared, and of the slowest attempt.
     pub warm_up_s: f64,
     /// Figures of the world at the end.
@@ -117,7 +117,7 @@ struct Hall<'s> {
     events: Streaming<wire::WatchEventsResponse>,
     /// Goals that are under way, by NPC.
     under_way: BTreeMap<u64, usize>,
-    ends: BTreeMap<usize, Attempt>,
+    ends: BTreeMap<usize, AttemptResult>,
     /// When the attempts before began.
     opened: Instant,
     warm_up_s: f64,
@@ -197,7 +197,7 @@ impl<'s> Hall<'s> {
     }
 
     /// Waits until all attempts have ended, or time is up: the rest then made no progress.
-    async fn await_ends(&mut self, until: Instant) -> Result<Vec<Attempt>, Status> {
+    async fn await_ends(&mut self, until: Instant) -> Result<Vec<AttemptResult>, Status> {
         while !self.under_way.is_empty() {
             let next = tokio::time::timeout_at(until.into(), self.events.next());
             let Ok(message) = next.await else { break };
@@ -235,8 +235,8 @@ impl<'s> Hall<'s> {
 }
 
 /// An attempt of which the server told how it ended, and after how many seconds.
-fn attempt(end: End, seconds: f32) -> Attempt {
-    Attempt {
+fn attempt(end: End, seconds: f32) -> AttemptResult {
+    AttemptResult {
         end,
         decisions: (seconds / DECISION_SECONDS).ceil() as u32,
         replans: 0,

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 use surefoot_game_client::map_indices;
 use surefoot_rollout::drive::{Driver, PathPoint};
-use surefoot_rollout::{Attempt, Goal, Motion};
+use surefoot_rollout::{AttemptResult, Goal, Motion};
 use surefoot_world::character::{ACTION_LEN, Action};
 use surefoot_world::reach::Reach;
 use surefoot_world::{CharacterProfile, End, Map, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, World};
@@ -152,7 +152,7 @@ pub fn score_hosted(
 }
 
 /// All attempts on one map, with what the survey knows of the goals.
-fn unit(map: &Arc<Map>, body: &CharacterProfile, of_set: &SetMap, attempts: Vec<Attempt>, thread_count: usize) -> Unit {
+fn unit(map: &Arc<Map>, body: &CharacterProfile, of_set: &SetMap, attempts: Vec<AttemptResult>, thread_count: usize) -> Unit {
     let goals: Vec<Goal> = of_set.goals.iter().copied().map(Goal::from).collect();
     let reach = Reach::survey_far(map, body, thread_count);
     let surveyed = reachable(&Terrain { map, profile: body, reach: &reach }, None, &goals);
@@ -170,7 +170,7 @@ fn unit(map: &Arc<Map>, body: &CharacterProfile, of_set: &SetMap, attempts: Vec<
 }
 
 /// Makes one attempt. A path is driven; actions are done again; an entrant that says that the goal is out of reach is believed.
-pub(super) fn attempt(map: &Arc<Map>, body: &CharacterProfile, goal: &SetGoal, approach: &Approach) -> Attempt {
+pub(super) fn attempt(map: &Arc<Map>, body: &CharacterProfile, goal: &SetGoal, approach: &Approach) -> AttemptResult {
     match approach {
         Approach::Unreachable => Trial::new(map, body, goal).ended(End::Unreachable),
         Approach::Path(points) => Trial::new(map, body, goal).drive(points, body),
@@ -198,7 +198,7 @@ impl Trial {
         Self { world, slot, ticks: 0, length: 0.0, feet: start }
     }
 
-    fn repeat(mut self, actions: &[[f32; ACTION_LEN]]) -> Attempt {
+    fn repeat(mut self, actions: &[[f32; ACTION_LEN]]) -> AttemptResult {
         for action in actions {
             self.world.decide(self.slot, Action::from_array(*action).unwrap_or_default());
             self.world.tick_decision();
@@ -209,7 +209,7 @@ impl Trial {
         self.ended(End::NoProgress)
     }
 
-    fn drive(mut self, points: &[PathPoint], body: &CharacterProfile) -> Attempt {
+    fn drive(mut self, points: &[PathPoint], body: &CharacterProfile) -> AttemptResult {
         let mut driver = Driver::new(points);
         while self.ticks < MAX_TICKS {
             let npc = self.world.npc(self.slot).expect("the only NPC");
@@ -232,9 +232,9 @@ impl Trial {
         npc.episode.and_then(|episode| episode.end)
     }
 
-    fn ended(&self, end: End) -> Attempt {
+    fn ended(&self, end: End) -> AttemptResult {
         let decisions = self.ticks.div_ceil(TICKS_PER_DECISION);
-        Attempt {
+        AttemptResult {
             end,
             decisions,
             replans: 0,
@@ -291,7 +291,7 @@ fn summarise(set: &GoalSet, (entrant, about): (&str, &str), runs: &[&MapRun], un
 
 /// An attempt with what is known of its goal.
 struct Seen<'u> {
-    attempt: &'u Attempt,
+    attempt: &'u AttemptResult,
     distance: f32,
     on_foot: bool,
     can_be_reached: bool,

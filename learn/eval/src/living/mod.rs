@@ -16,7 +16,7 @@ use std::sync::Arc;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
-use surefoot_rollout::attempts::{Attempt, Rollout};
+use surefoot_rollout::attempts::{AttemptResult, Rollout};
 use surefoot_rollout::goals::Goal;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::probe::ProbeContext;
@@ -128,14 +128,14 @@ struct Level {
 /// What was seen in the runs of a scene so far.
 #[derive(Default)]
 struct Tally {
-    attempts: Vec<Attempt>,
+    attempts: Vec<AttemptResult>,
     runs: u64,
     complete: u64,
     last_s: f64,
 }
 
 impl Tally {
-    fn add(&mut self, attempts: Vec<Attempt>) {
+    fn add(&mut self, attempts: Vec<AttemptResult>) {
         self.runs += 1;
         self.complete += u64::from(attempts.iter().all(|attempt| attempt.end == End::Reached));
         self.last_s += attempts.iter().map(seconds).fold(0.0, f64::max);
@@ -180,7 +180,7 @@ impl Tally {
     }
 }
 
-fn seconds(attempt: &Attempt) -> f64 {
+fn seconds(attempt: &AttemptResult) -> f64 {
     f64::from(attempt.decisions) * f64::from(DECISION_SECONDS)
 }
 
@@ -200,7 +200,7 @@ impl Suite<'_> {
         seed: u64,
         solid: bool,
         stir: impl FnMut(&mut World, u32),
-    ) -> Vec<Attempt> {
+    ) -> Vec<AttemptResult> {
         let mut rollout = Rollout::new(level.map.clone(), CharacterProfile::default(), TaskConfig::default());
         (rollout.seed, rollout.solid) = (seed, solid);
         rollout.live(self.policy, &level.router, goals, stir)

@@ -1,0 +1,52 @@
+//! The policy's actions for a batch of NPCs.
+
+use super::batch::Batch;
+use super::{WorldError, WorldTask};
+use crate::inference::{Decided, Rows};
+use surefoot_rollout::Style;
+use surefoot_world::{Action, Npc as State};
+
+impl WorldTask {
+    /// Lets NPCs that have a new waypoint see it in this decision.
+    pub(super) fn show_new_waypoints(&self, batch: &mut Batch) {
+        let rows = batch.observations.chunks_exact_mut(self.policy.observation_len());
+        for (seen, row) in batch.sightings.iter().zip(rows) {
+            let waypoint = self.npcs.get(&seen.id).and_then(|npc| npc.news.waypoint);
+            if let Some((state, waypoint)) = seen.state.as_ref().zip(waypoint) {
+                self.ground.aim_at(state, waypoint, row);
+            }
+        }
+    }
+
+    /// Evaluates the policy for the NPCs of a batch on another thread, and returns their actions.
+    pub(super) async fn act(&mut self, batch: &mut Batch) -> Result<Vec<Action>, WorldError> {
+        let (mut memory, mut noise, mut styles) = (Vec::new(), Vec::new(), Vec::new());
+        for seen in &batch.sightings {
+            let npc = self.npcs.get_mut(&seen.id).expect("seen in this batch");
+            // An NPC whose state is unknown moves freely.
+            let style = if seen.state.is_some() { npc.attempt.style() } else { Style::Free };
+            memory.extend_from_slice(&npc.memory);
+            noise.extend(npc.noise.draw(style));
+            styles.push(style);
+        }
+        let rows = Rows { observations: std::mem::take(&mut batch.observations), memory, noise };
+        let Decided { mut actions, memory } = if self.is_lockstep {
+            let policy = self.policy.clone();
+            tokio::task::spawn_blocking(move || rows.decide(&policy)).await?
+        } else {
+            self.inference.decide(rows).await.ok_or(WorldError::Inference)?
+        };
+        let body = self.ground.body().cloned().unwrap_or_default();
+        let shape = |action: Action, style: Style, state: &Option<State>| {
+            state.as_ref().map_or(action, |state| style.shape(action, state, &body))
+        };
+        for ((seen, style), action) in batch.sightings.iter().zip(styles).zip(&mut actions) {
+            let holds = self.npcs.get(&seen.id).is_some_and(|npc| npc.hold.holds);
+            *action = if holds { Action::default() } else { shape(*action, style, &seen.state) };
+        }
+        for (seen, row) in batch.sightings.iter().zip(memory.chunks_exact(self.policy.memory_len().max(1))) {
+            self.npcs.get_mut(&seen.id).expect("seen in this batch").memory.copy_from_slice(row);
+        }
+        Ok(actions)
+    }
+}

@@ -1,0 +1,80 @@
+//! The NPCs that a world's task decides for.
+
+use std::collections::BTreeMap;
+use surefoot_rollout::rehearse::NoiseStream;
+use surefoot_rollout::{Attempt, Follower};
+use surefoot_world::Vec3;
+
+/// NPCs by id.
+pub(super) type Npcs = BTreeMap<u64, Npc>;
+
+/// An NPC in an attempt.
+pub(super) struct Npc {
+    /// Number of the attempt.
+    pub number: u32,
+    pub attempt: Attempt,
+    pub noise: NoiseStream,
+    /// The policy's memory row for the attempt.
+    pub memory: Vec<f32>,
+    pub planning: PlanState,
+    pub hold: Hold,
+    pub news: News,
+    /// Position of the feet at the last decision, m.
+    pub feet: Vec3,
+}
+
+/// Where an NPC's plan comes from, and whether it needs another one.
+#[derive(Default)]
+pub(super) struct PlanState {
+    /// Whether a plan is requested and has not arrived.
+    pub is_requested: bool,
+    /// Revision of designers' edits with which the plan was made.
+    pub revision: Option<u64>,
+    /// The latest revision for which the NPC dropped its plan.
+    pub replanned_for: Option<u64>,
+    /// Whether the plan was made on the map before an edit. The NPC follows it until it has another one.
+    pub is_outdated: bool,
+}
+
+/// Why an NPC stands still.
+#[derive(Default)]
+pub(super) struct Hold {
+    /// Whether it stands still in this decision.
+    pub holds: bool,
+    /// Decisions for which it has waited for its turn to rehearse.
+    pub turn_waited: u32,
+    /// Decisions without a plan.
+    pub unplanned: u32,
+    /// Decision without a plan at which it rehearses the straight way to its goal.
+    pub next_try: u32,
+}
+
+/// What the server does not know yet.
+#[derive(Default)]
+pub(super) struct News {
+    /// A new waypoint, m.
+    pub waypoint: Option<Vec3>,
+    /// Whether the NPC has a new plan.
+    pub has_plan: bool,
+}
+
+impl Npc {
+    /// Begins attempt `number` of an NPC.
+    pub fn begin(number: u32, follower: Follower, memory_len: usize, noise: NoiseStream) -> Self {
+        Self {
+            number,
+            attempt: Attempt::new(follower),
+            noise,
+            memory: vec![0.0; memory_len],
+            planning: PlanState::default(),
+            hold: Hold::default(),
+            news: News::default(),
+            feet: Vec3::ZERO,
+        }
+    }
+
+    /// Whether the NPC has a waypoint to rehearse and act for.
+    pub fn has_waypoint(&self) -> bool {
+        self.attempt.follower.waypoint().is_some()
+    }
+}

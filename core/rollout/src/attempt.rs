@@ -1,0 +1,185 @@
+//! An attempt: one NPC on its way to one goal by plan, with rehearsals of what lies ahead.
+//!
+//! An [`Attempt`] is a state machine without a world. For each decision its driver
+//! 1. shows it the movers ([`Follower::watch_movers`]),
+//! 2. rehearses: [`is_due`](Attempt::is_due), [`begin_rehearsals`](Attempt::begin_rehearsals), then
+//!    [`rehearsal`](Attempt::rehearsal) and [`record_rehearsal`](Attempt::record_rehearsal) until one ends well or the attempt ends,
+//! 3. acts in the attempt's [`style`](Attempt::style),
+//! 4. compares the body with the [`forecast`](Attempt::check_forecast) and records the decision
+//!    ([`Follower::record_decision`]), which says where to head, when to plan and when to end.
+
+use crate::follow::{Follower, Step};
+use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
+use crate::style::Style;
+use surefoot_planner::{Plan, Query};
+use surefoot_world::character::Body;
+use surefoot_world::{Npc, Vec3};
+
+/// Rehearsals that end in harm, with other noise each time, before the NPC takes another way.
+const HARM_DRAWS: u32 = 3;
+/// Rehearsals without progress, with other noise each time, before the NPC takes another way.
+const STALL_DRAWS: u32 = 2;
+/// Most rehearsals before one decision.
+const MAX_REHEARSALS: u32 = 96;
+
+/// An attempt of one NPC.
+#[derive(Debug)]
+pub struct Attempt {
+    /// The plan and the progress along it.
+    pub follower: Follower,
+    /// How the NPC will be after the legs that were rehearsed last.
+    forecast: Option<Forecast>,
+    must_rehearse: bool,
+    retries: RetryBudget,
+}
+
+/// What follows a rehearsal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AfterRehearsal {
+    /// The NPC acts: the rehearsal ended well, or the NPC waits until a mover opens a way.
+    Act,
+    /// The NPC rehearses the same legs again.
+    Rehearse,
+    /// The NPC takes another plan, and rehearses that.
+    Plan,
+    /// The attempt ends as unreachable.
+    End,
+}
+
+impl Attempt {
+    /// Starts an attempt, which rehearses before its first decision.
+    pub fn new(follower: Follower) -> Self {
+        Self { follower, forecast: None, must_rehearse: false, retries: RetryBudget::default() }
+    }
+
+    /// Takes a plan and returns its first waypoint, m.
+    pub fn take_plan(&mut self, plan: Plan) -> Vec3 {
+        self.forget_forecast();
+        self.follower.take_plan(plan)
+    }
+
+    /// Plans from `feet`, m, with `search`, and returns the first waypoint of the plan, m.
+    pub fn plan(&mut self, feet: Vec3, search: impl FnMut(&Query) -> Plan) -> Vec3 {
+        self.forget_forecast();
+        self.follower.plan(feet, search)
+    }
+
+    /// How the NPC moves in the next decision: composed only where a rehearsal has shown that it arrives so.
+    pub fn style(&self) -> Style {
+        if self.is_forecast() || self.follower.stay().is_some() { self.follower.style() } else { Style::Free }
+    }
+
+    /// Whether a rehearsal has shown the next decision.
+    pub fn is_forecast(&self) -> bool {
+        self.forecast.as_ref().is_some_and(Forecast::is_ahead)
+    }
+
+    /// Whether the NPC has to rehearse before its next decision.
+    pub fn is_due(&self) -> bool {
+        self.must_rehearse && self.follower.waypoint().is_some()
+    }
+
+    /// Whether the NPC has to rehearse and has no forecast to continue from.
+    pub fn must_rehearse_from_here(&self) -> bool {
+        self.must_rehearse && self.forecast.is_none()
+    }
+
+    /// Lets the NPC rehearse the legs that are new before its next decision.
+    pub fn extend_forecast(&mut self) {
+        self.must_rehearse = true;
+    }
+
+    /// Lets the NPC rehearse from where it is before its next decision.
+    pub fn forget_forecast(&mut self) {
+        (self.forecast, self.must_rehearse) = (None, true);
+    }
+
+    /// Compares the body after a decision with the forecast. Where they differ, the forecast is void; returns whether it holds.
+    pub fn check_forecast(&mut self, body: &Body) -> bool {
+        let holds = self.forecast.as_mut().is_some_and(|forecast| forecast.matches(body));
+        if !holds && self.follower.waypoint().is_some() {
+            self.forget_forecast();
+        }
+        holds
+    }
+
+    /// Begins the rehearsals before a decision, whose retries are counted together.
+    pub fn begin_rehearsals(&mut self) {
+        (self.must_rehearse, self.retries) = (false, RetryBudget::default());
+    }
+
+    /// The rehearsal of an NPC in this state, with its row of the policy's hidden state.
+    pub fn rehearsal(&mut self, npc: Npc, hidden: Vec<f32>, noise: NoiseStream) -> RehearsalStart {
+        RehearsalStart { npc, follower: self.follower.clone(), hidden, noise, forecast: self.forecast.take() }
+    }
+
+    /// Records how a rehearsal ended. After a failure the NPC first moves freely, then draws other noise, then takes another way.
+    pub fn record_rehearsal(
+        &mut self,
+        result: Result<Forecast, RehearsalFailure>,
+        noise: &mut NoiseStream,
+    ) -> AfterRehearsal {
+        let failure = match result {
+            Ok(forecast) => {
+                self.follower.set_rehearsed_way(forecast.way());
+                (self.forecast, self.must_rehearse) = (Some(forecast), false);
+                return AfterRehearsal::Act;
+            }
+            Err(failure) => failure,
+        };
+        match self.retries.spend(failure, &mut self.follower) {
+            Recovery::MoveFreely => AfterRehearsal::Rehearse,
+            Recovery::ChangeNoise => {
+                noise.change();
+                AfterRehearsal::Rehearse
+            }
+            Recovery::Avoid(RehearsalFailure { leg, is_harm })
+                if self.follower.avoid(leg, is_harm) == Step::Plan =>
+            {
+                AfterRehearsal::Plan
+            }
+            Recovery::Avoid(_) | Recovery::Stop if self.follower.wait_for_a_way() => AfterRehearsal::Act,
+            Recovery::Avoid(_) | Recovery::Stop => AfterRehearsal::End,
+        }
+    }
+}
+
+/// What an NPC does after a rehearsal that failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Recovery {
+    /// Rehearse the same legs once more, moving freely.
+    MoveFreely,
+    /// Rehearse the same legs once more, with other noise.
+    ChangeNoise,
+    /// Take another way, without the leg that failed.
+    Avoid(RehearsalFailure),
+    /// Stop: no way is left.
+    Stop,
+}
+
+/// The rehearsals that have failed before one decision.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RetryBudget {
+    of_plan: u32,
+    in_all: u32,
+}
+
+impl RetryBudget {
+    /// Counts a failure and returns what the NPC does.
+    pub fn spend(&mut self, failure: RehearsalFailure, follower: &mut Follower) -> Recovery {
+        if follower.move_freely_on(failure.leg) {
+            return Recovery::MoveFreely;
+        }
+        self.of_plan += 1;
+        self.in_all += 1;
+        let draws = if failure.is_harm { HARM_DRAWS } else { STALL_DRAWS };
+        if self.in_all >= MAX_REHEARSALS {
+            Recovery::Stop
+        } else if self.of_plan < draws {
+            Recovery::ChangeNoise
+        } else {
+            self.of_plan = 0;
+            Recovery::Avoid(failure)
+        }
+    }
+}

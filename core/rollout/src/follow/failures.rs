@@ -1,0 +1,91 @@
+//! The legs that failed in an attempt, which its further plans avoid.
+
+use surefoot_planner::{LegKey, Stop};
+
+/// Legs to the goal that fail, each from another vertex, until the goal counts as unreachable.
+const MAX_FAILED_ARRIVALS: u32 = 5;
+/// Same as [`MAX_FAILED_ARRIVALS`] for legs that failed in rehearsals, which cost no time.
+const MAX_REHEARSED_ARRIVALS: u32 = 12;
+/// How often legs without progress are tried again when no other way is left.
+const MAX_CHANCES: u32 = 3;
+/// Most failed legs kept for an attempt; the oldest is dropped first.
+const MAX_FAILED_LEGS: usize = 48;
+
+/// A leg that failed.
+#[derive(Debug, Clone, Copy)]
+struct FailedLeg {
+    key: LegKey,
+    /// Whether the NPC came to harm, in the world or in a rehearsal; otherwise it made no progress.
+    is_harm: bool,
+}
+
+/// The failed legs of one attempt.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Failures {
+    legs: Vec<FailedLeg>,
+    /// Legs to the goal itself that failed.
+    arrivals: u32,
+    chances: u32,
+}
+
+impl Failures {
+    /// The failed legs, the oldest first.
+    pub fn keys(&self) -> Vec<LegKey> {
+        self.legs.iter().map(|leg| leg.key).collect()
+    }
+
+    /// How often legs without progress got another chance.
+    pub fn chances_given(&self) -> u32 {
+        self.chances
+    }
+
+    /// Forgets the legs without progress, if there are any and chances are left; returns whether it did.
+    pub fn give_another_chance(&mut self) -> bool {
+        if self.chances >= MAX_CHANCES {
+            return false;
+        }
+        let count = self.legs.len();
+        self.forget_stalls();
+        let is_given = self.legs.len() < count;
+        self.chances += u32::from(is_given);
+        is_given
+    }
+
+    /// Forgets the legs without progress.
+    pub fn forget_stalls(&mut self) {
+        self.legs.retain(|leg| leg.is_harm);
+    }
+
+    /// Forgets the legs without progress, and that legs to the goal failed: the movers have changed.
+    pub fn forgive(&mut self) {
+        self.forget_stalls();
+        self.arrivals = 0;
+    }
+
+    /// Adds a leg without progress; true if too many legs to the goal have failed.
+    pub fn add_run(&mut self, key: LegKey) -> bool {
+        self.add(key, false);
+        self.count_arrival(key) >= MAX_FAILED_ARRIVALS
+    }
+
+    /// Adds a leg that failed in a rehearsal; true if too many legs to the goal have failed.
+    pub fn add_rehearsed(&mut self, key: LegKey, is_harm: bool) -> bool {
+        self.add(key, is_harm);
+        self.count_arrival(key) >= MAX_REHEARSED_ARRIVALS
+    }
+
+    /// Adds a leg, which moves to the end if it failed before.
+    pub fn add(&mut self, key: LegKey, is_harm: bool) {
+        let is_harm = is_harm || self.legs.iter().any(|leg| leg.key == key && leg.is_harm);
+        self.legs.retain(|leg| leg.key != key);
+        self.legs.push(FailedLeg { key, is_harm });
+        if self.legs.len() > MAX_FAILED_LEGS {
+            self.legs.remove(0);
+        }
+    }
+
+    fn count_arrival(&mut self, key: LegKey) -> u32 {
+        self.arrivals += u32::from(key.to == Stop::Goal);
+        self.arrivals
+    }
+}
