@@ -150,7 +150,10 @@ impl Graphs {
         let mut refused = self.other_policy.subscribe();
         // The sender is part of this.
         let refused = refused.wait_for(Option::is_some).await;
-        refused.ok().and_then(|status| status.clone()).unwrap_or_else(|| Status::internal("the watch of the planner's policy has ended"))
+        refused
+            .ok()
+            .and_then(|status| status.clone())
+            .unwrap_or_else(|| Status::internal("the watch of the planner's policy has ended"))
     }
 
     fn start(&self, key: GraphKey, server: Link) -> Graph {

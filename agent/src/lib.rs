@@ -18,11 +18,11 @@ mod world;
 
 pub use config::WorkConfig;
 
-use maps::Maps;
-use config::{MAX_PAUSE, MIN_PAUSE};
-use graph::Graphs;
 use capacity::CapacityShare;
+use config::{MAX_PAUSE, MIN_PAUSE};
 use directory::LookUps;
+use graph::Graphs;
+use maps::Maps;
 use session::{Session, SessionEnd};
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -1,10 +1,10 @@
 //! One connection to the server: sends hello, then dispatches messages to the tasks of the worlds.
 
-use super::maps::{Arrival, Maps};
+use super::capacity::CapacityShare;
 use super::config::WorkConfig;
 use super::graph::{Graph, GraphKey, Graphs};
 use super::inference::Inference;
-use super::capacity::CapacityShare;
+use super::maps::{Arrival, Maps};
 use super::world::{MotionSettings, RehearsalMap, WorldError, WorldMessage, WorldParts, WorldTask};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

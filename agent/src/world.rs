@@ -12,9 +12,9 @@ mod rehearse;
 
 pub(super) use ground::RehearsalMap;
 
-use crate::maps::Arrival;
 use crate::graph::Graph;
 use crate::inference::Inference;
+use crate::maps::Arrival;
 use batch::{Answer, Batch, Sighting};
 use ground::RehearsalGround;
 use npc::{Npc, Npcs};

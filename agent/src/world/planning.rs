@@ -164,7 +164,12 @@ impl Planning {
     }
 
     /// Requests plans, and returns the NPCs that want another one at once.
-    async fn request_once(&mut self, requests: Vec<PlanRequest>, npcs: &mut Npcs, mode: RequestMode) -> Vec<PlanRequest> {
+    async fn request_once(
+        &mut self,
+        requests: Vec<PlanRequest>,
+        npcs: &mut Npcs,
+        mode: RequestMode,
+    ) -> Vec<PlanRequest> {
         let Some(graph) = self.graph.clone() else { return Vec::new() };
         if self.is_lockstep && !self.has_waited && !graph.wait(GRAPH_LIMIT, PLANNER_SILENCE).await {
             warn!(world = self.world_id, "no graph in time: NPCs act without plans");
@@ -183,7 +188,8 @@ impl Planning {
             npc.attempt.follower.query(request.feet)
         };
         let queries: Vec<Query> = requests.iter().map(query).collect();
-        let find = async move { Planned { plans: graph.find_paths(graph_id, &queries, traffic.as_ref()).await, requests } };
+        let find =
+            async move { Planned { plans: graph.find_paths(graph_id, &queries, traffic.as_ref()).await, requests } };
         if self.is_lockstep {
             return self.hand_out(find.await, npcs);
         }

@@ -133,9 +133,7 @@ impl Attempt {
                 noise.change();
                 AfterRehearsal::Rehearse
             }
-            Recovery::Avoid(RehearsalFailure { leg, is_harm })
-                if self.follower.avoid(leg, is_harm) == Step::Plan =>
-            {
+            Recovery::Avoid(RehearsalFailure { leg, is_harm }) if self.follower.avoid(leg, is_harm) == Step::Plan => {
                 AfterRehearsal::Plan
             }
             Recovery::Avoid(_) | Recovery::Stop if self.follower.wait_for_a_way() => AfterRehearsal::Act,

@@ -20,7 +20,8 @@ pub fn record(map: Arc<Map>, policy: &Policy, npc_count: usize, decision_count: 
     let points = navigable::sample_many(&map, &profile, npc_count * 4, &mut rng)?;
     let mut worlds = [World::new(map, profile, TaskConfig::default())];
     worlds[0].start_recording();
-    let npcs: Vec<DecidingNpc> = points[..npc_count].iter().map(|&feet| DecidingNpc::of(worlds[0].spawn(feet, 0.0))).collect();
+    let npcs: Vec<DecidingNpc> =
+        points[..npc_count].iter().map(|&feet| DecidingNpc::of(worlds[0].spawn(feet, 0.0))).collect();
     let mut decisions = DecisionLoop::new(policy);
     npcs.iter().for_each(|npc| decisions.begin(npc.row_idx));
     for _ in 0..decision_count {

@@ -176,11 +176,10 @@ impl DecisionLoop {
 
     fn close(&mut self, DecisionBatch { worlds, npcs }: &mut DecisionBatch<'_>) -> &[DecisionOutcome] {
         self.outcomes.clear();
-        self.outcomes.extend(
-            npcs.iter().map(|npc| {
+        self.outcomes
+            .extend(npcs.iter().map(|npc| {
                 worlds[npc.world_idx].close_decision(npc.slot).expect("an NPC that decides has an episode")
-            }),
-        );
+            }));
         &self.outcomes
     }
 }

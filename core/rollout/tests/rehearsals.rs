@@ -50,7 +50,12 @@ fn npcs_that_rehearse_do_not_fall_where_others_do() {
 }
 
 /// A world with one NPC that heads straight for its goal, and the start of its rehearsal.
-fn heads_straight(map: &Arc<Map>, policy: &Policy, goal: &Goal, noise: NoiseStream) -> ([World; 1], DecidingNpc, RehearsalStart) {
+fn heads_straight(
+    map: &Arc<Map>,
+    policy: &Policy,
+    goal: &Goal,
+    noise: NoiseStream,
+) -> ([World; 1], DecidingNpc, RehearsalStart) {
     let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
     let deciding = DecidingNpc::of(world.spawn(goal.start, goal.yaw));
     world.set_waypoint(deciding.slot, goal.goal);
@@ -73,7 +78,8 @@ fn an_npc_does_what_its_rehearsal_foretold() {
         decisions.begin(deciding.row_idx);
         loop {
             let draw = Noise::Rows(noise.draw(deciding.style).collect());
-            let end = decisions.decide(&mut DecisionBatch { worlds: &mut worlds, npcs: &[deciding] }, &policy, draw)[0].end;
+            let end =
+                decisions.decide(&mut DecisionBatch { worlds: &mut worlds, npcs: &[deciding] }, &policy, draw)[0].end;
             let body = worlds[0].npc(deciding.slot).unwrap().body;
             if end.is_none() && !forecast.matches(&body) {
                 // As far as it was rehearsed.

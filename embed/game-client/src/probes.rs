@@ -12,7 +12,7 @@ use surefoot_planner::{BuildError, BuildSettings, Built, Progress};
 use surefoot_policy::Policy;
 use surefoot_rollout::env::Route;
 use surefoot_rollout::graphs;
-use surefoot_rollout::probe::{RunningProbe, ProbeStep, DecisionReport};
+use surefoot_rollout::probe::{DecisionReport, ProbeStep, RunningProbe};
 use surefoot_rollout::style::npc_of;
 use surefoot_rollout::{Goal, ProbeContext};
 use surefoot_world::{End, Episode, TaskConfig};

@@ -106,7 +106,11 @@ pub struct CollectorState {
 
 fn lanes_of(config: &CollectorConfig) -> Vec<DecidingNpc> {
     let npcs = config.npcs_per_world;
-    let lane = |idx: usize| DecidingNpc { world_idx: idx / npcs, row_idx: idx, ..DecidingNpc::of(NpcSlot((idx % npcs) as u32)) };
+    let lane = |idx: usize| DecidingNpc {
+        world_idx: idx / npcs,
+        row_idx: idx,
+        ..DecidingNpc::of(NpcSlot((idx % npcs) as u32))
+    };
     (0..config.world_count * npcs).map(lane).collect()
 }
 

@@ -3,9 +3,7 @@
 use crate::decision::{DecidingNpc, DecisionBatch, DecisionLoop};
 use std::sync::Arc;
 use surefoot_world::sense::observation_len;
-use surefoot_world::{
-    Ability, Action, CharacterProfile, DecisionOutcome, Map, TaskConfig, Vec3, World, WorldConfig,
-};
+use surefoot_world::{Ability, Action, CharacterProfile, DecisionOutcome, Map, TaskConfig, Vec3, World, WorldConfig};
 
 /// An NPC that is put at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]

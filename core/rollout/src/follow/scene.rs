@@ -106,7 +106,11 @@ impl Scene<'_> {
     /// What an NPC at `feet`, m, does before a leg that is expected to take `leg_ticks`.
     pub(super) fn before_leg(&self, needs: &Needs, feet: Vec3, leg_ticks: u32) -> MoverResponse {
         let is_met = |need: Need| self.is_met(need, leg_ticks);
-        if needs.iter().all(is_met) { MoverResponse::Go } else { MoverResponse::Stay { at: feet, within: WAIT_WITHIN_M } }
+        if needs.iter().all(is_met) {
+            MoverResponse::Go
+        } else {
+            MoverResponse::Stay { at: feet, within: WAIT_WITHIN_M }
+        }
     }
 
     /// The call of an NPC that waits for a lift or platform.

@@ -152,7 +152,13 @@ pub fn score_hosted(
 }
 
 /// All attempts on one map, with what the survey knows of the goals.
-fn unit(map: &Arc<Map>, body: &CharacterProfile, of_set: &SetMap, attempts: Vec<AttemptResult>, thread_count: usize) -> Unit {
+fn unit(
+    map: &Arc<Map>,
+    body: &CharacterProfile,
+    of_set: &SetMap,
+    attempts: Vec<AttemptResult>,
+    thread_count: usize,
+) -> Unit {
     let goals: Vec<Goal> = of_set.goals.iter().copied().map(Goal::from).collect();
     let reach = Reach::survey_far(map, body, thread_count);
     let surveyed = reachable(&Terrain { map, profile: body, reach: &reach }, None, &goals);
