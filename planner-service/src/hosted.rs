@@ -2,14 +2,14 @@
 
 use crate::error::PlannerError;
 use crate::figures::{Figures, Summary};
-use crate::locks::POISON;
 use crate::origin::{MARGIN_M, Origin};
 use crate::probe_cache::ProbeCache;
 use crate::replicas::Report;
+use parking_lot::{Mutex, RwLock};
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64};
-use std::sync::{Arc, Mutex, RwLock};
 use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
 use surefoot_planner::live::{Counts, LiveEvidence, Reported, Reporter, Traversal};
 use surefoot_planner::search::EdgeCosts;
@@ -68,7 +68,7 @@ pub struct Hosted {
     unsent: Arc<Mutex<Vec<Report>>>,
     /// Held while evidence is exchanged with other planners.
     exchanging: Mutex<()>,
-    proofs: Arc<ProbeCache>,
+    probes: Arc<ProbeCache>,
     /// Held while a new view is made and while live evidence is stored, so that neither is overwritten by an older one.
     updating: Mutex<()>,
     /// Whether an exchange of evidence is scheduled.
@@ -107,17 +107,17 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Applies the layers of a level to a proved graph, with probes that are not among `proofs`. If the layers could not be read,
+    /// Applies the layers of a level to a proved graph, with probes that are not among `probes`. If the layers could not be read,
     /// the graph stays as it was proved and refuses plans with that error. `None` if `progress` was cancelled.
     pub fn new(
         origin: &Origin,
         proved: &NavGraph,
-        proofs: &ProbeCache,
+        probes: &ProbeCache,
         layers: Result<Vec<Layer>, PlannerError>,
         progress: &Arc<Progress>,
     ) -> Option<Self> {
         let (layers, refusal) = layers.map_or_else(|error| (Vec::new(), Some(error)), |layers| (layers, None));
-        let terrain = proofs.terrain(origin, progress);
+        let terrain = probes.terrain(origin, progress);
         let edited = apply_layers(proved, &layers, origin.settings.threshold, &terrain)?;
         Some(Self { connected: edited.graph.connected_share(), edited, layers, refusal })
     }
@@ -129,7 +129,7 @@ pub struct CarriedOver {
     live: Arc<Mutex<LiveEvidence>>,
     unsent: Arc<Mutex<Vec<Report>>>,
     /// Those of the layers.
-    pub proofs: Arc<ProbeCache>,
+    pub probes: Arc<ProbeCache>,
     changes: watch::Sender<()>,
 }
 
@@ -146,10 +146,10 @@ impl Hosted {
         origin: Origin,
         Built { graph: proved, stats }: Built,
         provenance: Provenance,
-        CarriedOver { live, unsent, proofs, changes }: CarriedOver,
+        CarriedOver { live, unsent, probes, changes }: CarriedOver,
         prepared: Prepared,
     ) -> Self {
-        let view = View::new(&origin, prepared, &live.lock().expect(POISON).clone());
+        let view = View::new(&origin, prepared, &live.lock().clone());
         Self {
             origin,
             stats,
@@ -159,7 +159,7 @@ impl Hosted {
             live,
             unsent,
             exchanging: Mutex::default(),
-            proofs,
+            probes,
             updating: Mutex::default(),
             exchange_is_due: AtomicBool::new(false),
             refresh_is_due: AtomicBool::new(false),
@@ -170,13 +170,13 @@ impl Hosted {
     }
 
     /// What the next graph of the same build takes over from this one.
-    pub fn legacy(&self) -> CarriedOver {
+    pub fn carry_over(&self) -> CarriedOver {
         // In the next graph, the indices of vertices that layers add may be those of others.
-        self.live.lock().expect(POISON).keep_below(self.proved.vertex_count());
+        self.live.lock().keep_below(self.proved.vertex_count());
         CarriedOver {
             live: self.live.clone(),
             unsent: self.unsent.clone(),
-            proofs: self.proofs.clone(),
+            probes: self.probes.clone(),
             changes: self.changes.clone(),
         }
     }
@@ -186,7 +186,12 @@ impl Hosted {
         self.provenance == Provenance::Interim
     }
 
-    /// Tells everybody who watches that plans may change.
+    /// Whether the graph and its evidence are in the store.
+    pub fn is_stored(&self) -> bool {
+        !matches!(self.provenance, Provenance::Interim | Provenance::Updated)
+    }
+
+    /// Notifies all watchers that plans may change.
     pub fn announce(&self) {
         self.changes.send_replace(());
     }
@@ -233,7 +238,7 @@ impl Hosted {
     }
 
     fn view(&self) -> Arc<View> {
-        self.view.read().expect(POISON).clone()
+        self.view.read().clone()
     }
 
     /// Finds the cheapest plan at current costs.
@@ -253,10 +258,10 @@ impl Hosted {
     /// graph has. Those of a `call` are stored with its receipt by the next exchange or [`store_live`](Self::store_live).
     pub fn report(&self, reporter: &Reporter, traversals: &[Traversal], call: Option<Call>) -> u32 {
         let view = self.view();
-        let mut live = self.live.lock().expect(POISON);
+        let mut live = self.live.lock();
         let mut accepted = 0;
         {
-            let mut costs = view.repriced.write().expect(POISON);
+            let mut costs = view.repriced.write();
             for traversal in traversals {
                 let Some(cost) = live.note(&view.edited.graph, reporter, traversal) else { continue };
                 Arc::make_mut(&mut costs).insert(traversal.edge, cost);
@@ -276,7 +281,7 @@ impl Hosted {
         let is_proved = |traversal: &&Traversal| traversal.edge.from.idx().max(traversal.edge.to.idx()) < count;
         let counts = traversals.iter().filter(is_proved).map(|traversal| Counts::of(reporter, traversal)).collect();
         let report = Report { receipt: Receipt { call, answer: accepted.to_le_bytes().to_vec() }, counts };
-        let mut unsent = self.unsent.lock().expect(POISON);
+        let mut unsent = self.unsent.lock();
         let waiting: usize = unsent.iter().map(|report| 1 + report.counts.len()).sum();
         if waiting + report.counts.len() < MAX_UNSENT {
             unsent.push(report);
@@ -285,7 +290,7 @@ impl Hosted {
 
     /// Whether there are traversals that other planners have not been told of.
     pub fn has_unsent(&self) -> bool {
-        !self.unsent.lock().expect(POISON).is_empty()
+        !self.unsent.lock().is_empty()
     }
 
     /// Tells other planners with `send` of the traversals that they do not know, and goes on with the evidence of all that `read` returns.
@@ -298,20 +303,20 @@ impl Hosted {
         send: impl FnOnce(&[Report]) -> Result<(), E>,
         read: impl FnOnce() -> Result<LiveEvidence, E>,
     ) -> Result<bool, E> {
-        let _turn = self.exchanging.lock().expect(POISON);
-        let sent = self.unsent.lock().expect(POISON).clone();
+        let _turn = self.exchanging.lock();
+        let sent = self.unsent.lock().clone();
         if !sent.is_empty() {
             send(&sent)?;
         }
         let fresh = read();
         let view = self.view();
-        let mut live = self.live.lock().expect(POISON);
-        let mut unsent = self.unsent.lock().expect(POISON);
+        let mut live = self.live.lock();
+        let mut unsent = self.unsent.lock();
         unsent.drain(..sent.len());
         let before = live.clone();
         live.renew(fresh?, self.proved.vertex_count());
         unsent.iter().flat_map(|report| &report.counts).for_each(|counts| live.add(counts));
-        let mut repriced = view.repriced.write().expect(POISON);
+        let mut repriced = view.repriced.write();
         let graph = &view.edited.graph;
         let mut has_changed = false;
         for edge in before.edges().chain(live.edges()) {
@@ -326,9 +331,9 @@ impl Hosted {
 
     /// Forgets traversals that other planners have not been told of, if reporters of this name reported them.
     pub fn drop_unsent(&self, name: &str) {
-        let _turn = self.exchanging.lock().expect(POISON);
+        let _turn = self.exchanging.lock();
         let is_other = |report: &Report| report.counts.iter().all(|counts| counts.reporter.name != name);
-        self.unsent.lock().expect(POISON).retain(is_other);
+        self.unsent.lock().retain(is_other);
     }
 
     /// Makes a new router from the live evidence so far, with hub labels if the old one has them.
@@ -339,7 +344,7 @@ impl Hosted {
     /// Returns whether nobody else has made a new router meanwhile.
     fn try_refresh(&self) -> bool {
         let view = self.view();
-        let live = self.live.lock().expect(POISON).clone();
+        let live = self.live.lock().clone();
         let router = self.origin.router(&view.edited, &live);
         if view.router.labels_bytes() > 0 {
             router.prepare_labels(self.origin.thread_count);
@@ -353,10 +358,10 @@ impl Hosted {
             refusal: view.refusal.clone(),
             repriced: RwLock::default(),
         };
-        let _updating = self.updating.lock().expect(POISON);
+        let _updating = self.updating.lock();
         let is_latest = Arc::ptr_eq(&view, &self.view());
         if is_latest {
-            *self.view.write().expect(POISON) = Arc::new(next);
+            *self.view.write() = Arc::new(next);
             self.announce();
         }
         is_latest
@@ -375,20 +380,20 @@ impl Hosted {
     /// Applies layers to the proved graph without using the result for plans yet, which [`apply`](Self::apply) does. `None` if
     /// `progress` was cancelled.
     pub fn prepare(&self, layers: Result<Vec<Layer>, PlannerError>, progress: &Arc<Progress>) -> Option<Prepared> {
-        Prepared::new(&self.origin, &self.proved, &self.proofs, layers, progress)
+        Prepared::new(&self.origin, &self.proved, &self.probes, layers, progress)
     }
 
     /// Uses a prepared graph for plans from now on.
     pub fn apply(&self, prepared: Prepared) {
-        let _updating = self.updating.lock().expect(POISON);
+        let _updating = self.updating.lock();
         let live = {
-            let mut live = self.live.lock().expect(POISON);
+            let mut live = self.live.lock();
             // Vertices that layers add may now have other indices.
             live.keep_below(self.proved.vertex_count());
             live.clone()
         };
         let view = View::new(&self.origin, prepared, &live);
-        *self.view.write().expect(POISON) = Arc::new(view);
+        *self.view.write() = Arc::new(view);
         self.announce();
     }
 
@@ -398,26 +403,26 @@ impl Hosted {
     /// # Errors
     /// Those of `store`.
     pub fn store_live<E>(&self, store: impl FnOnce(&LiveEvidence, &[Receipt]) -> Result<(), E>) -> Result<(), E> {
-        let _updating = self.updating.lock().expect(POISON);
+        let _updating = self.updating.lock();
         let (live, receipts) = {
-            let live = self.live.lock().expect(POISON);
-            let unsent = self.unsent.lock().expect(POISON);
+            let live = self.live.lock();
+            let unsent = self.unsent.lock();
             (live.clone(), unsent.iter().map(|report| report.receipt.clone()).collect::<Vec<_>>())
         };
         store(&live, &receipts)?;
-        self.unsent.lock().expect(POISON).drain(..receipts.len());
+        self.unsent.lock().drain(..receipts.len());
         Ok(())
     }
 
     /// Returns what each reporter's traversals amount to.
     pub fn reports(&self) -> Vec<Reported> {
-        self.live.lock().expect(POISON).reports()
+        self.live.lock().reports()
     }
 
     /// Forgets the traversals that reporters of this name reported. Returns their number. Plans use them until the next
     /// [`refresh`](Self::refresh).
     pub fn drop_reports(&self, name: &str) -> u64 {
-        self.live.lock().expect(POISON).drop_reports(name)
+        self.live.lock().drop_reports(name)
     }
 
     /// Returns the layers, and those of their edits that could not be applied.
@@ -445,7 +450,7 @@ impl Hosted {
     /// Returns the figures of the graph and of its build.
     pub fn figures(&self) -> Figures {
         let view = self.view();
-        let traversals = self.live.lock().expect(POISON).traversals();
+        let traversals = self.live.lock().traversals();
         let summary = Summary::of(view.router.graph(), view.connected, traversals);
         self.figures_with(summary.with_edits(&view.layers, view.edited.unapplied.len()))
     }
@@ -453,7 +458,7 @@ impl Hosted {
     /// Returns what the figures will be, the edits that will not be applied, and the revision once a prepared graph is in use.
     pub fn preview(&self, prepared: &Prepared) -> (Figures, Vec<Unapplied>, Revision) {
         let Prepared { edited, layers, connected, .. } = prepared;
-        let mut live = self.live.lock().expect(POISON).clone();
+        let mut live = self.live.lock().clone();
         live.keep_below(self.proved.vertex_count());
         let summary = Summary::of(&live.apply_to(&edited.graph), *connected, live.traversals());
         let figures = self.figures_with(summary.with_edits(layers, edited.unapplied.len()));
@@ -498,6 +503,6 @@ impl View {
 
     /// Costs of edges that have changed since the router was made, as they are now.
     fn costs(&self) -> Arc<EdgeCosts> {
-        self.repriced.read().expect(POISON).clone()
+        self.repriced.read().clone()
     }
 }

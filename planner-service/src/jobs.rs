@@ -4,11 +4,11 @@
 use crate::config::PlannerConfig;
 use crate::error::PlannerError;
 use crate::figures::Figures;
-use crate::locks::POISON;
+use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::MapSource;
 use surefoot_net::serving::Caller;
@@ -76,7 +76,7 @@ pub enum BuildPhase {
 }
 
 impl BuildPhase {
-    /// Returns whether this is a final stage.
+    /// Returns whether this is a final phase.
     pub fn is_end(self) -> bool {
         self >= BuildPhase::Done
     }
@@ -93,8 +93,8 @@ pub struct BuildResult {
 
 #[derive(Debug, Clone)]
 struct State {
-    /// All stages so far, the current one last.
-    stages: Vec<BuildPhase>,
+    /// All phases so far, the current one last.
+    phases: Vec<BuildPhase>,
     /// Whether other planners have been told of the build, or cannot be.
     is_known: bool,
     /// The graph, once plans can be made on it.
@@ -143,7 +143,7 @@ impl Job {
         (source, body, settings): (MapSource, CharacterProfile, BuildSettings),
         started: SystemTime,
     ) -> Self {
-        let state = State { stages: vec![BuildPhase::Queued], is_known: false, usable: None, end: None };
+        let state = State { phases: vec![BuildPhase::Queued], is_known: false, usable: None, end: None };
         Self {
             id,
             source,
@@ -158,17 +158,17 @@ impl Job {
         }
     }
 
-    /// Returns all stages so far, the current one last.
-    pub fn stages(&self) -> Vec<BuildPhase> {
-        let mut stages = self.state.borrow().stages.clone();
-        self.note_probes(&mut stages);
-        stages
+    /// Returns all phases so far, the current one last.
+    pub fn phases(&self) -> Vec<BuildPhase> {
+        let mut phases = self.state.borrow().phases.clone();
+        self.note_probes(&mut phases);
+        phases
     }
 
-    /// Adds [`BuildPhase::Probes`] once probes have begun. The builder only counts probes; it does not know stages.
-    fn note_probes(&self, stages: &mut Vec<BuildPhase>) {
-        if stages.last() == Some(&BuildPhase::Vertices) && self.progress.total.load(Ordering::Relaxed) > 0 {
-            stages.push(BuildPhase::Probes);
+    /// Adds [`BuildPhase::Probes`] once probes have begun. The builder only counts probes; it does not know phases.
+    fn note_probes(&self, phases: &mut Vec<BuildPhase>) {
+        if phases.last() == Some(&BuildPhase::Vertices) && self.progress.total.load(Ordering::Relaxed) > 0 {
+            phases.push(BuildPhase::Probes);
         }
     }
 
@@ -182,7 +182,7 @@ impl Job {
         self.state.borrow().usable
     }
 
-    /// Returns a future that resolves at the next change of stage after this call.
+    /// Returns a future that resolves at the next change of phase after this call.
     pub fn changes(&self) -> impl Future<Output = ()> + Send + 'static {
         let mut changes = self.state.subscribe();
         async move {
@@ -233,18 +233,18 @@ impl Job {
 
     /// Notes that a client waits for the build.
     pub(crate) fn add_requester(&self, client: &str) {
-        self.requesters.lock().expect(POISON).names.insert(client.to_owned());
+        self.requesters.lock().names.insert(client.to_owned());
     }
 
     /// Takes over who waits for the build of another planner, and how many have withdrawn there.
     pub(crate) fn take_requesters(&self, names: &[String], withdrawn_count: usize) {
         let names = names.iter().cloned().collect();
-        *self.requesters.lock().expect(POISON) = Requesters { names, noted: withdrawn_count };
+        *self.requesters.lock() = Requesters { names, noted: withdrawn_count };
     }
 
     /// Returns the clients that wait for the build.
     pub(crate) fn requesters(&self) -> Vec<String> {
-        self.requesters.lock().expect(POISON).names.iter().cloned().collect()
+        self.requesters.lock().names.iter().cloned().collect()
     }
 
     /// Removes those whom `caller` may speak for from the clients that wait. If none is left, the build is cancelled.
@@ -253,7 +253,7 @@ impl Job {
     /// If `caller` speaks for none of them.
     pub(crate) fn withdraw(&self, caller: &Caller) -> Result<(), PlannerError> {
         let is_last = {
-            let names = &mut self.requesters.lock().expect(POISON).names;
+            let names = &mut self.requesters.lock().names;
             let count = names.len();
             names.retain(|name| !caller.may_change(name));
             if names.len() == count && !caller.may_change(SERVICE) {
@@ -270,7 +270,7 @@ impl Job {
     /// Notes the clients that have withdrawn through other planners, in their order.
     pub(crate) fn note_withdrawn(&self, withdrawn: &[String]) {
         let is_last = {
-            let Requesters { names, noted } = &mut *self.requesters.lock().expect(POISON);
+            let Requesters { names, noted } = &mut *self.requesters.lock();
             let new = withdrawn.get(*noted..).unwrap_or_default();
             names.retain(|name| !new.contains(name));
             *noted = withdrawn.len();
@@ -281,23 +281,23 @@ impl Job {
         }
     }
 
-    pub(crate) fn enter(&self, stage: BuildPhase) {
+    pub(crate) fn enter(&self, phase: BuildPhase) {
         self.state.send_modify(|state| {
-            self.note_probes(&mut state.stages);
-            state.stages.push(stage);
+            self.note_probes(&mut state.phases);
+            state.phases.push(phase);
         });
     }
 
-    /// Enters a stage, unless the build has been in it already.
-    pub(crate) fn reach(&self, stage: BuildPhase) {
-        if self.stages().last().is_none_or(|latest| *latest < stage) {
-            self.enter(stage);
+    /// Enters a phase, unless the build has been in it already.
+    pub(crate) fn reach(&self, phase: BuildPhase) {
+        if self.phases().last().is_none_or(|latest| *latest < phase) {
+            self.enter(phase);
         }
     }
 
-    /// Counts probes from 0, since what another planner had done of the graph is lost. The stage remains.
+    /// Counts probes from 0, since what another planner had done of the graph is lost. The phase remains.
     pub(crate) fn forget_probes(&self) {
-        self.state.send_modify(|state| self.note_probes(&mut state.stages));
+        self.state.send_modify(|state| self.note_probes(&mut state.phases));
         self.progress.done.store(0, Ordering::Relaxed);
         self.progress.total.store(0, Ordering::Relaxed);
     }
@@ -308,14 +308,14 @@ impl Job {
     }
 
     pub(crate) fn finish(&self, end: Result<BuildResult, PlannerError>) {
-        let stage = match &end {
+        let phase = match &end {
             Ok(_) => BuildPhase::Done,
             Err(PlannerError::Build(BuildError::Cancelled)) => BuildPhase::Cancelled,
             Err(_) => BuildPhase::Failed,
         };
         self.state.send_modify(|state| {
-            self.note_probes(&mut state.stages);
-            state.stages.push(stage);
+            self.note_probes(&mut state.phases);
+            state.phases.push(phase);
             state.end = Some((Instant::now(), end));
         });
     }
@@ -354,7 +354,7 @@ impl Jobs {
         client: &str,
         limits: &PlannerConfig,
     ) -> Result<(Arc<Job>, bool), PlannerError> {
-        let mut jobs = self.jobs.lock().expect(POISON);
+        let mut jobs = self.jobs.lock();
         remove_ended(&mut jobs);
         let started = SystemTime::now();
         let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
@@ -370,7 +370,7 @@ impl Jobs {
         if open().count() >= limits.max_builds {
             return Err(PlannerError::TooManyBuilds(limits.max_builds));
         }
-        let is_own = |other: &&Arc<Job>| other.requesters.lock().expect(POISON).names.contains(client);
+        let is_own = |other: &&Arc<Job>| other.requesters.lock().names.contains(client);
         if client != SERVICE && open().filter(is_own).count() >= limits.max_builds_per_client {
             return Err(PlannerError::TooManyBuildsOfClient(limits.max_builds_per_client));
         }
@@ -388,7 +388,7 @@ impl Jobs {
         wanted: (MapSource, CharacterProfile, BuildSettings),
         started: SystemTime,
     ) -> (Arc<Job>, bool) {
-        let mut jobs = self.jobs.lock().expect(POISON);
+        let mut jobs = self.jobs.lock();
         if let Some(job) = jobs.get(&id) {
             return (job.clone(), false);
         }
@@ -405,7 +405,7 @@ impl Jobs {
         if id.is_empty() {
             return Err(PlannerError::NoBuildId);
         }
-        let mut jobs = self.jobs.lock().expect(POISON);
+        let mut jobs = self.jobs.lock();
         remove_ended(&mut jobs);
         let found = BuildId::parse(id).and_then(|id| jobs.get(&id).cloned());
         found.ok_or_else(|| PlannerError::UnknownBuild(id.to_owned()))
@@ -413,14 +413,14 @@ impl Jobs {
 
     /// Returns all builds, the latest first.
     pub fn all(&self) -> Vec<Arc<Job>> {
-        let mut jobs = self.jobs.lock().expect(POISON);
+        let mut jobs = self.jobs.lock();
         remove_ended(&mut jobs);
         jobs.values().rev().cloned().collect()
     }
 
     /// Returns the number of builds that are running or waiting.
     pub fn open_count(&self) -> usize {
-        self.jobs.lock().expect(POISON).values().filter(|job| !job.has_ended()).count()
+        self.jobs.lock().values().filter(|job| !job.has_ended()).count()
     }
 }
 

@@ -2,15 +2,21 @@
 //! and published at once, unless the layers have changed in the meantime.
 
 use crate::error::PlannerError;
+use crate::graphs::GraphCache;
 use crate::hosted::{Hosted, Prepared, Revision};
-use crate::locks::POISON;
-use crate::planner::Planner;
+use crate::stores::PlannerStores;
 use crate::wire;
+use parking_lot::{Mutex, MutexGuard};
+use std::collections::HashMap;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Weak};
+use surefoot_net::serving::Shutdown;
 use surefoot_planner::edits::{Edit, Layer};
-use surefoot_planner::store::{Call, LevelId, LevelLayers, MAX_ANSWER_BYTES, Receipt, StoreErrorKind};
+use surefoot_planner::store::{Call, LevelId, LevelLayers, MAX_ANSWER_BYTES, Receipt, StoreError, StoreErrorKind};
 use surefoot_planner::{BuildError, Progress};
+use tokio::sync::Semaphore;
+use tokio::task::spawn_blocking;
+use tracing::warn;
 
 /// Maximum number of layers of a level.
 pub const MAX_LAYERS: usize = 64;
@@ -162,48 +168,75 @@ fn answer_of(hosted: &Hosted, prepared: &Prepared, call: Option<&Call>) -> (Vec<
     (answer, receipt)
 }
 
-impl Planner {
-    /// Changes a layer of a graph's level. If `if_revision` is given, the layers must be of that revision. The change is abandoned
-    /// if the caller drops the future or the service shuts down before it is stored. Returns the answer, as [`wire::changed`] encodes it; a
-    /// `call` that has been carried out before gets its first answer.
+/// Changes layers and applies them to the graphs in memory.
+pub(crate) struct LayerEditor {
+    stores: PlannerStores,
+    graphs: Arc<GraphCache>,
+    /// One lock for each level: held while its layers are stored and applied, never while edits are probed.
+    locks: Mutex<HashMap<LevelId, Weak<Mutex<()>>>>,
+    /// Permits one call at a time to probe its edits, because that uses all cores.
+    probing: Semaphore,
+    shutdown: Shutdown,
+}
+
+impl LayerEditor {
+    /// Creates an editor for the graphs of a planner.
+    pub fn new(stores: PlannerStores, graphs: Arc<GraphCache>, shutdown: Shutdown) -> Self {
+        Self { stores, graphs, locks: Mutex::default(), probing: Semaphore::new(1), shutdown }
+    }
+
+    /// Returns the lock of a level.
+    pub fn lock_of(&self, level: &LevelId) -> Arc<Mutex<()>> {
+        let mut locks = self.locks.lock();
+        locks.retain(|_, lock| lock.strong_count() > 0);
+        if let Some(lock) = locks.get(level).and_then(Weak::upgrade) {
+            return lock;
+        }
+        let lock = Arc::default();
+        locks.insert(*level, Arc::downgrade(&lock));
+        lock
+    }
+
+    /// Changes a layer of a graph's level. If `if_revision` is given, the layers must have that revision. The change is
+    /// abandoned if the caller drops the future, or the service shuts down, before it is stored. Returns the answer, as
+    /// [`wire::changed`] encodes it; a repeated call gets its first answer.
     ///
     /// # Errors
-    /// If the graph is not in memory, the layers are of another revision or change too often, the changed layer is invalid or too
-    /// large, there is no layer to remove edits from, the change cannot be stored, or the id of the call was used for another one.
-    pub async fn change_layers(
-        &self,
-        graph_id: &str,
+    /// If the layers are of another revision or change too often, the changed layer is invalid or too large, there is
+    /// no layer to remove edits from, the change cannot be stored, or the request id was used for another request.
+    pub async fn change(
+        self: &Arc<Self>,
+        hosted: Arc<Hosted>,
         if_revision: Option<Revision>,
         change: LayerChange,
         call: Option<Call>,
     ) -> Result<Vec<u8>, PlannerError> {
-        let hosted = self.ready(graph_id).await?;
         let work = async {
             let _turn = match change.is_probed() {
                 false => None,
-                true => Some(self.shared.proving.acquire().await.map_err(|_| PlannerError::ShuttingDown)?),
+                true => Some(self.probing.acquire().await.map_err(|_| PlannerError::ShuttingDown)?),
             };
             let cancel = CancelOnDrop(Arc::default());
             let wanted = WantedChange { hosted, if_revision, change, call, progress: cancel.0.clone() };
-            let planner = self.clone();
-            let task = tokio::task::spawn_blocking(move || planner.change_now(&wanted));
+            let editor = self.clone();
+            let task = spawn_blocking(move || editor.change_now(&wanted));
             task.await.map_err(PlannerError::lost("the edit"))?
         };
         tokio::select! {
             changed = work => changed,
-            () = self.shared.shutdown.wait() => Err(PlannerError::ShuttingDown),
+            () = self.shutdown.wait() => Err(PlannerError::ShuttingDown),
         }
     }
 
     fn change_now(&self, wanted: &WantedChange) -> Result<Vec<u8>, PlannerError> {
         let WantedChange { hosted, if_revision, change, call, progress } = wanted;
-        let (level, store) = (hosted.level(), &self.shared.store);
+        let (level, store) = (hosted.level(), &self.stores.store);
         let read = || store.layers(&level).map_err(PlannerError::store("the layers cannot be read"));
-        let level_lock = self.shared.level_locks.of(&level);
+        let level_lock = self.lock_of(&level);
         for _ in 0..MAX_ATTEMPTS {
             let stored = read()?;
-            // After the layers, which a call that is carried out meanwhile changes.
-            if let Some(answer) = self.first_answer(call.as_ref())? {
+            // Looked up after the layers: a repeat that runs at the same time changes the layers first.
+            if let Some(answer) = self.stores.first_answer(call.as_ref())? {
                 return Ok(answer);
             }
             if if_revision.is_some_and(|revision| revision != Revision::of(&stored.layers)) {
@@ -216,7 +249,7 @@ impl Planner {
             let prepared = prepared.ok_or(PlannerError::ShuttingDown)?;
             // The first graph is the one that the caller named.
             let (answer, receipt) = answer_of(hosted, &prepared[0], call.as_ref());
-            let _held = level_lock.lock().expect(POISON);
+            let _held = level_lock.lock();
             if progress.cancel.load(Ordering::Relaxed) {
                 return Err(PlannerError::ShuttingDown);
             }
@@ -230,34 +263,39 @@ impl Planner {
                 continue;
             }
             for (graph, prepared) in graphs.iter().zip(prepared) {
-                graph.apply(prepared);
-                self.label_later(graph);
+                self.apply(graph, prepared);
             }
             return Ok(answer);
         }
         Err(PlannerError::LayersChanged)
     }
 
-    /// Returns `hosted`, first, and all other graphs of the level in memory.
-    fn graphs_of(&self, level: &LevelId, hosted: &Arc<Hosted>) -> Vec<Arc<Hosted>> {
-        let others = self.all_ready().into_iter();
-        let others = others.filter(|other| other.level() == *level && !Arc::ptr_eq(other, hosted));
-        std::iter::once(hosted.clone()).chain(others).collect()
+    fn apply(&self, graph: &Arc<Hosted>, prepared: Prepared) {
+        graph.apply(prepared);
+        self.graphs.label_later(graph);
     }
 
-    /// Prepares a graph with the layers of a level, and returns it with the level's `lock`, which is held so that the layers stay as
-    /// they are. If they cannot be read, the graph refuses plans.
+    /// Returns `hosted`, first, and all other graphs of the level in memory.
+    fn graphs_of(&self, level: &LevelId, hosted: &Arc<Hosted>) -> Vec<Arc<Hosted>> {
+        let mut graphs = self.graphs.of_level(level);
+        graphs.retain(|other| !Arc::ptr_eq(other, hosted));
+        graphs.insert(0, hosted.clone());
+        graphs
+    }
+
+    /// Prepares a graph with the layers of a level. Returns it with the guard of the level's `lock`, under which the
+    /// layers stay as they are. If the layers cannot be read, the graph refuses plans.
     ///
     /// # Errors
-    /// If `prepare` was cancelled, or the store that planners share is away.
-    pub(crate) fn with_layers<'a>(
+    /// If `prepare` was cancelled, or the shared store is unavailable.
+    pub fn with_layers<'a>(
         &self,
         lock: &'a Mutex<()>,
         level: &LevelId,
         prepare: impl Fn(Result<Vec<Layer>, PlannerError>) -> Option<Prepared>,
     ) -> Result<(Prepared, MutexGuard<'a, ()>), PlannerError> {
         loop {
-            let stored = self.shared.store.layers(level);
+            let stored = self.stores.store.layers(level);
             let layers = match stored.clone() {
                 Ok(layers) => readable(layers),
                 Err(error) if error.kind == StoreErrorKind::Unavailable => {
@@ -266,16 +304,48 @@ impl Planner {
                 Err(error) => Err(PlannerError::LayersUnreadable(error.to_string())),
             };
             let prepared = prepare(layers).ok_or(BuildError::Cancelled)?;
-            let held = lock.lock().expect(POISON);
-            // A change that was stored in the meantime did not apply to this graph.
-            if self.shared.store.layers(level) == stored {
+            let held = lock.lock();
+            // Otherwise, a change was stored in the meantime and not applied to this graph.
+            if self.stores.store.layers(level) == stored {
                 return Ok((prepared, held));
+            }
+        }
+    }
+
+    /// Applies the layers of a level, as another planner has stored them, to its graphs in memory. If they cannot be
+    /// read, the graphs keep the old layers: the news come again when the store is available.
+    pub fn renew(&self, level: &LevelId) {
+        if let Err(error) = self.try_renew(level) {
+            warn!(%error, "planner: cannot read changed layers; plans use the old ones");
+        }
+    }
+
+    fn try_renew(&self, level: &LevelId) -> Result<(), StoreError> {
+        let progress = Arc::new(Progress::default());
+        let lock = self.lock_of(level);
+        loop {
+            let stored = self.stores.store.layers(level)?;
+            // A graph that is being loaded with older layers is in memory once the lock is free.
+            drop(lock.lock());
+            let layers = readable(stored.clone());
+            let revision = layers.as_ref().ok().map(|layers| Revision::of(layers));
+            let is_old = |hosted: &Arc<Hosted>| {
+                revision.is_none_or(|now| now != hosted.revision()) || hosted.check_layers().is_err()
+            };
+            let mut graphs = self.graphs.of_level(level);
+            graphs.retain(is_old);
+            let prepare = |hosted: Arc<Hosted>| Some((hosted.prepare(layers.clone(), &progress)?, hosted));
+            let prepared: Vec<(Prepared, Arc<Hosted>)> = graphs.into_iter().filter_map(prepare).collect();
+            let _held = lock.lock();
+            if self.stores.store.layers(level)? == stored {
+                prepared.into_iter().for_each(|(prepared, hosted)| self.apply(&hosted, prepared));
+                return Ok(());
             }
         }
     }
 }
 
 /// Returns all layers of a level, or why they cannot be used.
-pub(crate) fn readable(layers: LevelLayers) -> Result<Vec<Layer>, PlannerError> {
+fn readable(layers: LevelLayers) -> Result<Vec<Layer>, PlannerError> {
     layers.whole().map_err(|damaged| PlannerError::LayersUnreadable(damaged.to_string()))
 }

@@ -1,37 +1,39 @@
 //! The planner service: builds, caches, edits and searches graphs for clients over gRPC.
 //!
-//! [`planner`] is the service without its transport: [`hosted`] is one graph in memory, [`builds`] makes graphs, and
-//! [`layers`] applies designers' changes. [`store`] keeps graphs on disk, `layer_files` layers, `receipts` the answers of calls that may be repeated, and [`provers`] run the probes of builds.
-//! [`grpc`] decodes requests, calls the planner and encodes responses; [`replicas`] is what planners that share a store agree on:
-//! `operations` has their builds, `sharing` what they change. [`wire`] converts types. Only these two and `serve` use wire types. Building
-//! and searching
-//! are in the pure library `surefoot-planner`.
+//! [`planner`] is the service without its transport; start reading there. [`grpc`] decodes requests, calls the planner
+//! and encodes responses. [`wire`] converts types. Only these two, `peers`, `layers` and `serve` use wire types.
+//! [`hosted`] is one graph in memory. [`store`] keeps graphs on disk, `layer_files` layers, and `receipts` the answers of
+//! calls that may be repeated. [`provers`] run the probes of builds. [`replicas`] is the interface of a store that
+//! several planners share. Building and searching are in the library `surefoot-planner`.
 
-pub mod builds;
+mod builds;
 mod config;
 mod error;
 mod failpoint;
 pub mod figures;
+mod graphs;
 pub mod grpc;
 pub mod hosted;
 pub mod jobs;
 mod layer_files;
 pub mod layers;
-mod locks;
-mod operations;
+mod maps;
 pub mod origin;
+mod peers;
 pub mod planner;
 mod probe_cache;
 pub mod provers;
 mod receipts;
 pub mod replicas;
+mod reports;
 mod serve;
-mod sharing;
 pub mod store;
+mod stores;
 pub mod wire;
 
 pub use config::PlannerConfig;
 pub use error::{Failure, PlannerError};
 pub use failpoint::failpoint;
-pub use planner::{Planner, PlannerStores};
+pub use planner::Planner;
 pub use serve::serve;
+pub use stores::PlannerStores;

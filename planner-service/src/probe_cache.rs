@@ -1,10 +1,10 @@
 //! What edits of a graph's vertices have found out about the map: where characters stand, and the evidence of candidate edges. It
 //! is remembered, so that a further edit costs only its own probes and none if it adds and moves no vertices.
 
-use crate::locks::POISON;
 use crate::origin::Origin;
+use parking_lot::Mutex;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, OnceLock};
 use surefoot_planner::Progress;
 use surefoot_planner::candidates::Candidate;
 use surefoot_planner::edits::{MapTerrain, Terrain};
@@ -29,7 +29,7 @@ pub struct ProbeCache {
 impl ProbeCache {
     /// Returns the map of a graph as edits need it. Cancelling `progress` ends its probes.
     pub fn terrain<'a>(&'a self, origin: &'a Origin, progress: &'a Arc<Progress>) -> impl Terrain + use<'a> {
-        LazyTerrain { origin, progress, proofs: self, terrain: OnceLock::new() }
+        LazyTerrain { origin, progress, cache: self, terrain: OnceLock::new() }
     }
 }
 
@@ -37,7 +37,7 @@ impl ProbeCache {
 struct LazyTerrain<'a> {
     origin: &'a Origin,
     progress: &'a Arc<Progress>,
-    proofs: &'a ProbeCache,
+    cache: &'a ProbeCache,
     terrain: OnceLock<MapTerrain>,
 }
 
@@ -55,11 +55,11 @@ impl LazyTerrain<'_> {
 impl Terrain for LazyTerrain<'_> {
     fn stand(&self, place: Vec3) -> Option<Vec3> {
         let key = bits(place);
-        if let Some(known) = self.proofs.standing.lock().expect(POISON).get(&key) {
+        if let Some(known) = self.cache.standing.lock().get(&key) {
             return *known;
         }
         let feet = self.terrain().stand(place);
-        let mut standing = self.proofs.standing.lock().expect(POISON);
+        let mut standing = self.cache.standing.lock();
         if standing.len() >= MAX_ENTRIES {
             standing.clear();
         }
@@ -72,7 +72,7 @@ impl Terrain for LazyTerrain<'_> {
             (*candidate, bits(vertices[candidate.from.idx()]), bits(vertices[candidate.to.idx()]))
         };
         let known: Vec<Option<Evidence>> = {
-            let evidence = self.proofs.evidence.lock().expect(POISON);
+            let evidence = self.cache.evidence.lock();
             candidates.iter().map(|candidate| evidence.get(&key(candidate)).copied()).collect()
         };
         let is_new = |(candidate, known): (&Candidate, &Option<Evidence>)| known.is_none().then_some(*candidate);
@@ -83,7 +83,7 @@ impl Terrain for LazyTerrain<'_> {
             .into_iter()
             .map(|known| known.unwrap_or_else(|| proved.next().expect("evidence for each candidate")))
             .collect();
-        let mut evidence = self.proofs.evidence.lock().expect(POISON);
+        let mut evidence = self.cache.evidence.lock();
         if evidence.len() + new.len() > MAX_ENTRIES {
             evidence.clear();
         }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 use surefoot_net::levels::MapSource;
-use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
+use surefoot_planner::probe::ProbeExecutor;
 use surefoot_rollout::probe::{InProcess, ProbeContext};
 
 /// Runs the probes of builds.
@@ -30,7 +30,9 @@ pub struct ProbeWork {
 /// Runs the probes of one build. Whoever runs them, the outcomes are the same.
 pub trait BuildProbes: ProbeExecutor {
     /// Why the build cannot go on, once the executor has given up without being cancelled.
-    fn failure(&self) -> Option<String>;
+    fn failure(&self) -> Option<String> {
+        None
+    }
 }
 
 /// Runs all probes in this process.
@@ -39,20 +41,8 @@ pub struct Embedded;
 
 impl Provers for Embedded {
     fn enlist(&self, work: ProbeWork) -> Box<dyn BuildProbes> {
-        Box::new(Own(InProcess { context: work.context, thread_count: work.thread_count }))
+        Box::new(InProcess { context: work.context, thread_count: work.thread_count })
     }
 }
 
-struct Own(InProcess);
-
-impl ProbeExecutor for Own {
-    fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
-        self.0.run(trials, seed, watch)
-    }
-}
-
-impl BuildProbes for Own {
-    fn failure(&self) -> Option<String> {
-        None
-    }
-}
+impl BuildProbes for InProcess {}

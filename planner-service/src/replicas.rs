@@ -1,15 +1,13 @@
-//! What planners that share a store agree on: who builds which graph, which builds there are, what changed elsewhere. [`Alone`] is the
-//! planner that has its store for itself; crates that know databases implement [`Replicas`] for several.
+//! What planners that share a store agree on: which planner builds which graph, which builds are open, and what other
+//! planners have changed. Crates that know databases implement [`Replicas`].
 
 use crate::error::Failure;
 use crate::jobs::{BuildId, BuildPhase};
-use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_planner::live::Counts;
-use surefoot_planner::store::{GraphStore, LevelId, Receipt, StoreError};
+use surefoot_planner::store::{LevelId, Receipt, StoreError};
 use surefoot_planner::{Built, GraphId};
 use tokio::sync::mpsc;
-use tracing::warn;
 
 /// The right to publish one graph. It is lost when the planner falls silent for its lease; a later one has a greater number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,8 +27,8 @@ pub enum ClaimOutcome {
 /// How far a build has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BuildStatus {
-    /// The stage.
-    pub stage: BuildPhase,
+    /// The phase.
+    pub phase: BuildPhase,
     /// Number of probes that have finished.
     pub done: u64,
     /// Number of probes that are known to be needed.
@@ -45,7 +43,7 @@ pub struct Operation {
     /// What is built: `wire::recipe` encodes it.
     pub recipe: Vec<u8>,
     /// How far it has come.
-    pub posted: BuildStatus,
+    pub status: BuildStatus,
     /// The graph, when it is done.
     pub graph: Option<GraphId>,
     /// Why it failed, if it did.
@@ -104,11 +102,6 @@ pub enum News {
 
 /// What planners that share a store agree on. Calls block.
 pub trait Replicas: Send + Sync {
-    /// Whether other planners may share the store.
-    fn are_several(&self) -> bool {
-        true
-    }
-
     /// A number that tells the planners that run at a time apart.
     fn site(&self) -> u64;
 
@@ -193,66 +186,4 @@ pub trait Replicas: Send + Sync {
 
     /// Leaves: others take over at once.
     fn leave(&self) {}
-}
-
-/// A planner that has its store for itself.
-pub struct Alone(pub Arc<dyn GraphStore>);
-
-impl Replicas for Alone {
-    fn are_several(&self) -> bool {
-        false
-    }
-
-    fn site(&self) -> u64 {
-        0
-    }
-
-    fn claim(&self, _: &GraphId, _: BuildId) -> Result<ClaimOutcome, StoreError> {
-        Ok(ClaimOutcome::Ours(Token(0)))
-    }
-
-    fn release(&self, _: &GraphId) {}
-
-    fn publish(&self, graph: &GraphId, _: Token, _: &[u8], built: &Built) -> Result<bool, StoreError> {
-        if let Err(error) = self.0.put(graph, built) {
-            warn!(%error, "graph could not be stored in the cache");
-        }
-        Ok(true)
-    }
-
-    fn recipe(&self, _: &GraphId) -> Result<Option<Vec<u8>>, StoreError> {
-        Ok(None)
-    }
-
-    fn note_recipe(&self, _: &GraphId, _: &[u8]) -> Result<(), StoreError> {
-        Ok(())
-    }
-
-    fn post(&self, _: &Operation) -> Result<Withdrawals, StoreError> {
-        Ok(Withdrawals::default())
-    }
-
-    fn operation(&self, _: BuildId) -> Result<Option<Operation>, StoreError> {
-        Ok(None)
-    }
-
-    fn open_operations(&self) -> Result<Vec<Operation>, StoreError> {
-        Ok(Vec::new())
-    }
-
-    fn withdraw(&self, _: BuildId, _: &Withdrawals) -> Result<(), StoreError> {
-        Ok(())
-    }
-
-    fn adopt(&self) -> Result<Vec<Operation>, StoreError> {
-        Ok(Vec::new())
-    }
-
-    fn add_evidence(&self, _: &GraphId, _: &[Report]) -> Result<(), StoreError> {
-        Ok(())
-    }
-
-    fn drop_evidence(&self, _: &GraphId, _: &str) -> Result<(), StoreError> {
-        Ok(())
-    }
 }

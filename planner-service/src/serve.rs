@@ -2,7 +2,8 @@
 
 use crate::config::PlannerConfig;
 use crate::grpc::PlannerApi;
-use crate::planner::{Planner, PlannerStores};
+use crate::planner::Planner;
+use crate::stores::PlannerStores;
 use std::time::Duration;
 use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown};
 use surefoot_policy::Policy;
@@ -10,7 +11,7 @@ use surefoot_proto::planner::v1::planner_service_server::{PlannerServiceServer, 
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
 use tokio::sync::watch;
 
-/// Time between two looks at the lease.
+/// Period at which the lease is checked.
 const STANDING_EVERY: Duration = Duration::from_millis(250);
 
 /// Serves the planner on `endpoint` until `shutdown`, then cancels its builds and stores live evidence.
@@ -25,7 +26,7 @@ pub async fn serve(
     shutdown: Shutdown,
 ) -> Result<(), ServeError> {
     let planner = Planner::new(config, policy, store.into(), shutdown.clone());
-    tokio::spawn(planner.clone().follow_news());
+    tokio::spawn(planner.peers.clone().follow_news());
     let metrics = {
         let planner = planner.clone();
         move || {
@@ -46,10 +47,7 @@ pub async fn serve(
     routes.add_service(grpc).add_service(maps);
     let endpoint = endpoint.with_memory(planner.levels().memory().clone());
     let result = endpoint.serve(routes, &[SERVICE_NAME, MAP_SERVICE], metrics, shutdown).await;
-    planner.cancel_builds();
-    let end = tokio::task::spawn_blocking(move || planner.leave());
-    // Only a panic ends it otherwise, which has been printed.
-    let _ = end.await;
+    planner.leave().await;
     result
 }
 
@@ -58,7 +56,7 @@ async fn report_standing(planner: Planner, holds_lease: watch::Sender<bool>) {
     let mut due = tokio::time::interval(STANDING_EVERY);
     while !holds_lease.is_closed() {
         due.tick().await;
-        let holds = planner.shared.replicas.standing().holds_lease;
+        let holds = planner.standing().holds_lease;
         holds_lease.send_if_modified(|known| std::mem::replace(known, holds) != holds);
     }
 }

@@ -331,16 +331,16 @@ fn source_to_wire(source: &MapSource) -> (Option<MapSpec>, String) {
     }
 }
 
-/// Converts a build to the wire, as it was or is in `stage`.
-pub fn build_to_wire(job: &Job, stage: BuildPhase) -> wire::Build {
-    let end = job.end().filter(|_| stage.is_end());
+/// Converts a build to the wire, as it was or is in `phase`.
+pub fn build_to_wire(job: &Job, phase: BuildPhase) -> wire::Build {
+    let end = job.end().filter(|_| phase.is_end());
     let (map, level) = source_to_wire(&job.source);
     let made = end.as_ref().and_then(|end| end.as_ref().ok());
-    let failure = end.as_ref().and_then(|end| end.as_ref().err()).filter(|_| stage == BuildPhase::Failed);
-    let interim = job.usable().filter(|_| matches!(stage, BuildPhase::Probes | BuildPhase::Index));
+    let failure = end.as_ref().and_then(|end| end.as_ref().err()).filter(|_| phase == BuildPhase::Failed);
+    let interim = job.usable().filter(|_| matches!(phase, BuildPhase::Probes | BuildPhase::Index));
     wire::Build {
         build_id: job.id.to_string(),
-        stage: stage_to_wire(stage).into(),
+        stage: phase_to_wire(phase).into(),
         probes_done: job.progress.done.load(Ordering::Relaxed),
         probes_total: job.progress.total.load(Ordering::Relaxed),
         graph_id: made.map(|made| made.graph.to_string()).unwrap_or_default(),
@@ -365,8 +365,8 @@ fn failure_to_wire(error: &PlannerError) -> wire::BuildFailure {
     }
 }
 
-fn stage_to_wire(stage: BuildPhase) -> wire::BuildStage {
-    match stage {
+fn phase_to_wire(phase: BuildPhase) -> wire::BuildStage {
+    match phase {
         BuildPhase::Queued => wire::BuildStage::Queued,
         BuildPhase::Map => wire::BuildStage::Map,
         BuildPhase::Vertices => wire::BuildStage::Vertices,

@@ -10,7 +10,6 @@ use surefoot_fleet::blobs::Blobs;
 use surefoot_fleet::database::Database;
 use surefoot_fleet::planners::FleetPlanner;
 use surefoot_planner::GraphId;
-use surefoot_planner_service::PlannerStores;
 use surefoot_planner_service::jobs::BuildId;
 use surefoot_planner_service::replicas::ClaimOutcome;
 
@@ -61,7 +60,7 @@ async fn a_claim_that_is_made_while_others_are_cleared_away_stays() {
     let address = "http://127.0.0.1:1".to_owned();
     let joined = FleetPlanner::join(database, blobs, address, Duration::from_secs(600)).await.unwrap();
     wait_until("claims are about to be cleared away", || async { relay.is_sprung() }).await;
-    let PlannerStores { replicas, .. } = joined.into_stores();
+    let replicas = joined.into_stores().replicas.unwrap();
     let claimed = tokio::task::spawn_blocking(move || {
         let claim = replicas.claim(&GraphId([7; 32]), BuildId::of_bits(1)).unwrap();
         (claim, replicas)

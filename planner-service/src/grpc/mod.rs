@@ -65,7 +65,8 @@ impl PlannerApi {
         change: LayerChange,
         call: Option<Call>,
     ) -> Result<Response<R>, Status> {
-        let answer = self.planner.change_layers(graph_id, revision_from_wire(if_revision), change, call).await?;
+        let hosted = self.planner.get_or_load(graph_id).await?;
+        let answer = self.planner.layers.change(hosted, revision_from_wire(if_revision), change, call).await?;
         Ok(Response::new(R::decode(&*answer).map_err(|_| PlannerError::BadReceipt)?))
     }
 }
@@ -80,10 +81,10 @@ fn call_of(caller: &Caller, request_id: &str, request: &impl Message) -> Result<
     Ok(Some(Call { client: caller.name.to_string(), id: request_id.to_owned(), request }))
 }
 
-/// Converts a build to the wire in its current stage.
+/// Converts a build to the wire in its current phase.
 fn build_now(job: &Job) -> wire::Build {
-    let stage = job.stages().pop().expect("a build has at least one stage");
-    build_to_wire(job, stage)
+    let phase = job.phases().pop().expect("a build has at least one phase");
+    build_to_wire(job, phase)
 }
 
 type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
@@ -98,7 +99,7 @@ impl PlannerService for PlannerApi {
         let request = request.into_inner();
         self.planner.check_policy(&request.policy_hash)?;
         let wanted = wanted(&request, self.planner.levels(), self.planner.config()).await?;
-        let job = self.planner.start_build(wanted, &caller.name)?;
+        let job = self.planner.peers.start(wanted, &caller.name)?;
         let build = build_now(&job);
         job.known().await;
         Ok(Response::new(wire::StartBuildResponse { build: Some(build) }))
@@ -110,7 +111,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::WatchBuildRequest>,
     ) -> Result<Response<Self::WatchBuildStream>, Status> {
-        let job = self.planner.job(&request.into_inner().build_id).await?;
+        let job = self.planner.peers.find(&request.into_inner().build_id).await?;
         let (queue, stream) = mpsc::channel(4);
         tokio::spawn(streams::stream_progress(job, queue, self.planner.shutdown().clone()));
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
@@ -121,7 +122,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::ListBuildsRequest>,
     ) -> Result<Response<wire::ListBuildsResponse>, Status> {
         let wire::ListBuildsRequest { page_size, page_token } = request.into_inner();
-        let all = self.planner.all_jobs().await;
+        let all = self.planner.peers.all().await;
         let page = page(all, |job| job.id.to_string(), PageSize::USUAL, page_size, &page_token)?;
         let builds = page.items.iter().map(|job| build_now(job)).collect();
         Ok(Response::new(wire::ListBuildsResponse { builds, next_page_token: page.next_token }))
@@ -132,8 +133,8 @@ impl PlannerService for PlannerApi {
         request: Request<wire::CancelBuildRequest>,
     ) -> Result<Response<wire::CancelBuildResponse>, Status> {
         let caller = Caller::of(&request);
-        let job = self.planner.job(&request.into_inner().build_id).await?;
-        self.planner.cancel_build(&job, &caller).await?;
+        let job = self.planner.peers.find(&request.into_inner().build_id).await?;
+        self.planner.peers.cancel(&job, &caller).await?;
         Ok(Response::new(wire::CancelBuildResponse { build: Some(build_now(&job)) }))
     }
 
@@ -141,7 +142,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::GetGraphRequest>,
     ) -> Result<Response<wire::GetGraphResponse>, Status> {
-        let hosted = self.planner.usable(&request.into_inner().graph_id).await?;
+        let hosted = self.planner.get_usable(&request.into_inner().graph_id).await?;
         let encoded = tokio::task::spawn_blocking(move || graph_to_wire(&hosted)).await;
         Ok(Response::new(encoded.map_err(PlannerError::lost("the encoding"))?))
     }
@@ -152,10 +153,10 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::WatchGraphRequest>,
     ) -> Result<Response<Self::WatchGraphStream>, Status> {
-        let graph_id = request.into_inner().graph_id;
-        let changes = self.planner.ready(&graph_id).await?.changes();
+        let hosted = self.planner.get_or_load(&request.into_inner().graph_id).await?;
+        let (id, changes) = (hosted.origin.id, hosted.changes());
         let (queue, stream) = mpsc::channel(1);
-        tokio::spawn(streams::stream_changes(self.planner.clone(), graph_id, changes, queue));
+        tokio::spawn(streams::stream_changes(self.planner.clone(), id, changes, queue));
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
     }
 
@@ -164,7 +165,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::ListGraphsRequest>,
     ) -> Result<Response<wire::ListGraphsResponse>, Status> {
         let wire::ListGraphsRequest { page_size, page_token } = request.into_inner();
-        let all = self.planner.all_ready();
+        let all = self.planner.graphs.all();
         let page = page(all, |hosted| hosted.origin.id.to_string(), PageSize::USUAL, page_size, &page_token)?;
         let graphs = page.items.iter().map(|hosted| ready_graph_to_wire(hosted)).collect();
         Ok(Response::new(wire::ListGraphsResponse { graphs, next_page_token: page.next_token }))
@@ -175,7 +176,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::ProbeEdgeRequest>,
     ) -> Result<Response<wire::ProbeEdgeResponse>, Status> {
         let wire::ProbeEdgeRequest { graph_id, from, to, seed } = request.into_inner();
-        let hosted = self.planner.usable(&graph_id).await?;
+        let hosted = self.planner.get_usable(&graph_id).await?;
         let (outcome, track) = self.planner.probe(hosted, VertexId(from), VertexId(to), Seed(seed)).await?;
         Ok(Response::new(wire::ProbeEdgeResponse {
             reached: outcome.reached,
@@ -190,7 +191,8 @@ impl PlannerService for PlannerApi {
         request: Request<wire::CompareGraphsRequest>,
     ) -> Result<Response<wire::CompareGraphsResponse>, Status> {
         let request = request.into_inner();
-        let (before, after) = (self.planner.usable(&request.before).await?, self.planner.usable(&request.after).await?);
+        let (before, after) =
+            (self.planner.get_usable(&request.before).await?, self.planner.get_usable(&request.after).await?);
         Ok(Response::new(difference_to_wire(self.planner.compare(before, after).await?)))
     }
 
@@ -199,7 +201,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::FindPathRequest>,
     ) -> Result<Response<wire::FindPathResponse>, Status> {
         let request = request.into_inner();
-        let hosted = self.planner.usable(&request.graph_id).await?;
+        let hosted = self.planner.get_usable(&request.graph_id).await?;
         let query = Self::query(&hosted, &request.query.ok_or(FieldError::Missing("query"))?)?;
         let (planner, interim) = (self.planner.clone(), hosted.is_interim());
         let plan = tokio::task::spawn_blocking(move || plan_to_wire(&planner.plan(&hosted, &query))).await;
@@ -212,7 +214,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::FindPathsRequest>,
     ) -> Result<Response<wire::FindPathsResponse>, Status> {
         let request = request.into_inner();
-        let hosted = self.planner.usable(&request.graph_id).await?;
+        let hosted = self.planner.get_usable(&request.graph_id).await?;
         let (count, limit) = (request.queries.len(), self.planner.config().max_queries);
         if count > limit {
             let message =
@@ -242,7 +244,7 @@ impl PlannerService for PlannerApi {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let call = call_of(&caller, &request.request_id, &request)?;
-        let hosted = self.planner.usable(&request.graph_id).await?;
+        let hosted = self.planner.get_usable(&request.graph_id).await?;
         let count = request.traversals.len();
         if count > MAX_TRAVERSALS {
             let message =
@@ -251,8 +253,8 @@ impl PlannerService for PlannerApi {
         }
         let traversals = request.traversals.iter().map(traversal).collect::<Result<Vec<_>, _>>()?;
         let reporter = Reporter { name: caller.name.to_string(), is_trusted: caller.is_trusted_reporter() };
-        let planner = self.planner.clone();
-        let report = async move { Ok(planner.report(hosted, reporter, traversals, call).await?) };
+        let reports = self.planner.reports.clone();
+        let report = async move { Ok(reports.add(hosted, &reporter, &traversals, call).await?) };
         // Repeats here get the answer from memory, so that they do not count even for a moment.
         let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes: 0 };
         let accepted = self.reported.once(call, &request, report).await?;
@@ -263,7 +265,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::ListReportsRequest>,
     ) -> Result<Response<wire::ListReportsResponse>, Status> {
-        let reports = self.planner.ready(&request.into_inner().graph_id).await?.reports();
+        let reports = self.planner.get_or_load(&request.into_inner().graph_id).await?.reports();
         Ok(Response::new(wire::ListReportsResponse { reports: reports.into_iter().map(report_to_wire).collect() }))
     }
 
@@ -272,8 +274,8 @@ impl PlannerService for PlannerApi {
         request: Request<wire::DropReportsRequest>,
     ) -> Result<Response<wire::DropReportsResponse>, Status> {
         let wire::DropReportsRequest { graph_id, reporter } = request.into_inner();
-        let hosted = self.planner.ready(&graph_id).await?;
-        let dropped = self.planner.drop_reports(hosted, reporter).await?;
+        let hosted = self.planner.get_or_load(&graph_id).await?;
+        let dropped = self.planner.reports.drop_of(hosted, reporter).await?;
         Ok(Response::new(wire::DropReportsResponse { dropped }))
     }
 
@@ -281,7 +283,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::GetLayersRequest>,
     ) -> Result<Response<wire::GetLayersResponse>, Status> {
-        let (layers, unapplied) = self.planner.usable(&request.into_inner().graph_id).await?.layers();
+        let (layers, unapplied) = self.planner.get_usable(&request.into_inner().graph_id).await?.layers();
         let revision = revision_to_wire(Revision::of(&layers));
         let layers = layers.iter().map(layer_to_wire).collect();
         Ok(Response::new(wire::GetLayersResponse { layers, unapplied: unapplied_to_wire(&unapplied), revision }))

@@ -7,6 +7,7 @@ use crate::wire::{build_to_wire, revision_to_wire, summary_to_wire};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::serving::{Shutdown, shutting_down};
+use surefoot_planner::GraphId;
 use surefoot_proto::planner::v1 as wire;
 use tokio::sync::{mpsc, watch};
 use tonic::Status;
@@ -19,7 +20,7 @@ const REPEAT_PERIOD: Duration = Duration::from_secs(20);
 /// Sends one reader the state of a graph at once, whenever it changes, and every [`REPEAT_PERIOD`].
 pub async fn stream_changes(
     planner: Planner,
-    graph_id: String,
+    id: GraphId,
     mut changes: watch::Receiver<()>,
     queue: mpsc::Sender<Result<wire::WatchGraphResponse, Status>>,
 ) {
@@ -29,18 +30,18 @@ pub async fn stream_changes(
     let end = loop {
         tokio::select! {
             changed = changes.changed() => if changed.is_err() {
-                break PlannerError::Unloaded(graph_id.clone()).into();
+                break PlannerError::Unloaded(id.to_string()).into();
             },
             () = tokio::time::sleep(REPEAT_PERIOD) => {}
             () = &mut stopping => break shutting_down(),
             () = queue.closed() => return,
         }
-        let message = match planner.find(&graph_id) {
-            Ok(hosted) => wire::WatchGraphResponse {
-                summary: Some(summary_to_wire(&hosted.figures())),
-                revision: revision_to_wire(hosted.revision()),
-            },
-            Err(error) => break error.into(),
+        let Some(hosted) = planner.graphs.peek(&id) else {
+            break PlannerError::Unloaded(id.to_string()).into();
+        };
+        let message = wire::WatchGraphResponse {
+            summary: Some(summary_to_wire(&hosted.figures())),
+            revision: revision_to_wire(hosted.revision()),
         };
         tokio::select! {
             sent = queue.send(Ok(message)) => if sent.is_err() { return },
@@ -51,7 +52,7 @@ pub async fn stream_changes(
     let _ = queue.try_send(Err(end));
 }
 
-/// Sends one reader the progress of a build: every stage, counts in between, and the end.
+/// Sends one reader the progress of a build: every phase, counts in between, and the end.
 pub async fn stream_progress(
     job: Arc<Job>,
     queue: mpsc::Sender<Result<wire::WatchBuildResponse, Status>>,
@@ -61,14 +62,14 @@ pub async fn stream_progress(
     tokio::pin!(stopping);
     let mut sent_count = 0;
     loop {
-        // Subscribe before reading the stages, so that no change is missed.
+        // Subscribe before reading the phases, so that no change is missed.
         let changes = job.changes();
-        let stages = job.stages();
-        let is_over = stages.last().is_some_and(|stage| stage.is_end());
-        let new_stages = &stages[sent_count..];
-        // Without a new stage, repeat the current one with its latest counts.
-        for &stage in if new_stages.is_empty() { &stages[stages.len() - 1..] } else { new_stages } {
-            let message = wire::WatchBuildResponse { build: Some(build_to_wire(&job, stage)) };
+        let phases = job.phases();
+        let is_over = phases.last().is_some_and(|phase| phase.is_end());
+        let new_phases = &phases[sent_count..];
+        // Without a new phase, repeat the current one with its latest counts.
+        for &phase in if new_phases.is_empty() { &phases[phases.len() - 1..] } else { new_phases } {
+            let message = wire::WatchBuildResponse { build: Some(build_to_wire(&job, phase)) };
             if queue.send(Ok(message)).await.is_err() {
                 return;
             }
@@ -76,7 +77,7 @@ pub async fn stream_progress(
         if is_over {
             return;
         }
-        sent_count = stages.len();
+        sent_count = phases.len();
         tokio::select! {
             () = changes => {}
             () = tokio::time::sleep(PROGRESS_PERIOD) => {}

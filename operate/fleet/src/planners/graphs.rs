@@ -1,7 +1,7 @@
 //! Graphs: who builds which, and publishing, which checks the claim and the lease in the transaction that stores the graph.
 
 use super::db::{BLOB_PATIENCE, Note, PlannerDb, unsigned};
-use super::operations::stage_of;
+use super::operations::phase_of;
 use crate::blobs::BlobId;
 use crate::error::FleetError;
 use std::sync::atomic::Ordering;
@@ -114,7 +114,7 @@ async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Op
     );
     let posted = posted.fetch_optional(&mut *transaction).await.map_err(fail)?;
     Ok(Some(ClaimOutcome::Theirs(posted.map(|row| BuildStatus {
-        stage: stage_of(row.stage),
+        phase: phase_of(row.stage),
         done: unsigned(row.probes_done),
         total: unsigned(row.probes_total),
     }))))

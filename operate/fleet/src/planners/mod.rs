@@ -66,7 +66,7 @@ impl FleetPlanner {
     pub fn into_stores(self) -> PlannerStores {
         let levels = Arc::new(Levels(self.db.clone()));
         let database = Arc::new(self);
-        PlannerStores { store: database.clone(), replicas: database, levels: Some(levels) }
+        PlannerStores { store: database.clone(), replicas: Some(database), levels: Some(levels) }
     }
 }
 

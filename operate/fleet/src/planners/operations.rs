@@ -14,7 +14,7 @@ const ADOPTED_AT_A_TIME: i64 = 4;
 /// Most builds of other planners that are listed.
 const LISTED: i64 = 256;
 /// Stages by their number in the database.
-const STAGES: [BuildPhase; 8] = [
+const PHASES: [BuildPhase; 8] = [
     BuildPhase::Queued,
     BuildPhase::Map,
     BuildPhase::Vertices,
@@ -26,12 +26,12 @@ const STAGES: [BuildPhase; 8] = [
 ];
 
 /// The stage with this number.
-pub fn stage_of(number: i16) -> BuildPhase {
-    usize::try_from(number).ok().and_then(|idx| STAGES.get(idx)).copied().unwrap_or(BuildPhase::Failed)
+pub fn phase_of(number: i16) -> BuildPhase {
+    usize::try_from(number).ok().and_then(|idx| PHASES.get(idx)).copied().unwrap_or(BuildPhase::Failed)
 }
 
-fn number_of(stage: BuildPhase) -> i16 {
-    STAGES.iter().position(|other| *other == stage).expect("all stages have a number") as i16
+fn number_of(phase: BuildPhase) -> i16 {
+    PHASES.iter().position(|other| *other == phase).expect("all stages have a number") as i16
 }
 
 /// A row of the table.
@@ -58,8 +58,8 @@ impl Row {
         Operation {
             id: BuildId::of_bits(unsigned(self.id)),
             recipe: self.recipe,
-            posted: BuildStatus {
-                stage: stage_of(self.stage),
+            status: BuildStatus {
+                phase: phase_of(self.stage),
                 done: unsigned(self.probes_done),
                 total: unsigned(self.probes_total),
             },
@@ -76,7 +76,7 @@ impl Row {
 /// See [`Replicas::post`](surefoot_planner_service::replicas::Replicas::post).
 pub fn post(db: &PlannerDb, operation: &Operation) -> Result<Withdrawals, StoreError> {
     let Operation {
-        id, recipe, posted: BuildStatus { stage, done, total }, graph, failure, requesters, started, ..
+        id, recipe, status: BuildStatus { phase, done, total }, graph, failure, requesters, started, ..
     } = operation;
     let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     db.block(async {
@@ -95,7 +95,7 @@ pub fn post(db: &PlannerDb, operation: &Operation) -> Result<Withdrawals, StoreE
             signed(id.bits()),
             recipe,
             db.membership.id(),
-            number_of(*stage),
+            number_of(*phase),
             signed(*done),
             signed(*total),
             graph.as_ref().map(|id| &id.0[..]),
