@@ -52,7 +52,7 @@ pub async fn client_of(servers: &[String], world_id: u64) -> WorldServiceClient<
                 return client;
             }
         }
-        assert!(since.elapsed() < crate::process::LIMIT, "nobody has world {world_id}");
+        assert!(since.elapsed() < surefoot_processes::LIMIT, "nobody has world {world_id}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }

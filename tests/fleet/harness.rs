@@ -1,12 +1,12 @@
 //! The harness itself, and the crate's own parts on real engines.
 
-use crate::process::wait_until;
 use crate::relay::Relay;
 use crate::services::{Ground, Postgres, S3};
 use std::time::Duration;
 use surefoot_fleet::blobs::{BlobId, Blobs};
 use surefoot_fleet::database::Database;
 use surefoot_fleet::member::{Member, MemberKind};
+use surefoot_processes::wait_until;
 
 /// A lease that is over soon.
 const SHORT: Duration = Duration::from_millis(300);

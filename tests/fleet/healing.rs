@@ -1,7 +1,6 @@
 //! Blobs that are lost or damaged, and claims that are cleared away while others are made.
 
 use crate::planners::{Fleet, build, client, graph, request, turn};
-use crate::process::wait_until;
 use crate::relay::Relay;
 use crate::services::Postgres;
 use std::path::PathBuf;
@@ -12,6 +11,7 @@ use surefoot_fleet::planners::FleetPlanner;
 use surefoot_planner::GraphId;
 use surefoot_planner_service::jobs::BuildId;
 use surefoot_planner_service::replicas::ClaimOutcome;
+use surefoot_processes::wait_until;
 
 /// The file of the blob of a graph.
 fn blob_of(fleet: &Fleet, graph_id: &str) -> PathBuf {

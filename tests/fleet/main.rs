@@ -4,7 +4,6 @@
 //! client, and [`raw`] says to NATS what ours never would.
 
 mod chronicle;
-mod process;
 mod raw;
 mod relay;
 mod services;

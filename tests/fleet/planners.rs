@@ -1,10 +1,10 @@
 //! Planners that share a store: one build over all of them, takeovers, edits and evidence that reach everybody, engines that fail.
 
-use crate::process::{Surefoot, wait_until};
 use crate::relay::Relay;
 use crate::services::{Ground, Postgres, S3};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
+use surefoot_processes::{Surefoot, wait_until};
 use surefoot_proto::convert::map_spec;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as wire, BuildStage};
@@ -446,7 +446,7 @@ async fn evidence_of_all_planners_adds_up() {
         let reported = Instant::now();
         let listed = wire::ListReportsRequest { graph_id: id.clone() };
         while second.list_reports(listed.clone()).await.unwrap().into_inner().reports[0].traversals < count {
-            assert!(reported.elapsed() < crate::process::LIMIT);
+            assert!(reported.elapsed() < surefoot_processes::LIMIT);
         }
         times.push(reported.elapsed());
     }

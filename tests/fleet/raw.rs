@@ -1,9 +1,9 @@
 //! A client of NATS that speaks its protocol by hand, so that it can send what ours never would.
 
-use crate::process::LIMIT;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
+use surefoot_processes::LIMIT;
 
 /// A message as it arrived.
 #[derive(Debug, Clone)]

@@ -1,11 +1,11 @@
 //! Calls whose answers are lost, repeated on another planner: each is carried out once.
 
 use crate::planners::{Client, Fleet, append, build, client, edit, edits, ends, graph, layers, request, turn};
-use crate::process::{Surefoot, wait_until};
 use crate::relay::Relay;
 use crate::services::Postgres;
 use surefoot_net::client::Credentials;
 use surefoot_net::replicas::{ReplicaLink, Replicas, ranking};
+use surefoot_processes::{Surefoot, wait_until};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::reason::Reason;

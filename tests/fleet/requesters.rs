@@ -1,9 +1,9 @@
 //! Builds that several clients have asked for, cancelled by way of planners that do not run them.
 
 use crate::planners::{Fleet, large, turn};
-use crate::process::{Surefoot, wait_until};
 use surefoot_net::client::{ClientTlsFiles, Credentials, Link};
 use surefoot_net::secret::Secret;
+use surefoot_processes::{Surefoot, wait_until};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::reason::Reason;

@@ -1,11 +1,11 @@
 //! The engines of a fleet: PostgreSQL, NATS and an S3 server, each with data of its own that ends with the test. They are looked for in
 //! `PATH`, and where Debian has them.
 
-use crate::process::{LIMIT, Process, free_address};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
+use surefoot_processes::{LIMIT, Process, free_address};
 
 /// Folder with all data and logs of a test.
 #[derive(Debug)]

@@ -1,7 +1,6 @@
 //! Worlds that change hands while answers of the database are late, memory is short, versions differ, or clients flood the directory.
 
 use crate::chronicle::{client_of, locate};
-use crate::process::{Surefoot, wait_until};
 use crate::relay::{Relay, Trap};
 use crate::services::{Ground, Postgres};
 use crate::worlds::{Fleet, create_world, small_map};
@@ -9,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 use surefoot_fleet::blobs::{BlobId, Blobs};
+use surefoot_processes::{Surefoot, wait_until};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::directory_service_client::DirectoryServiceClient;

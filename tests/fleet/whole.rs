@@ -1,6 +1,5 @@
 //! A whole fleet: failures of all its parts at random moments, a network that falls apart, and an upgrade under load.
 
-use crate::process::{LIMIT, Surefoot, this_version, wait_until};
 use crate::relay::Relay;
 use crate::services::{Ground, Nats, Postgres, S3};
 use std::path::PathBuf;
@@ -9,6 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use surefoot_net::client::Credentials;
 use surefoot_net::replicas::{ReplicaLink, Replicas};
+use surefoot_processes::{LIMIT, Surefoot, program, wait_until};
 use surefoot_proto::planner::v1 as plan;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::world::v1 as world;
@@ -253,7 +253,7 @@ async fn edits_at(planner: &Surefoot, graph_id: &str) -> Option<usize> {
 async fn whatever_fails_graphs_are_those_of_one_process() {
     let ground = Ground::new();
     let expected = alone(&ground, 0..rounds()).await;
-    let mut fleet = Fleet::start(&ground, this_version());
+    let mut fleet = Fleet::start(&ground, &program("surefoot"));
     fleet.wait().await;
     let mut draws = Draws(7);
     for (seed, (id, graph)) in (0..).zip(&expected) {
@@ -293,7 +293,7 @@ async fn whatever_fails_graphs_are_those_of_one_process() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_planner_that_is_cut_off_goes_on_with_what_it_has_and_catches_up() {
     let ground = Ground::new();
-    let fleet = Fleet::start(&ground, this_version());
+    let fleet = Fleet::start(&ground, &program("surefoot"));
     fleet.wait().await;
     let id = build(&mut fleet.client("a map"), 0).await;
     for planner in &fleet.planners {
@@ -339,7 +339,7 @@ async fn a_planner_that_is_cut_off_goes_on_with_what_it_has_and_catches_up() {
 #[tokio::test(flavor = "multi_thread")]
 async fn an_upgrade_of_one_planner_after_the_other_fails_no_plan() {
     let ground = Ground::new();
-    let before = std::env::var_os("SUREFOOT_BEFORE").map_or_else(|| this_version().to_owned(), PathBuf::from);
+    let before = std::env::var_os("SUREFOOT_BEFORE").map_or_else(|| program("surefoot"), PathBuf::from);
     let mut fleet = Fleet::start(&ground, &before);
     fleet.wait().await;
     let id = build(&mut fleet.client("a map"), 0).await;

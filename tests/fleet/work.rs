@@ -1,6 +1,5 @@
 //! Work over NATS: whoever dies, is away, repeats itself or lies, graphs have the bytes of those of one process.
 
-use crate::process::{Process, Surefoot, wait_until};
 use crate::raw::Raw;
 use crate::services::{Ground, Nats};
 use rand::rngs::ChaCha8Rng;
@@ -20,6 +19,7 @@ use surefoot_planner::store::{GraphStore, encode_entry};
 use surefoot_planner::{BuildStats, Built, GraphId};
 use surefoot_planner_service::store::DiskStore;
 use surefoot_policy::Policy;
+use surefoot_processes::{Process, Surefoot, wait_until};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;

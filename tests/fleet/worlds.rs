@@ -1,12 +1,12 @@
 //! World servers of a fleet: killed, stopped, cut off and ended while NPCs are under way.
 
 use crate::chronicle::{Attempt, Chronicle, client_of, dial, locate};
-use crate::process::{LIMIT, Process, Surefoot, wait_until};
 use crate::relay::Relay;
 use crate::services::{Ground, Postgres, S3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 use std::time::{Duration, Instant};
+use surefoot_processes::{LIMIT, Process, Surefoot, wait_until};
 use surefoot_proto::reason::{Reason, address_of};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::directory_service_client::DirectoryServiceClient;

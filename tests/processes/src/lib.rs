@@ -1,29 +1,69 @@
-//! Processes that end with the test.
+//! Processes of our own programs, which end with the test that started them.
 
 use std::fs::File;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 use tonic::transport::{Channel, Endpoint};
 
 /// Far longer than any step takes, so that a hang fails the test instead of blocking it.
 pub const LIMIT: Duration = Duration::from_secs(180);
 
-/// A port of this machine that was free a moment ago.
+/// The program `name` of the build that the running test belongs to.
+///
+/// # Panics
+/// If the build has no such program.
+pub fn program(name: &str) -> PathBuf {
+    let test = std::env::current_exe().expect("the test's path");
+    let folder = test.parent().and_then(Path::parent).expect("target/PROFILE/deps/TEST");
+    let program = folder.join(name).with_extension(std::env::consts::EXE_EXTENSION);
+    assert!(program.exists(), "{} has not been built", program.display());
+    program
+}
+
+/// `surefoot` with these arguments, without input and without an environment variable that changes its log.
+pub fn surefoot(args: &[&str]) -> Command {
+    let mut command = Command::new(program("surefoot"));
+    command.args(args).env_remove("RUST_LOG").stdin(Stdio::null());
+    command
+}
+
+/// Runs `surefoot` with these arguments to its end.
+pub fn output(args: &[&str]) -> Output {
+    surefoot(args).output().expect("the program starts")
+}
+
+/// An address of this machine whose port was free a moment ago.
 pub fn free_address() -> SocketAddr {
     TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr().expect("an address")
 }
 
-/// Asks `is_so` until it is; `what` names what is waited for.
+/// Calls `is_so` every 20 ms until it returns true; `what` names the condition.
 ///
 /// # Panics
 /// After [`LIMIT`].
 pub async fn wait_until<F: Future<Output = bool>>(what: &str, mut is_so: impl FnMut() -> F) {
     let since = Instant::now();
     while !is_so().await {
-        assert!(since.elapsed() < LIMIT, "waited in vain: {what}");
+        assert!(since.elapsed() < LIMIT, "timed out: {what}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+/// A connection to a service that may not have started yet.
+///
+/// # Panics
+/// After [`LIMIT`].
+pub async fn connect(address: SocketAddr) -> Channel {
+    let endpoint = Endpoint::from_shared(format!("http://{address}")).expect("a URI");
+    let since = Instant::now();
+    loop {
+        match endpoint.connect().await {
+            Ok(channel) => return channel,
+            Err(error) => assert!(since.elapsed() < LIMIT, "no service at {address}: {error}"),
+        }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -32,20 +72,33 @@ pub async fn wait_until<F: Future<Output = bool>>(what: &str, mut is_so: impl Fn
 #[derive(Debug)]
 pub struct Process {
     child: Child,
-    log: PathBuf,
+    log: Option<PathBuf>,
 }
 
 impl Process {
-    /// Starts `command`, whose output goes to the file `log`.
+    /// Starts `command`. Its output goes to the file `log`, which is printed if the test fails.
+    ///
+    /// # Panics
+    /// If the process or the file cannot be created.
     pub fn spawn(mut command: Command, log: &Path) -> Self {
         let file = File::options().create(true).append(true).open(log).expect("a log file");
         let output = || Stdio::from(file.try_clone().expect("a file"));
         command.stdin(Stdio::null()).stdout(output()).stderr(output());
         let child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-        Self { child, log: log.to_owned() }
+        Self { child, log: Some(log.to_owned()) }
     }
 
-    /// Ends it at once, as a power failure would.
+    /// Starts `command` without output.
+    ///
+    /// # Panics
+    /// If the process cannot be created.
+    pub fn spawn_silent(mut command: Command) -> Self {
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        let child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+        Self { child, log: None }
+    }
+
+    /// Ends the process at once, as a power failure would.
     pub fn kill(&mut self) {
         // It may have ended already.
         let _ = self.child.kill();
@@ -53,52 +106,71 @@ impl Process {
     }
 
     /// Sends a signal: `STOP`, `CONT`, `TERM`.
+    ///
+    /// # Panics
+    /// If the process has ended.
     pub fn signal(&self, name: &str) {
         let sent = Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status();
         assert!(sent.is_ok_and(|status| status.success()), "signal {name}");
     }
 
-    /// Waits until it ends.
+    /// Sends SIGTERM and waits for the end, which must be a success.
+    ///
+    /// # Panics
+    /// If the process fails or still runs after [`LIMIT`].
+    pub fn stop(&mut self) {
+        self.signal("TERM");
+        let status = self.wait();
+        assert!(status.success(), "{status} after SIGTERM: {}", self.log());
+    }
+
+    /// Waits for the end of the process.
+    ///
+    /// # Panics
+    /// After [`LIMIT`].
     pub fn wait(&mut self) -> ExitStatus {
         let since = Instant::now();
         loop {
             if let Some(status) = self.child.try_wait().expect("a child") {
                 return status;
             }
-            assert!(since.elapsed() < LIMIT, "it does not end: {}", self.log());
+            assert!(since.elapsed() < LIMIT, "the process does not end: {}", self.log());
             std::thread::yield_now();
         }
     }
 
-    /// Whether it runs.
+    /// Whether the process runs.
     pub fn is_running(&mut self) -> bool {
         self.child.try_wait().expect("a child").is_none()
     }
 
-    /// Whether a signal has stopped it.
+    /// Whether a signal has stopped the process.
     pub fn is_stopped(&self) -> bool {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap_or_default();
         stat.rsplit_once(") ").is_some_and(|(_, state)| state.starts_with('T'))
     }
 
-    /// Most memory that it has had at a time, bytes.
+    /// Peak of the resident memory, bytes.
+    ///
+    /// # Panics
+    /// If the process has ended, or the system is not Linux.
     pub fn peak_memory_bytes(&self) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).expect("a process");
         let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("its peak");
         1024 * line.trim().trim_end_matches(" kB").parse::<u64>().expect("a number")
     }
 
-    /// All that it has printed.
+    /// Its output so far; empty for a silent process.
     pub fn log(&self) -> String {
-        std::fs::read_to_string(&self.log).unwrap_or_default()
+        self.log.as_ref().map_or_else(String::new, |log| std::fs::read_to_string(log).unwrap_or_default())
     }
 }
 
 impl Drop for Process {
     fn drop(&mut self) {
         self.kill();
-        if std::thread::panicking() {
-            eprintln!("--- {}\n{}", self.log.display(), self.log());
+        if let (true, Some(log)) = (std::thread::panicking(), &self.log) {
+            eprintln!("--- {}\n{}", log.display(), self.log());
         }
     }
 }
@@ -108,7 +180,7 @@ impl Drop for Process {
 pub struct Surefoot {
     /// Its process.
     pub process: Process,
-    /// Where it serves.
+    /// The address that it serves at.
     pub address: SocketAddr,
     program: PathBuf,
     args: Vec<String>,
@@ -116,18 +188,19 @@ pub struct Surefoot {
     log: PathBuf,
 }
 
-/// The program that the tests were built with.
-pub fn this_version() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_surefoot"))
-}
-
 impl Surefoot {
-    /// Starts `surefoot` with these arguments, to which `--listen` is added, and its log at `log`.
+    /// Starts `surefoot ARGS --listen ADDRESS` at a free address, with its output in the file `log`.
+    ///
+    /// # Panics
+    /// If the process or the file cannot be created.
     pub fn start(args: &[&str], env: &[(String, String)], log: &Path) -> Self {
-        Self::start_version(this_version(), args, env, log)
+        Self::start_version(&program("surefoot"), args, env, log)
     }
 
-    /// As [`start`](Self::start), with another version of the program.
+    /// Like [`start`](Self::start), but runs another version of the program.
+    ///
+    /// # Panics
+    /// If the process or the file cannot be created.
     pub fn start_version(program: &Path, args: &[&str], env: &[(String, String)], log: &Path) -> Self {
         let args: Vec<String> = args.iter().map(|&arg| arg.to_owned()).collect();
         let address = free_address();
@@ -135,17 +208,16 @@ impl Surefoot {
         Self { process, address, program: program.to_owned(), args, env: env.to_vec(), log: log.to_owned() }
     }
 
-    /// Kills it and starts it again, at the same address.
+    /// Kills the service and starts it again at the same address.
     pub fn restart(&mut self) {
         self.process.kill();
         self.process = launch(&self.program, &self.args, &self.env, self.address, &self.log);
     }
 
-    /// Asks it to stop, waits until it has, and starts this version at the same address.
+    /// Stops the service and starts the version under test at the same address.
     pub fn upgrade(&mut self) {
-        self.process.signal("TERM");
-        assert!(self.process.wait().success(), "it stops when it is asked to: {}", self.process.log());
-        self.program = this_version().to_owned();
+        self.process.stop();
+        self.program = program("surefoot");
         self.restart();
     }
 
@@ -154,20 +226,15 @@ impl Surefoot {
         format!("http://{}", self.address)
     }
 
-    /// A connection to it, once it serves.
+    /// A connection to the service, once it serves.
+    ///
+    /// # Panics
+    /// After [`LIMIT`].
     pub async fn connect(&self) -> Channel {
-        let endpoint = Endpoint::from_shared(self.uri()).expect("a URI");
-        let since = Instant::now();
-        loop {
-            match endpoint.connect().await {
-                Ok(channel) => return channel,
-                Err(error) => assert!(since.elapsed() < LIMIT, "no service: {error}\n{}", self.process.log()),
-            }
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
+        connect(self.address).await
     }
 
-    /// The value of one of its metrics, such as `surefoot_plans_total`; `None` if it has none of that name or does not answer.
+    /// The value of one of its metrics, such as `surefoot_plans_total`. `None` if there is no such metric or no answer.
     pub fn metric(&self, name: &str) -> Option<f64> {
         let page = get(self.address, "/metrics")?;
         let line =
