@@ -1,11 +1,10 @@
 //! A service that is told to stop ends in time and cleanly, whatever its peers do.
 #![cfg(unix)]
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, ChildStderr, Command, Stdio};
-use std::sync::mpsc;
 use std::time::Duration;
+use surefoot_processes::Surefoot;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use tonic::transport::Channel;
@@ -16,53 +15,29 @@ const LIMIT: Duration = Duration::from_secs(10);
 const GREETING: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\x00\x00\x00\x04\x00\x00\x00\x00\x00";
 
 struct Server {
-    process: Child,
-    log: BufReader<ChildStderr>,
-    address: String,
+    service: Surefoot,
+    _folder: tempfile::TempDir,
 }
 
 fn start_server() -> Server {
-    let mut process = Command::new(env!("CARGO_BIN_EXE_surefoot"))
-        .args(["serve", "--listen", "127.0.0.1:0", "--log-format", "json"])
-        .env_remove("RUST_LOG")
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the server starts");
-    let mut log = BufReader::new(process.stderr.take().expect("piped"));
-    let mut line = String::new();
-    log.read_line(&mut line).expect("a log line");
-    let ready: serde_json::Value = serde_json::from_str(&line).expect("a JSON object a line");
-    assert_eq!(ready["message"], "world server ready", "{line}");
-    let address = ready["address"].as_str().expect("an address").to_owned();
-    Server { process, log, address }
+    let folder = tempfile::tempdir().unwrap();
+    let service = Surefoot::start(&["serve", "--log-format", "json"], &[], &folder.path().join("log"));
+    service.wait_until_it_listens();
+    Server { service, _folder: folder }
 }
 
 impl Server {
-    /// Sends SIGTERM, checks that the process ends in time with exit code 0, and returns the rest of the log.
+    /// Sends SIGTERM, checks that the process ends in time with exit code 0, and returns the log.
     fn stop(mut self) -> String {
-        let id = self.process.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill runs").success());
-        let (ended, end) = mpsc::channel();
-        std::thread::spawn(move || {
-            let mut rest = String::new();
-            self.log.read_to_string(&mut rest).expect("the rest of the log");
-            let status = self.process.wait().expect("the server ends");
-            // The receiver is gone if the process took too long.
-            let _ = ended.send((status, rest));
-        });
-        let Ok((status, rest)) = end.recv_timeout(LIMIT) else {
-            Command::new("kill").args(["-KILL", &id]).status().expect("kill runs");
-            panic!("the server still runs after {LIMIT:?}");
-        };
-        assert!(status.success(), "{status}: {rest}");
-        rest
+        self.service.process.stop_within(LIMIT);
+        self.service.process.log()
     }
 }
 
 #[test]
 fn with_a_peer_that_never_spoke() {
     let server = start_server();
-    let silent = TcpStream::connect(&server.address).unwrap();
+    let silent = TcpStream::connect(server.service.address).unwrap();
     assert!(server.stop().contains("stopped serving"));
     drop(silent);
 }
@@ -70,7 +45,7 @@ fn with_a_peer_that_never_spoke() {
 #[test]
 fn with_a_peer_that_does_not_answer() {
     let server = start_server();
-    let mut silent = TcpStream::connect(&server.address).unwrap();
+    let mut silent = TcpStream::connect(server.service.address).unwrap();
     silent.write_all(GREETING).unwrap();
     // The server's settings frame: it has accepted the connection.
     silent.read_exact(&mut [0; 9]).unwrap();
@@ -85,7 +60,7 @@ fn with_a_stream_that_nobody_reads() {
     let stream = runtime.block_on(async {
         // The server may send a few bytes of the stream before the client must read them.
         let endpoint =
-            Channel::from_shared(format!("http://{}", server.address)).unwrap().initial_stream_window_size(8);
+            Channel::from_shared(format!("http://{}", server.service.address)).unwrap().initial_stream_window_size(8);
         let mut client = WorldServiceClient::new(endpoint.connect().await.unwrap());
         let size = Some(wire::MapSize { width: 60, height: 40, depth: 60 });
         let map = Some(wire::MapSpec { seed: 1, size, ..Default::default() });

@@ -3,58 +3,19 @@
 //! The moments are spread over a service's life: while it starts, writes, builds and answers.
 
 use std::collections::BTreeMap;
-use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+use surefoot_processes::{LIMIT, Process, connect, free_address, surefoot};
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as plan, BuildStage};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
-use tonic::transport::{Channel, Endpoint};
 
-/// Far longer than any step takes, so that a hang fails the test instead of blocking it.
-const LIMIT: Duration = Duration::from_secs(180);
 /// Kills of each service.
 const KILLS: u64 = 100;
 
-/// A service that is killed on drop.
-struct Service(Child);
-
-impl Service {
-    fn start(args: &[&str]) -> Self {
-        let child = Command::new(env!("CARGO_BIN_EXE_surefoot"))
-            .args(args)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the program starts");
-        Self(child)
-    }
-}
-
-impl Drop for Service {
-    fn drop(&mut self) {
-        // The process may have ended already.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn free_address() -> SocketAddr {
-    TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr().expect("an address")
-}
-
-async fn connect(address: &str) -> Channel {
-    let endpoint = Endpoint::from_shared(format!("http://{address}")).expect("a URI");
-    let since = Instant::now();
-    loop {
-        match endpoint.connect().await {
-            Ok(channel) => return channel,
-            Err(error) => assert!(since.elapsed() < LIMIT, "no service: {error}"),
-        }
-    }
+fn start(args: &[&str]) -> Process {
+    Process::spawn_silent(surefoot(args))
 }
 
 /// Moments of a kill: none is far from any other's time, and some are at once.
@@ -83,10 +44,10 @@ async fn every_world_that_was_saved_is_restored_after_any_kill() {
     let mut next_seed = 1;
     let mut greatest = 0;
     for kill in 0..KILLS {
-        let address = free_address().to_string();
+        let address = free_address();
         let before = files(folder.path());
-        let service = Service::start(&["serve", "--listen", &address, "--state", state, "--save-every", "0.002"]);
-        let mut client = WorldServiceClient::new(connect(&address).await);
+        let service = start(&["serve", "--listen", &address.to_string(), "--state", state, "--save-every", "0.002"]);
+        let mut client = WorldServiceClient::new(connect(address).await);
         let since = Instant::now();
         while let Err(status) = client.get_server(wire::GetServerRequest {}).await {
             assert!(since.elapsed() < LIMIT, "it does not start: {status}");
@@ -150,9 +111,9 @@ async fn every_edit_that_was_acknowledged_is_there_after_any_kill_and_the_graph_
     let mut edges = None;
     let mut unanswered: Option<plan::AppendEditsRequest> = None;
     for kill in 0..KILLS {
-        let address = free_address().to_string();
-        let service = Service::start(&["plan", "--listen", &address, "--cache", cache]);
-        let mut client = PlannerServiceClient::new(connect(&address).await);
+        let address = free_address();
+        let service = start(&["plan", "--listen", &address.to_string(), "--cache", cache]);
+        let mut client = PlannerServiceClient::new(connect(address).await);
         let settings =
             plan::BuildSettings { vertices: 30, neighbours: 6, repeats: 1, threshold: 0.5, ..Default::default() };
         let request =

@@ -2,9 +2,9 @@
 //! peak of the process's resident memory with it.
 #![cfg(target_os = "linux")]
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use surefoot_processes::Surefoot;
 use surefoot_proto::convert::map_spec_to_wire;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
@@ -24,41 +24,31 @@ const BUDGET_MB: u64 = 96;
 const ALLOWANCE_MB: u64 = 160;
 const MB: u64 = 1_000_000;
 
-/// A server that ends with the test.
+/// A server with its log.
 struct Server {
-    process: Child,
+    service: Surefoot,
     address: String,
     /// Peak of its resident memory when it had started, MB.
     start_mb: u64,
+    _folder: tempfile::TempDir,
 }
 
 impl Server {
     fn start(flags: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_surefoot"))
-            .args(["serve", "--listen", "127.0.0.1:0", "--log-format", "json", "--max-memory", &BUDGET_MB.to_string()])
-            .args(flags)
-            .env_remove("RUST_LOG")
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the server starts");
-        let mut log = BufReader::new(process.stderr.take().expect("piped")).lines();
-        let address = log.by_ref().find_map(|line| {
-            let event: serde_json::Value =
-                serde_json::from_str(&line.expect("a log line")).expect("a JSON object a line");
-            event["address"].as_str().map(str::to_owned)
-        });
-        // A full pipe would stop the server.
-        std::thread::spawn(move || log.for_each(drop));
-        let mut server = Self { process, address: address.expect("an address"), start_mb: 0 };
+        let folder = tempfile::tempdir().unwrap();
+        let budget = BUDGET_MB.to_string();
+        let args = [&["serve", "--max-memory", &budget][..], flags].concat();
+        let service = Surefoot::start(&args, &[], &folder.path().join("log"));
+        service.wait_until_it_listens();
+        let address = service.address.to_string();
+        let mut server = Self { service, address, start_mb: 0, _folder: folder };
         server.start_mb = server.peak_mb();
         server
     }
 
     /// Peak of the resident memory of the process so far, MB.
     fn peak_mb(&self) -> u64 {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.process.id())).expect("it runs");
-        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("a peak");
-        line.trim().trim_end_matches(" kB").parse::<u64>().expect("a number") * 1024 / MB
+        self.service.process.peak_memory_bytes() / MB
     }
 
     #[track_caller]
@@ -68,15 +58,7 @@ impl Server {
     }
 
     async fn channel(&self) -> Channel {
-        Channel::from_shared(format!("http://{}", self.address)).unwrap().connect().await.expect("the server accepts")
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        // It may have ended.
-        let _ = self.process.kill();
-        let _ = self.process.wait();
+        self.service.connect().await
     }
 }
 

@@ -1,81 +1,33 @@
 //! Services that are killed and restarted, as real processes: no NPC is left without decisions.
 
-use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
+use surefoot_processes::{LIMIT, Process, free_address, surefoot};
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, NpcStatus};
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Channel;
 
-/// Far longer than any step takes, so that a hang fails the test instead of blocking it.
-const LIMIT: Duration = Duration::from_secs(180);
 const NPCS: usize = 6;
 
-/// A service that can be restarted with the same arguments.
-struct Service {
-    args: Vec<String>,
-    child: Child,
-}
-
-impl Service {
-    fn start(args: &[&str]) -> Self {
-        let args: Vec<String> = args.iter().map(|arg| (*arg).to_owned()).collect();
-        Self { child: launch(&args), args }
-    }
-
-    /// Kills the process without time to clean up, as a crash would.
-    fn kill_and_restart(&mut self) {
-        self.child.kill().expect("it runs");
-        self.child.wait().expect("it ends");
-        self.child = launch(&self.args);
-    }
-}
-
-impl Drop for Service {
-    fn drop(&mut self) {
-        // The process may have ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-fn launch(args: &[String]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_surefoot"))
-        .args(args)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("the program starts")
-}
-
-fn free_address() -> SocketAddr {
-    TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr().expect("an address")
-}
-
 async fn connect(address: &str) -> WorldServiceClient<Channel> {
-    let endpoint = Endpoint::from_shared(format!("http://{address}")).expect("a URI");
+    let channel = surefoot_processes::connect(address.parse().expect("an address")).await;
+    let mut client = WorldServiceClient::new(channel);
     let since = Instant::now();
-    loop {
-        match endpoint.connect().await {
-            Ok(channel) => {
-                let mut client = WorldServiceClient::new(channel);
-                // It may still be restoring its worlds.
-                match client.get_server(wire::GetServerRequest {}).await {
-                    Ok(_) => return client,
-                    Err(status) => assert!(since.elapsed() < LIMIT, "no server: {status}"),
-                }
-            }
-            Err(error) => assert!(since.elapsed() < LIMIT, "no server: {error}"),
-        }
+    // The server may still be restoring its worlds.
+    while let Err(status) = client.get_server(wire::GetServerRequest {}).await {
+        assert!(since.elapsed() < LIMIT, "no server: {status}");
     }
+    client
+}
+
+fn start(args: &[&str]) -> Process {
+    Process::spawn_silent(surefoot(args))
 }
 
 /// The services, and a world that outlives them.
 struct Scene {
     address: String,
-    services: [Service; 3],
+    services: [Process; 3],
     world_id: u64,
     points: Vec<wire::Vec3>,
 }
@@ -87,9 +39,9 @@ impl Scene {
         let path = |name: &str| folder.join(name).to_str().expect("a plain name").to_owned();
         let (state, cache) = (path("state"), path("cache"));
         let services = [
-            Service::start(&["serve", "--listen", &address, "--state", &state, "--save-every", "0.1"]),
-            Service::start(&["plan", "--listen", &planner, "--cache", &cache, "--threads", "2"]),
-            Service::start(&["work", "--server", &server_uri, "--planner", &planner_uri, "--vertices", "40"]),
+            start(&["serve", "--listen", &address, "--state", &state, "--save-every", "0.1"]),
+            start(&["plan", "--listen", &planner, "--cache", &cache, "--threads", "2"]),
+            start(&["work", "--server", &server_uri, "--planner", &planner_uri, "--vertices", "40"]),
         ];
         let mut client = connect(&address).await;
         let map = wire::MapSpec {
@@ -164,7 +116,7 @@ async fn services_that_are_killed_in_any_order_leave_no_npc_behind() {
             tokio::task::yield_now().await;
         }
         for idx in order {
-            scene.services[idx].kill_and_restart();
+            scene.services[idx].restart();
         }
         scene.everybody_gets_an_end().await;
     }

@@ -71,6 +71,7 @@ pub async fn connect(address: SocketAddr) -> Channel {
 /// A process, killed on drop.
 #[derive(Debug)]
 pub struct Process {
+    command: Command,
     child: Child,
     log: Option<PathBuf>,
 }
@@ -83,9 +84,8 @@ impl Process {
     pub fn spawn(mut command: Command, log: &Path) -> Self {
         let file = File::options().create(true).append(true).open(log).expect("a log file");
         let output = || Stdio::from(file.try_clone().expect("a file"));
-        command.stdin(Stdio::null()).stdout(output()).stderr(output());
-        let child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-        Self { child, log: Some(log.to_owned()) }
+        command.stdout(output()).stderr(output());
+        Self::start(command, Some(log.to_owned()))
     }
 
     /// Starts `command` without output.
@@ -93,9 +93,22 @@ impl Process {
     /// # Panics
     /// If the process cannot be created.
     pub fn spawn_silent(mut command: Command) -> Self {
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        let child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-        Self { child, log: None }
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        Self::start(command, None)
+    }
+
+    fn start(mut command: Command, log: Option<PathBuf>) -> Self {
+        let child = command.stdin(Stdio::null()).spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+        Self { command, child, log }
+    }
+
+    /// Kills the process and starts the same command again.
+    ///
+    /// # Panics
+    /// If the process cannot be created.
+    pub fn restart(&mut self) {
+        self.kill();
+        self.child = self.command.spawn().unwrap_or_else(|error| panic!("{:?}: {error}", self.command));
     }
 
     /// Ends the process at once, as a power failure would.
@@ -119,8 +132,16 @@ impl Process {
     /// # Panics
     /// If the process fails or still runs after [`LIMIT`].
     pub fn stop(&mut self) {
+        self.stop_within(LIMIT);
+    }
+
+    /// Sends SIGTERM and waits for the end, which must be a success within `limit`.
+    ///
+    /// # Panics
+    /// If the process fails or still runs after `limit`.
+    pub fn stop_within(&mut self, limit: Duration) {
         self.signal("TERM");
-        let status = self.wait();
+        let status = self.wait_within(limit);
         assert!(status.success(), "{status} after SIGTERM: {}", self.log());
     }
 
@@ -129,12 +150,16 @@ impl Process {
     /// # Panics
     /// After [`LIMIT`].
     pub fn wait(&mut self) -> ExitStatus {
+        self.wait_within(LIMIT)
+    }
+
+    fn wait_within(&mut self, limit: Duration) -> ExitStatus {
         let since = Instant::now();
         loop {
             if let Some(status) = self.child.try_wait().expect("a child") {
                 return status;
             }
-            assert!(since.elapsed() < LIMIT, "the process does not end: {}", self.log());
+            assert!(since.elapsed() < limit, "the process still runs after {limit:?}: {}", self.log());
             std::thread::yield_now();
         }
     }
@@ -182,7 +207,6 @@ pub struct Surefoot {
     pub process: Process,
     /// The address that it serves at.
     pub address: SocketAddr,
-    program: PathBuf,
     args: Vec<String>,
     env: Vec<(String, String)>,
     log: PathBuf,
@@ -205,20 +229,30 @@ impl Surefoot {
         let args: Vec<String> = args.iter().map(|&arg| arg.to_owned()).collect();
         let address = free_address();
         let process = launch(program, &args, env, address, log);
-        Self { process, address, program: program.to_owned(), args, env: env.to_vec(), log: log.to_owned() }
+        Self { process, address, args, env: env.to_vec(), log: log.to_owned() }
+    }
+
+    /// Waits until the service accepts connections.
+    ///
+    /// # Panics
+    /// After [`LIMIT`].
+    pub fn wait_until_it_listens(&self) {
+        let since = Instant::now();
+        while TcpStream::connect(self.address).is_err() {
+            assert!(since.elapsed() < LIMIT, "no service at {}: {}", self.address, self.process.log());
+            std::thread::yield_now();
+        }
     }
 
     /// Kills the service and starts it again at the same address.
     pub fn restart(&mut self) {
-        self.process.kill();
-        self.process = launch(&self.program, &self.args, &self.env, self.address, &self.log);
+        self.process.restart();
     }
 
     /// Stops the service and starts the version under test at the same address.
     pub fn upgrade(&mut self) {
         self.process.stop();
-        self.program = program("surefoot");
-        self.restart();
+        self.process = launch(&program("surefoot"), &self.args, &self.env, self.address, &self.log);
     }
 
     /// Its URI.

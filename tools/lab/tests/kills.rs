@@ -1,11 +1,12 @@
 //! A training run that is killed at any moment, again and again, ends as one that was not.
 
-use crate::learner::{LIMIT, Process};
+use crate::learner::start;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use surefoot_policy::{ActorConfig, Policy};
+use surefoot_processes::LIMIT;
 use surefoot_train::{CollectorConfig, SacConfig, TrainConfig};
 use surefoot_world::OBSERVATION_LEN;
 
@@ -61,7 +62,7 @@ fn a_training_run_that_is_killed_again_and_again_ends_with_the_weights_of_one_th
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let config = path("config.json");
     std::fs::write(&config, serde_json::to_vec(&small_run()).unwrap()).unwrap();
-    let to_the_end = |args: &[&str]| assert!(Process::start(args).0.wait().unwrap().success(), "{args:?}");
+    let to_the_end = |args: &[&str]| assert!(start(args).wait().success(), "{args:?}");
     let (whole, killed) = (path("whole"), path("killed"));
     to_the_end(&["train", &whole, "--config", &config]);
 
@@ -71,11 +72,11 @@ fn a_training_run_that_is_killed_again_and_again_ends_with_the_weights_of_one_th
         let has_begun = folder.path().join("killed/config.json").exists();
         let how: &[&str] = if has_begun { &["--resume"] } else { &["--config", &config] };
         let (before, since) = (stamp(), Instant::now());
-        let mut run = Process::start(&[&["train", &killed], how].concat());
+        let mut run = start(&[&["train", &killed], how].concat());
         // Most are killed after a checkpoint of theirs, some before.
         while kill % 4 > 0 && stamp() == before {
             assert!(since.elapsed() < LIMIT, "no checkpoint");
-            assert!(run.0.try_wait().unwrap().is_none(), "it ended after {kill} kills");
+            assert!(run.is_running(), "it ended after {kill} kills");
             std::thread::yield_now();
         }
         std::thread::sleep(moment(kill));

@@ -1,15 +1,12 @@
 //! A learner that is fed from elsewhere, with real processes: by environments of servers, and by actors. Each part is killed again and
 //! again; training goes on, and no transition is stored twice.
 
-use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Instant, SystemTime};
 use surefoot_policy::{ActorConfig, Policy};
+use surefoot_processes::{LIMIT, Process, free_address, output};
 use surefoot_train::{CollectorConfig, SacConfig, TrainConfig};
 
-/// Far longer than any step takes, so that a hang fails the test instead of blocking it.
-pub const LIMIT: Duration = Duration::from_secs(180);
 /// Kills in each test, unless the variable `SUREFOOT_KILLS` names another number.
 const KILLS: usize = 8;
 
@@ -17,43 +14,8 @@ fn kills() -> usize {
     std::env::var("SUREFOOT_KILLS").map_or(KILLS, |text| text.parse().expect("a number of kills"))
 }
 
-/// A process that is killed on drop.
-pub struct Process(pub Child);
-
-impl Process {
-    pub fn start(args: &[&str]) -> Self {
-        let child = crate::surefoot()
-            .args(args)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the program starts");
-        Self(child)
-    }
-
-    /// Asks it to stop, and waits for its end.
-    fn stop(mut self) {
-        let id = self.0.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill runs").success());
-        assert!(self.0.wait().expect("it ends").success());
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        // The process may have ended already.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn surefoot(args: &[&str]) -> Output {
-    crate::surefoot().args(args).stdin(Stdio::null()).output().expect("the program starts")
-}
-
-fn free_address() -> SocketAddr {
-    TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr().expect("an address")
+pub fn start(args: &[&str]) -> Process {
+    Process::spawn_silent(surefoot_processes::surefoot(args))
 }
 
 /// A small run that learns at once, writes checkpoints all the time and does not end by itself.
@@ -127,7 +89,7 @@ impl Bench {
     fn learn(&self, how: &[&str]) -> Process {
         let has_begun = Path::new(&self.run).join("config.json").exists();
         let first: &[&str] = if has_begun { &["--resume"] } else { &["--config", &self.config] };
-        Process::start(&[&["train", &self.run], first, how].concat())
+        start(&[&["train", &self.run], first, how].concat())
     }
 
     /// Waits for checkpoints that hold what was collected after now.
@@ -136,7 +98,7 @@ impl Bench {
             let (before, since) = (self.stamp(), Instant::now());
             while self.stamp() == before {
                 assert!(since.elapsed() < LIMIT, "it does not go on");
-                assert!(learner.0.try_wait().unwrap().is_none(), "the learner ended");
+                assert!(learner.is_running(), "the learner ended");
                 std::thread::yield_now();
             }
         }
@@ -144,7 +106,7 @@ impl Bench {
 
     /// What the replay buffers hold.
     fn census(&self) -> serde_json::Value {
-        let output = surefoot(&["train", &self.run, "--inspect"]);
+        let output = output(&["train", &self.run, "--inspect"]);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         serde_json::from_slice(&output.stdout).expect("JSON")
     }
@@ -167,7 +129,7 @@ impl Bench {
 fn a_learner_over_worlds_outlives_every_kill() {
     let bench = Bench::new(&small_run(4));
     let addresses = [free_address().to_string(), free_address().to_string()];
-    let serve = |idx: usize| Process::start(&["serve", "--listen", &addresses[idx]]);
+    let serve = |idx: usize| start(&["serve", "--listen", &addresses[idx]]);
     let mut servers = [serve(0), serve(1)];
     let worlds = addresses.each_ref().map(|address| format!("http://{address}")).join(",");
     let how = ["--worlds", &worlds, "--envs", "2"];
@@ -180,10 +142,7 @@ fn a_learner_over_worlds_outlives_every_kill() {
             drop(learner);
             learner = bench.learn(&["--worlds", &worlds]);
         } else {
-            // The old one must be gone before another can listen there.
-            let _ = servers[kill % 3].0.kill();
-            let _ = servers[kill % 3].0.wait();
-            servers[kill % 3] = serve(kill % 3);
+            servers[kill % 3].restart();
         }
         bench.until_it_goes_on(&mut learner);
     }
@@ -198,7 +157,7 @@ fn a_learner_that_actors_feed_outlives_every_kill() {
         let address = free_address().to_string();
         let learner_uri = format!("http://{address}");
         let how = ["--listen", &address, "--actors", "2", "--weights-every", "0.01"];
-        let act = || Process::start(&["act", "--learner", &learner_uri]);
+        let act = || start(&["act", "--learner", &learner_uri]);
         let mut learner = bench.learn(&how);
         let mut actors = [act(), act()];
         bench.until_it_goes_on(&mut learner);
@@ -209,10 +168,7 @@ fn a_learner_that_actors_feed_outlives_every_kill() {
                     learner = bench.learn(&how);
                 }
                 idx => {
-                    // Its place is free once it is gone.
-                    let _ = actors[idx].0.kill();
-                    let _ = actors[idx].0.wait();
-                    actors[idx] = act();
+                    actors[idx].restart();
                 }
             }
             bench.until_it_goes_on(&mut learner);
@@ -228,9 +184,9 @@ fn an_actor_too_many_is_told_what_to_change() {
     let address = free_address().to_string();
     let learner_uri = format!("http://{address}");
     let mut learner = bench.learn(&["--listen", &address, "--actors", "1"]);
-    let _only = Process::start(&["act", "--learner", &learner_uri]);
+    let _only = start(&["act", "--learner", &learner_uri]);
     bench.until_it_goes_on(&mut learner);
-    let refused = surefoot(&["act", "--learner", &learner_uri]);
+    let refused = output(&["act", "--learner", &learner_uri]);
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && message.contains("--actors"), "{message}");
     learner.stop();
@@ -241,7 +197,7 @@ fn runs_that_cannot_be_fed_say_what_to_change() {
     let bench = Bench::new(&small_run(0));
     let nobody = format!("http://{}", free_address());
     let refusal = |args: &[&str]| {
-        let output = surefoot(&[&["train", &bench.run, "--config", &bench.config], args].concat());
+        let output = output(&[&["train", &bench.run, "--config", &bench.config], args].concat());
         assert!(!output.status.success() && !Path::new(&bench.run).exists(), "nothing is written");
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
@@ -253,7 +209,7 @@ fn runs_that_cannot_be_fed_say_what_to_change() {
     let social =
         TrainConfig { collector: CollectorConfig { solid_npcs: true, ..small_run(0).collector }, ..small_run(0) };
     let bench = Bench::new(&social);
-    let output = surefoot(&["train", &bench.run, "--config", &bench.config, "--listen", "127.0.0.1:0"]);
+    let output = output(&["train", &bench.run, "--config", &bench.config, "--listen", "127.0.0.1:0"]);
     assert!(String::from_utf8_lossy(&output.stderr).contains("solid_npcs"), "they do not meet there");
 }
 
