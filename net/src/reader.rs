@@ -1,6 +1,7 @@
 //! A stream to one reader: at most one message waits for it, and a reader that reads nothing at all is cut off.
 
 use crate::status;
+use std::future::Future;
 use std::pin::Pin;
 use std::sync::{Arc, OnceLock};
 use std::task::{Context, Poll, ready};
@@ -10,10 +11,19 @@ use tokio::sync::mpsc;
 use tokio_stream::Stream;
 use tonic::Status;
 
-/// For how long a reader may read nothing, unless a service is configured otherwise.
+/// How long a reader may read nothing, unless a service is configured otherwise.
 pub const DEFAULT_PATIENCE: Duration = Duration::from_secs(5);
 /// Most messages that wait for one reader.
 const QUEUE: usize = 1;
+
+/// Where the messages of a stream come from.
+pub trait Source: Send + 'static {
+    /// A message of the stream.
+    type Message: Send + 'static;
+
+    /// Returns the next messages, possibly none, or the status that ends the stream. `None` ends it without a failure.
+    fn next(&mut self) -> impl Future<Output = Option<Result<Vec<Self::Message>, Status>>> + Send;
+}
 
 /// A stream to one reader, which can end with a status.
 #[derive(Debug)]
@@ -38,43 +48,47 @@ impl<T> Stream for ReaderStream<T> {
     }
 }
 
-/// The sending side of a [`ReaderStream`]. Dropping it ends the stream.
-#[derive(Debug)]
-pub struct Reader<T> {
-    queue: mpsc::Sender<T>,
-    end: Arc<OnceLock<Status>>,
+/// Streams the messages of `source`. The stream ends with the source, with the status of `stopping`, when the reader
+/// leaves, or when the reader has read nothing for `patience`.
+pub fn stream<S: Source>(
+    source: S,
     patience: Duration,
+    stopping: impl Future<Output = Status> + Send + 'static,
+) -> ReaderStream<S::Message> {
+    let (queue, messages) = mpsc::channel(QUEUE);
+    let end = Arc::new(OnceLock::new());
+    let stream = ReaderStream { messages, end: end.clone(), is_over: false };
+    tokio::spawn(async move {
+        if let Err(status) = send_all(source, &queue, patience, stopping).await {
+            // Nothing else sets the status.
+            let _ = end.set(status);
+        }
+    });
+    stream
 }
 
-impl<T> Reader<T> {
-    /// Both sides of a stream to a reader that is cut off once it has read nothing for `patience`.
-    pub fn new(patience: Duration) -> (Self, ReaderStream<T>) {
-        let (queue, messages) = mpsc::channel(QUEUE);
-        let end = Arc::new(OnceLock::new());
-        (Self { queue, end: end.clone(), patience }, ReaderStream { messages, end, is_over: false })
-    }
-
-    /// Resolves when the reader has left.
-    pub async fn closed(&self) {
-        self.queue.closed().await;
-    }
-
-    /// Ends the stream with `status`.
-    pub fn close(self, status: Status) {
-        // The status is not set yet, because closing consumes the reader.
-        let _ = self.end.set(status);
-    }
-
-    /// Sends a message, waiting for a slow reader for at most its patience; returns `None` if the stream is over.
-    pub async fn send(self, message: T) -> Option<Self> {
-        match tokio::time::timeout(self.patience, self.queue.send(message)).await {
-            Ok(Ok(())) => Some(self),
-            Ok(Err(_)) => None,
-            Err(_) => {
-                let seconds = self.patience.as_secs_f32();
-                let message = format!("nothing was read for {seconds} s: make the call again");
-                self.close(status::failure(Reason::ReaderTooSlow, message));
-                None
+async fn send_all<S: Source>(
+    mut source: S,
+    queue: &mpsc::Sender<S::Message>,
+    patience: Duration,
+    stopping: impl Future<Output = Status>,
+) -> Result<(), Status> {
+    tokio::pin!(stopping);
+    loop {
+        let next = tokio::select! {
+            next = source.next() => next.transpose()?,
+            status = &mut stopping => return Err(status),
+            () = queue.closed() => return Ok(()),
+        };
+        let Some(messages) = next else { return Ok(()) };
+        for message in messages {
+            match tokio::time::timeout(patience, queue.send(message)).await {
+                Ok(Ok(())) => {}
+                Ok(Err(_)) => return Ok(()),
+                Err(_) => {
+                    let message = format!("nothing was read for {} s: make the call again", patience.as_secs_f32());
+                    return Err(status::failure(Reason::ReaderTooSlow, message));
+                }
             }
         }
     }

@@ -152,7 +152,7 @@ impl BuildRunner {
         // Clients see interim graphs from this phase on.
         job.enter(BuildPhase::Probes);
         let interims = Interims { runner: self, wanted: &wanted, started };
-        let spared = Built { graph: update.spared(), stats: BuildStats::default() };
+        let spared = Built { graph: update.without_affected_edges(), stats: BuildStats::default() };
         self.host(&wanted, spared, Provenance::Interim, CarriedOver::default())?;
         job.note_usable(wanted.id);
         let spared_s = started.elapsed().as_secs_f32();

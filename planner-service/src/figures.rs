@@ -43,7 +43,7 @@ impl Summary {
         Self {
             vertices: graph.vertex_count(),
             edges: graph.edge_count(),
-            expected_edges: graph.edges().filter(|edge| edge.evidence.is_of_expected_edge()).count(),
+            expected_edges: graph.edges().filter(|edge| edge.evidence.is_expected()).count(),
             islands: graph.island_count(),
             connected,
             traversals,

@@ -202,16 +202,7 @@ impl Planner {
                 found.ok_or(PlannerError::UnknownVertex { field, vertex, count })
             })
         };
-        let trial = Trial {
-            start: position(from, "from")?,
-            via: None,
-            goal: position(to, "to")?,
-            stream: 0,
-            on_foot: false,
-            keep_track: false,
-            held: None,
-            ride: None,
-        };
+        let trial = Trial::walk(position(from, "from")?, position(to, "to")?, 0);
         let Ok(permit) = self.probing.clone().acquire_owned().await else {
             return Err(PlannerError::ShuttingDown);
         };

@@ -278,7 +278,7 @@ fn invalid_evidence_and_layers_count_as_damaged() {
     struct Stored(BTreeMap<(&'static str, bool), Edges>);
     let sealed = |content: Vec<u8>| [blake3::hash(&content).as_bytes().as_slice(), &content].concat();
     let entry = |change: fn(&mut Evidence)| {
-        let mut evidence = Evidence::vouched(Decisions(7.0));
+        let mut evidence = Evidence::forced(Decisions(7.0));
         change(&mut evidence);
         let edges = BTreeMap::from([((0, 1), evidence)]);
         sealed(postcard::to_stdvec(&Stored(BTreeMap::from([(("worker", true), edges)]))).unwrap())

@@ -286,7 +286,7 @@ fn graph() -> NavGraph {
     NavGraph::prove(
         vertices,
         &[(0, 1), (1, 0), (1, 2)].map(|(from, to)| EdgeKey::new(from, to)),
-        &[8.0, 9.0, 6.5].map(|decisions| Evidence::vouched(Decisions(decisions))),
+        &[8.0, 9.0, 6.5].map(|decisions| Evidence::forced(Decisions(decisions))),
         0.5,
     )
 }

@@ -123,13 +123,17 @@ const FOREIGN: [(&str, &[&str]); 6] = [
 ];
 
 /// Files that may use generated wire types, besides `proto`, the command line and the tests.
-const KNOW_THE_WIRE: [&str; 31] = [
+const KNOW_THE_WIRE: [&str; 35] = [
     "net/src/levels/grpc.rs",
     "server/src/wire.rs",
+    "server/src/wire/env.rs",
     "server/src/wire/living.rs",
+    "server/src/wire/map.rs",
+    "server/src/wire/worker.rs",
     "server/src/serve.rs",
     "server/src/grpc/mod.rs",
-    "server/src/grpc/batches.rs",
+    "server/src/grpc/npcs.rs",
+    "server/src/grpc/worlds.rs",
     "server/src/grpc/directory.rs",
     "server/src/grpc/redirect.rs",
     "server/src/grpc/env.rs",

@@ -152,16 +152,8 @@ fn trials(context: &ProbeContext) -> Vec<Trial> {
         let mut near: Vec<Vec3> = points.iter().copied().filter(|goal| goal.distance(*start) > 3.0).collect();
         near.sort_by(|one, other| one.distance(*start).total_cmp(&other.distance(*start)));
         let (via, goal) = if idx % 3 == 0 { (Some(near[0]), near[1]) } else { (None, near[idx % 4]) };
-        Trial {
-            start: *start,
-            via,
-            goal,
-            stream: idx as u64,
-            on_foot: idx % 5 == 0,
-            keep_track: idx % 2 == 0,
-            held: None,
-            ride: None,
-        }
+        let trial = Trial::walk(*start, goal, idx as u64);
+        Trial { via, on_foot: idx % 5 == 0, keep_track: idx % 2 == 0, ..trial }
     };
     points.iter().enumerate().map(trial).collect()
 }

@@ -175,12 +175,12 @@ fn graph() -> impl Strategy<Value = NavGraph> {
         (0..successes).for_each(|_| evidence.note(TryEnd::Arrived, decisions, ability));
         let failure = |idx: u32| if idx.is_multiple_of(3) { TryEnd::Died } else { TryEnd::Failed };
         (0..failures).for_each(|idx| evidence.note(failure(idx), decisions, ability));
-        evidence.cover(Vec3::ONE);
+        evidence.widen_bounds(Vec3::ONE);
         evidence
     });
     // Sums that use all digits of a number.
     let evidence =
-        prop_oneof![3 => evidence, 1 => (0.0..1.0e9).prop_map(|decisions| Evidence::vouched(Decisions(decisions)))];
+        prop_oneof![3 => evidence, 1 => (0.0..1.0e9).prop_map(|decisions| Evidence::forced(Decisions(decisions)))];
     let edges = prop::collection::vec((0..12u32, 0..12u32, evidence), 0..30);
     (prop::collection::vec(on_a_map(), 12), edges).prop_map(|(vertices, edges)| {
         let edges = edges.into_iter().filter(|(from, to, _)| from != to);

@@ -1,41 +1,41 @@
-//! Evidence of an edge (tries, successes, deaths, decisions), and the cost that follows from it.
+//! Evidence of an edge (tries, successes, deaths, decisions), and the estimates that follow from it.
 
-use crate::ids::EdgeKey;
+use crate::aabb::Aabb;
+use crate::build::probe::Outcome;
 use crate::needs::Needs;
-use crate::probe::Outcome;
+use crate::price::{Caution, EdgeCost, price};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
 use surefoot_world::{Ability, Chance, Decisions, Vec3};
 
 /// Statistics of the probes and traversals of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Record", into = "Record")]
 pub struct Evidence {
     /// Number of tries: probes and traversals.
     pub tries: u32,
     /// Number of tries that arrived.
     pub successes: u32,
     /// Number of tries during which the NPC died.
-    #[serde(default)]
     pub deaths: u32,
     /// Sum of the decisions of tries that arrived.
     decisions_sum: f64,
     /// Sum of the squares of these decisions.
     decisions_squared: f64,
+    /// Decisions that a model expects; `None` once a try has arrived, or if nothing is expected.
+    expected: Option<Decisions>,
     /// Ability of the least demanding try that arrived: the most demanding ability that this try used.
     pub ability: Ability,
     /// Expected chance of success without any tries, in [0, 1]. It weighs as much as one try.
     pub prior: f32,
-    /// Expected share of deaths among the tries that fail, in [0, 1]: the chance of death without any tries is this share of the expected
-    /// chance of failure.
-    #[serde(default)]
+    /// Expected share of deaths among the tries that fail, in [0, 1]: the chance of death without any tries is this
+    /// share of the expected chance of failure.
     pub death_share: f32,
     /// Designers' factor on the cost, 0.1 to 1000; 1 if there is none.
     pub price_factor: f32,
-    /// What the tries that arrived hung on.
-    #[serde(default)]
+    /// The movers that the tries that arrived depended on.
     pub needs: Needs,
-    /// Lower and upper corner of the bounding box of all probes' tracks, m. Without tracks, the lower corner is above the upper.
-    pub bounds: [Vec3; 2],
+    /// Bounding box of the tracks of all probes; `None` without tracks: forced edges and those of toy graphs have none.
+    pub bounds: Option<Aabb>,
 }
 
 impl Default for Evidence {
@@ -46,18 +46,21 @@ impl Default for Evidence {
             deaths: 0,
             decisions_sum: 0.0,
             decisions_squared: 0.0,
+            expected: None,
             ability: Ability::Walk,
             prior: UNKNOWN_PRIOR,
             death_share: 0.0,
             price_factor: 1.0,
             needs: Needs::default(),
-            bounds: [Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)],
+            bounds: None,
         }
     }
 }
 
 /// Prior of a candidate edge without a prediction; high, because candidates join vertices that are near each other.
 const UNKNOWN_PRIOR: f32 = 0.9;
+/// Lower bound on the estimated chance of an edge.
+const MIN_CHANCE: f64 = 1.0e-3;
 
 /// Allowed factors of designers on the cost of an edge.
 pub const FACTORS: std::ops::RangeInclusive<f32> = 0.1..=1000.0;
@@ -66,97 +69,52 @@ const MAX_DECISIONS: f64 = 2.0 * u32::MAX as f64;
 
 impl Evidence {
     /// Evidence without any tries, with a prior in [0, 1].
-    pub fn expected(prior: f32) -> Self {
+    pub fn with_prior(prior: f32) -> Self {
         Self { prior, ..Self::default() }
     }
 
-    /// Evidence of tries that were counted elsewhere; the sums are those of the decisions of tries that arrived and of their squares.
+    /// Evidence of tries that were counted elsewhere; the sums are those of the decisions of tries that arrived and of
+    /// their squares.
     pub(crate) fn counted([tries, successes, deaths]: [u32; 3], [decisions_sum, decisions_squared]: [f64; 2]) -> Self {
         Self { tries, successes, deaths, decisions_sum, decisions_squared, ..Self::default() }
     }
 
-    /// Evidence of an edge that has not been tried yet, with a prior in [0, 1] and the decisions that it is expected to take.
-    pub fn of_expected_edge(prior: f32, Decisions(decisions): Decisions) -> Self {
-        Self { decisions_sum: decisions, decisions_squared: decisions * decisions, ..Self::expected(prior) }
+    /// Evidence of an edge that has not been tried yet, with a prior in [0, 1] and the decisions that a model expects.
+    pub fn expected(prior: f32, decisions: Decisions) -> Self {
+        Self { expected: Some(decisions), ..Self::with_prior(prior) }
+    }
+
+    /// Evidence of an edge that a designer forces: one success in `decisions`, and a prior of 1.
+    pub fn forced(decisions: Decisions) -> Self {
+        Self { tries: 1, successes: 1, ..Self::with_prior(1.0) }.with_mean(decisions)
+    }
+
+    /// Returns this evidence as that of an edge that is certain and costs the mean decisions of its tries that arrived,
+    /// which is the metric of the paper.
+    #[must_use]
+    pub fn priced_by_decisions(&self) -> Self {
+        let certain = Self { tries: 1, successes: 1, deaths: 0, prior: 1.0, death_share: 0.0, expected: None, ..*self };
+        certain.with_mean(self.decisions_mean())
+    }
+
+    /// Returns this evidence of one success, which took `decisions`.
+    fn with_mean(self, Decisions(decisions): Decisions) -> Self {
+        Self { decisions_sum: decisions, decisions_squared: decisions * decisions, ..self }
     }
 
     /// Returns whether this is the evidence of an edge that has not been tried yet.
-    pub fn is_of_expected_edge(&self) -> bool {
-        self.tries == 0 && self.decisions_sum > 0.0
+    pub fn is_expected(&self) -> bool {
+        self.tries == 0 && self.expected.is_some()
     }
 
     /// Adds the outcome of a probe, and widens the bounds by its track.
     pub fn note_probe(&mut self, outcome: &Outcome) {
         let end = if outcome.died { TryEnd::Died } else { TryEnd::of(outcome.reached) };
         self.note(end, outcome.decisions, outcome.ability);
-        outcome.bounds.into_iter().for_each(|corner| self.cover(corner));
+        outcome.bounds.into_iter().for_each(|corner| self.widen_bounds(corner));
         if outcome.reached {
             self.needs.merge(&outcome.needs);
         }
-    }
-
-    /// Returns this evidence as that of an edge that is certain and takes the mean decisions of its tries that arrived: its cost is their
-    /// number, as in the paper.
-    #[must_use]
-    pub fn of_steps(&self) -> Self {
-        let Decisions(mean) = self.decisions_mean();
-        let (tries, successes, deaths) = (1, 1, 0);
-        Self {
-            tries,
-            successes,
-            deaths,
-            decisions_sum: mean,
-            decisions_squared: mean * mean,
-            prior: 1.0,
-            death_share: 0.0,
-            ..*self
-        }
-    }
-
-    /// Returns the sum of this evidence and `other` of the same edge. Ability, prior, factor and bounds are those of `self`.
-    pub fn and(&self, other: &Evidence) -> Self {
-        // Decisions that were only expected give way to those that were seen.
-        let gives_way = self.is_of_expected_edge() && other.successes > 0;
-        let own_share = if gives_way { 0.0 } else { 1.0 };
-        Self {
-            tries: self.tries.saturating_add(other.tries),
-            successes: self.successes.saturating_add(other.successes),
-            deaths: self.deaths.saturating_add(other.deaths),
-            decisions_sum: own_share * self.decisions_sum + other.decisions_sum,
-            decisions_squared: own_share * self.decisions_squared + other.decisions_squared,
-            ..*self
-        }
-    }
-
-    /// Halves the weight of all tries.
-    pub fn halve(&mut self) {
-        let kept = self.successes / 2;
-        let share = f64::from(kept) / f64::from(self.successes.max(1));
-        self.deaths /= 2;
-        self.tries = kept + (self.tries - self.successes) / 2;
-        self.successes = kept;
-        self.decisions_sum *= share;
-        self.decisions_squared *= share;
-    }
-
-    /// Reduces the weight of all tries so that they count as at most `limit` tries, at about the same success rate.
-    pub fn limit_tries(&mut self, limit: u32) {
-        if self.tries <= limit {
-            return;
-        }
-        let (tries, successes) = (u64::from(self.tries), u64::from(self.successes));
-        // At most `limit`, since there are no more successes than tries.
-        let kept = ((successes * u64::from(limit) + tries / 2) / tries) as u32;
-        let share = f64::from(kept) / f64::from(self.successes.max(1));
-        self.deaths = ((u64::from(self.deaths) * u64::from(limit) / tries) as u32).min(limit - kept);
-        (self.tries, self.successes) = (limit, kept);
-        self.decisions_sum *= share;
-        self.decisions_squared *= share;
-    }
-
-    /// Widens the bounds to contain `point`.
-    pub fn cover(&mut self, point: Vec3) {
-        self.bounds = [self.bounds[0].min(point), self.bounds[1].max(point)];
     }
 
     /// Adds a try with its number of decisions and the most demanding ability that it used.
@@ -170,11 +128,57 @@ impl Evidence {
         self.successes += 1;
         self.decisions_sum += f64::from(decisions);
         self.decisions_squared += f64::from(decisions) * f64::from(decisions);
+        self.expected = None;
     }
 
-    /// Returns whether probes have run along the edge: forced edges and those of toy graphs have no tracks.
-    pub fn has_track(&self) -> bool {
-        self.bounds[0].cmple(self.bounds[1]).all()
+    /// Widens the bounds to contain `point`.
+    pub fn widen_bounds(&mut self, point: Vec3) {
+        let point = Aabb::at(point);
+        self.bounds = Some(self.bounds.map_or(point, |bounds| bounds.union(point)));
+    }
+
+    /// Returns the sum of this evidence and `other` of the same edge. Ability, prior, factor and bounds are those of
+    /// `self`.
+    #[must_use]
+    pub fn combined(&self, other: &Evidence) -> Self {
+        Self {
+            tries: self.tries.saturating_add(other.tries),
+            successes: self.successes.saturating_add(other.successes),
+            deaths: self.deaths.saturating_add(other.deaths),
+            decisions_sum: self.decisions_sum + other.decisions_sum,
+            decisions_squared: self.decisions_squared + other.decisions_squared,
+            expected: self.expected.filter(|_| other.successes == 0),
+            ..*self
+        }
+    }
+
+    /// Halves the weight of all tries.
+    pub fn halve(&mut self) {
+        let kept = self.successes / 2;
+        self.deaths /= 2;
+        self.tries = kept + (self.tries - self.successes) / 2;
+        self.keep_successes(kept);
+    }
+
+    /// Reduces the weight of all tries so that they count as at most `limit` tries, at about the same success rate.
+    pub fn limit_tries(&mut self, limit: u32) {
+        if self.tries <= limit {
+            return;
+        }
+        let (tries, successes) = (u64::from(self.tries), u64::from(self.successes));
+        // At most `limit`, since there are no more successes than tries.
+        let kept = ((successes * u64::from(limit) + tries / 2) / tries) as u32;
+        self.deaths = ((u64::from(self.deaths) * u64::from(limit) / tries) as u32).min(limit - kept);
+        self.tries = limit;
+        self.keep_successes(kept);
+    }
+
+    /// Reduces the number of successes, at the same mean of their decisions.
+    fn keep_successes(&mut self, kept: u32) {
+        let share = f64::from(kept) / f64::from(self.successes.max(1));
+        self.successes = kept;
+        self.decisions_sum *= share;
+        self.decisions_squared *= share;
     }
 
     /// Returns the share of tries that arrived, in [0, 1]; 0 without tries.
@@ -188,16 +192,16 @@ impl Evidence {
         Chance::new((successes / (f64::from(self.tries) + 1.0)).max(MIN_CHANCE))
     }
 
-    /// Returns the estimated chance that a try ends in death, at most that of failing: the share of deaths with the expected one added as
-    /// one try.
+    /// Returns the estimated chance that a try ends in death, at most that of failing: deaths per try, with the expected
+    /// share added as one try.
     pub fn death_chance(&self) -> f64 {
         let deaths = f64::from(self.deaths) + (1.0 - f64::from(self.prior)) * f64::from(self.death_share);
         (deaths / (f64::from(self.tries) + 1.0)).min(1.0 - self.chance().get())
     }
 
-    /// Returns the mean number of decisions of the tries that arrived; 0 without successes.
+    /// Returns the mean number of decisions of the tries that arrived. Without successes: the expected decisions, or 0.
     pub fn decisions_mean(&self) -> Decisions {
-        Decisions(self.decisions_sum / f64::from(self.successes.max(1)))
+        self.expected.unwrap_or(Decisions(self.decisions_sum / f64::from(self.successes.max(1))))
     }
 
     /// Returns the standard deviation of the decisions of the tries that arrived; 0 without successes.
@@ -206,51 +210,39 @@ impl Evidence {
         Decisions((self.decisions_squared / f64::from(self.successes.max(1)) - mean * mean).max(0.0).sqrt())
     }
 
-    /// Returns whether the evidence is consistent, and has at least one success, as that of a proved edge must, or is of an expected edge.
+    /// Returns whether the evidence is consistent, and that of an edge: one with a success, or an expected one.
     pub fn is_sound(&self) -> bool {
-        (self.successes > 0 || self.is_of_expected_edge()) && self.is_consistent()
+        (self.successes > 0 || self.is_expected()) && self.is_consistent()
     }
 
     /// Returns whether the values are in range and do not contradict each other.
     pub fn is_consistent(&self) -> bool {
+        let squared_mean = self.decisions_squared / f64::from(self.successes.max(1));
         self.successes.checked_add(self.deaths).is_some_and(|ended| ended <= self.tries)
             && (0.0..=MAX_DECISIONS).contains(&self.decisions_mean().0)
-            && (0.0..=MAX_DECISIONS * MAX_DECISIONS)
-                .contains(&(self.decisions_squared / f64::from(self.successes.max(1))))
+            && (0.0..=MAX_DECISIONS * MAX_DECISIONS).contains(&squared_mean)
             && (0.0..=1.0).contains(&self.prior)
             && (0.0..=1.0).contains(&self.death_share)
             && FACTORS.contains(&self.price_factor)
-            && self.bounds.iter().all(|corner| corner.is_finite())
+            && self.bounds.is_none_or(|bounds| bounds.low.is_finite() && bounds.high.is_finite())
             && self.needs.are_possible()
     }
 
-    /// Creates the evidence of an edge that a designer forces: one success in `decisions`, and a prior of 1.
-    pub fn vouched(Decisions(decisions): Decisions) -> Self {
-        Self {
-            tries: 1,
-            successes: 1,
-            decisions_sum: decisions,
-            decisions_squared: decisions * decisions,
-            prior: 1.0,
-            ..Self::default()
-        }
-    }
-
-    /// Returns the cost that a careful search minimises, in decisions: the [`price`] of the mean decisions at the estimated chances, times
-    /// the designers' factor.
+    /// Returns the cost that a careful search minimises, in decisions: the [`price`] of the mean decisions at the
+    /// estimated chances, times the designers' factor.
     pub fn cost(&self) -> f64 {
         self.cost_at(Caution::CAREFUL)
+    }
+
+    /// Returns the cost that a search of this caution minimises, in decisions.
+    pub fn cost_at(&self, caution: Caution) -> f64 {
+        f64::from(self.price_factor) * price(self.decisions_mean(), self.chance(), self.death_chance(), caution)
     }
 
     /// Returns the costs that searches minimise, by their caution.
     pub fn edge_cost(&self) -> EdgeCost {
         let careful = self.cost() as f32;
         EdgeCost { careful, by_death: careful - self.cost_at(Caution::BOLD) as f32 }
-    }
-
-    /// Returns the cost that a search of this caution minimises, in decisions.
-    pub fn cost_at(&self, caution: Caution) -> f64 {
-        f64::from(self.price_factor) * price(self.decisions_mean(), self.chance(), self.death_chance(), caution)
     }
 
     /// Returns whether at least one try succeeded and the success rate reaches `threshold`.
@@ -271,75 +263,102 @@ pub enum TryEnd {
 }
 
 impl TryEnd {
-    /// The end of a try that nobody died in.
+    /// The end of a try that the NPC survived.
     pub fn of(reached: bool) -> Self {
         if reached { Self::Arrived } else { Self::Failed }
     }
 }
 
-/// How much a plan does to avoid that the NPC dies, from 0 (bold: a death costs no more than any failure) to 1 (careful).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Caution(f32);
-
-impl Caution {
-    /// Death costs most.
-    pub const CAREFUL: Self = Self(1.0);
-    /// Death costs no more than any failure.
-    pub const BOLD: Self = Self(0.0);
-
-    /// Returns this caution; `None` unless it is 0 to 1.
-    pub fn new(caution: f32) -> Option<Self> {
-        (0.0..=1.0).contains(&caution).then_some(Self(caution))
-    }
-
-    /// Returns the value, in [0, 1].
-    pub fn get(self) -> f32 {
-        self.0
-    }
+/// Evidence as files have it.
+#[derive(Serialize, Deserialize)]
+struct Record {
+    tries: u32,
+    successes: u32,
+    #[serde(default)]
+    deaths: u32,
+    /// Without successes: the expected decisions, or 0.
+    decisions_sum: f64,
+    decisions_squared: f64,
+    ability: Ability,
+    prior: f32,
+    #[serde(default)]
+    death_share: f32,
+    price_factor: f32,
+    #[serde(default)]
+    needs: Needs,
+    /// Lower and upper corner, m. Without tracks, the lower corner is above the upper.
+    bounds: [Vec3; 2],
 }
 
-impl Default for Caution {
-    fn default() -> Self {
-        Self::CAREFUL
-    }
-}
-
-/// Cost of an edge in decisions, for searches of any caution.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EdgeCost {
-    /// Cost for careful ones.
-    pub careful: f32,
-    /// The part of it that the risk of death makes up.
-    pub by_death: f32,
-}
-
-/// Current costs of edges that have changed since a graph was prepared for queries.
-pub type EdgeCosts = HashMap<EdgeKey, EdgeCost>;
-
-impl EdgeCost {
-    /// The cost of an edge on which one waits besides.
-    pub(crate) fn delayed(self, delay: Decisions) -> Self {
-        Self { careful: self.careful + delay.0 as f32, ..self }
-    }
-
-    /// Returns the cost for a search of this caution.
-    pub fn at(self, caution: Caution) -> f32 {
-        self.careful - (1.0 - caution.0) * self.by_death
+impl From<Record> for Evidence {
+    fn from(record: Record) -> Self {
+        let Record { tries, successes, deaths, ability, prior, death_share, price_factor, needs, .. } = record;
+        let [low, high] = record.bounds;
+        let is_expected = successes == 0 && record.decisions_sum > 0.0;
+        let sums = if is_expected { [0.0; 2] } else { [record.decisions_sum, record.decisions_squared] };
+        Self {
+            expected: is_expected.then_some(Decisions(record.decisions_sum)),
+            ability,
+            prior,
+            death_share,
+            price_factor,
+            needs,
+            bounds: (!low.cmpgt(high).any()).then_some(Aabb { low, high }),
+            ..Self::counted([tries, successes, deaths], sums)
+        }
     }
 }
 
-/// Returns the cost of a leg in decisions: the expected decisions of all tries until one succeeds, plus terms for the risks of failing and
-/// of dying. These are logarithmic in the chances, because chances multiply along a plan. `death_chance` is at most `1 - chance`.
-pub fn price(decisions: Decisions, chance: Chance, death_chance: f64, caution: Caution) -> f64 {
-    decisions.0 / chance.get()
-        - RISK_DECISIONS * libm::log(chance.get())
-        - f64::from(caution.0) * DEATH_DECISIONS * libm::log(1.0 - death_chance)
+impl From<Evidence> for Record {
+    fn from(evidence: Evidence) -> Self {
+        let Evidence { tries, successes, deaths, ability, prior, death_share, price_factor, needs, .. } = evidence;
+        let sums = match evidence.expected {
+            Some(Decisions(expected)) => [expected, expected * expected],
+            None => [evidence.decisions_sum, evidence.decisions_squared],
+        };
+        let [decisions_sum, decisions_squared] = sums;
+        let bounds = evidence.bounds.map_or([Vec3::MAX, Vec3::MIN], |Aabb { low, high }| [low, high]);
+        Self {
+            tries,
+            successes,
+            deaths,
+            decisions_sum,
+            decisions_squared,
+            ability,
+            prior,
+            death_share,
+            price_factor,
+            needs,
+            bounds,
+        }
+    }
 }
 
-/// Lower bound on the estimated chance of an edge.
-const MIN_CHANCE: f64 = 1.0e-3;
-/// Weight of risk: the number of additional decisions that a plan may take to avoid a leg with a chance of 1/e.
-pub(crate) const RISK_DECISIONS: f64 = 200.0;
-/// Weight of the risk of death: the number of additional decisions that a careful plan may take, besides, to avoid a leg that one survives
-/// with a chance of 1/e.
-pub(crate) const DEATH_DECISIONS: f64 = 1000.0;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn expected_decisions_count_until_a_try_arrives() {
+        let mut evidence = Evidence::expected(0.8, Decisions(40.0));
+        assert!(evidence.is_expected() && evidence.is_sound());
+        let mut failure = Evidence::default();
+        failure.note(TryEnd::Failed, 9, Ability::Walk);
+        let failed = evidence.combined(&failure);
+        assert!(failed.decisions_mean() == Decisions(40.0) && failed.chance().get() < evidence.chance().get());
+        assert!(!failed.is_sound(), "tried, but without a success");
+        evidence.note(TryEnd::Arrived, 10, Ability::Walk);
+        assert!(evidence.decisions_mean() == Decisions(10.0) && !evidence.is_expected());
+    }
+
+    #[test]
+    fn evidence_comes_back_from_its_record() {
+        let mut probed = Evidence::forced(Decisions(7.0));
+        probed.widen_bounds(Vec3::ONE);
+        probed.widen_bounds(Vec3::X);
+        for evidence in [Evidence::default(), Evidence::expected(0.5, Decisions(3.0)), probed] {
+            let back: Evidence = postcard::from_bytes(&postcard::to_stdvec(&evidence).unwrap()).unwrap();
+            assert_eq!(back, evidence);
+        }
+    }
+}

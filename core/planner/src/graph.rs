@@ -1,13 +1,11 @@
 //! The proved graph: positions, directed edges with their evidence, islands.
 
-use crate::candidates::Candidate;
-use crate::closure::reached_sizes;
+use crate::build::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
-use petgraph::Direction;
-use petgraph::algo::kosaraju_scc;
-use petgraph::graph::{DiGraph, NodeIndex};
+use crate::search::connectivity::{Islands, flood};
+use crate::search::csr::Csr;
 use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
 use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
@@ -29,12 +27,16 @@ pub struct Edge {
 /// A checked graph: every edge joins two existing, different vertices, and all numbers are valid.
 #[derive(Debug, Clone)]
 pub struct NavGraph {
-    graph: DiGraph<Vec3, Edge>,
-    /// The ends of the edges, once more without their evidence: what is connected is found out in a fraction of the memory.
-    ends: Vec<EdgeKey>,
+    vertices: Vec<Vec3>,
+    edges: Vec<Edge>,
+    /// The vertices that the edges join, without their evidence: searches touch a fraction of the memory.
+    keys: Vec<EdgeKey>,
+    /// Indices of the edges that leave each vertex.
+    leaving: Csr<u32>,
+    /// Whether any edge leads to each vertex.
+    has_entrance: Vec<bool>,
     legs: LegModel,
-    islands: Vec<u32>,
-    island_count: u32,
+    islands: Islands,
 }
 
 /// A graph as plain data for storage and export, not yet checked.
@@ -95,54 +97,49 @@ impl NavGraph {
     ///
     /// # Errors
     /// Returns the first invalid vertex or edge, or an invalid cost model.
-    pub fn check(data: GraphData) -> Result<Self, GraphError> {
-        let mut graph = DiGraph::with_capacity(data.vertices.len(), data.edges.len());
-        let ends: Vec<EdgeKey> = data.edges.iter().map(|edge| edge.key).collect();
-        for (idx, vertex) in data.vertices.iter().enumerate() {
-            if !is_place(*vertex) {
-                return Err(GraphError::BadVertex(idx));
-            }
-            graph.add_node(*vertex);
+    pub fn check(GraphData { vertices, edges, legs }: GraphData) -> Result<Self, GraphError> {
+        if let Some(idx) = vertices.iter().position(|vertex| !is_place(*vertex)) {
+            return Err(GraphError::BadVertex(idx));
         }
-        for edge in data.edges {
+        for edge in &edges {
             let EdgeKey { from, to } = edge.key;
-            let inside = |vertex: VertexId| vertex.idx() < data.vertices.len();
+            let inside = |vertex: VertexId| vertex.idx() < vertices.len();
             if !inside(from) || !inside(to) || from == to {
                 return Err(GraphError::BadEdge(edge.key));
             }
             if !edge.evidence.needs.are_possible() {
                 return Err(GraphError::BadNeeds(edge.key));
             }
-            if data.vertices[from.idx()].distance(data.vertices[to.idx()]) > MAX_EDGE_M {
+            if vertices[from.idx()].distance(vertices[to.idx()]) > MAX_EDGE_M {
                 return Err(GraphError::LongEdge(edge.key));
             }
             if !edge.evidence.is_sound() {
                 return Err(GraphError::BadEvidence(edge.key));
             }
-            graph.add_edge(node(from), node(to), edge);
         }
-        if !data.legs.is_sound() {
+        if !legs.is_sound() {
             return Err(GraphError::BadLegs);
         }
-        let (islands, island_count) = islands(graph.node_count(), &ends);
-        Ok(Self { graph, ends, legs: data.legs, islands, island_count })
+        let keys: Vec<EdgeKey> = edges.iter().map(|edge| edge.key).collect();
+        let leaving = Csr::group(vertices.len(), keys.iter().map(|key| key.from.idx()).zip(0..));
+        let mut has_entrance = vec![false; vertices.len()];
+        keys.iter().for_each(|key| has_entrance[key.to.idx()] = true);
+        let islands = Islands::new(vertices.len(), &keys);
+        Ok(Self { vertices, edges, keys, leaving, has_entrance, legs, islands })
     }
 
-    /// Returns this graph with edges that cost their mean decisions, whatever the risk: see [`Evidence::of_steps`].
+    /// Returns this graph with edges that cost their mean decisions, whatever the risk:
+    /// [`Evidence::priced_by_decisions`].
     #[must_use]
-    pub fn priced_by_steps(&self) -> Self {
+    pub fn priced_by_decisions(&self) -> Self {
         let mut copy = self.clone();
-        copy.graph.edge_weights_mut().for_each(|edge| edge.evidence = edge.evidence.of_steps());
+        copy.edges.iter_mut().for_each(|edge| edge.evidence = edge.evidence.priced_by_decisions());
         copy
     }
 
     /// Returns the graph as plain data.
     pub fn to_data(&self) -> GraphData {
-        GraphData {
-            vertices: self.graph.node_weights().copied().collect(),
-            edges: self.graph.edge_weights().copied().collect(),
-            legs: self.legs,
-        }
+        GraphData { vertices: self.vertices.clone(), edges: self.edges.clone(), legs: self.legs }
     }
 
     /// Returns the cost model of unproved legs.
@@ -150,14 +147,9 @@ impl NavGraph {
         &self.legs
     }
 
-    /// Returns the underlying petgraph graph.
-    pub fn as_petgraph(&self) -> &DiGraph<Vec3, Edge> {
-        &self.graph
-    }
-
     /// Returns the number of vertices.
     pub fn vertex_count(&self) -> usize {
-        self.graph.node_count()
+        self.vertices.len()
     }
 
     /// Iterates over all vertices by index.
@@ -172,7 +164,7 @@ impl NavGraph {
 
     /// Returns the number of edges.
     pub fn edge_count(&self) -> usize {
-        self.graph.edge_count()
+        self.edges.len()
     }
 
     /// Returns the position of a vertex, m.
@@ -180,145 +172,87 @@ impl NavGraph {
     /// # Panics
     /// If the graph has no such vertex.
     pub fn position(&self, vertex: VertexId) -> Vec3 {
-        self.graph[node(vertex)]
+        self.vertices[vertex.idx()]
     }
 
-    /// Iterates over the edges that leave a vertex.
+    /// Returns the positions of all vertices, m.
+    pub fn positions(&self) -> &[Vec3] {
+        &self.vertices
+    }
+
+    /// Iterates over the edges that leave a vertex, the last in the graph first.
     pub fn edges_from(&self, vertex: VertexId) -> impl Iterator<Item = &Edge> {
-        self.graph.edges(node(vertex)).map(|edge| edge.weight())
+        self.leaving.row(vertex.idx()).iter().rev().map(|&edge| &self.edges[edge as usize])
     }
 
     /// Returns the edge between two vertices, if there is one.
-    pub fn edge(&self, EdgeKey { from, to }: EdgeKey) -> Option<&Edge> {
-        let edge =
-            (self.has_vertex(from) && self.has_vertex(to)).then(|| self.graph.find_edge(node(from), node(to)))??;
-        self.graph.edge_weight(edge)
+    pub fn edge(&self, key: EdgeKey) -> Option<&Edge> {
+        let leaving = if self.has_vertex(key.from) { self.leaving.row(key.from.idx()) } else { &[] };
+        let found = leaving.iter().rev().find(|&&edge| self.keys[edge as usize] == key)?;
+        Some(&self.edges[*found as usize])
     }
 
     /// Returns whether any edge leaves the vertex.
-    pub fn is_left(&self, vertex: VertexId) -> bool {
-        self.edges_from(vertex).next().is_some()
+    pub fn has_exit(&self, vertex: VertexId) -> bool {
+        !self.leaving.row(vertex.idx()).is_empty()
     }
 
-    /// Returns whether any edge reaches the vertex.
-    pub fn is_reached(&self, vertex: VertexId) -> bool {
-        self.graph.edges_directed(node(vertex), Direction::Incoming).next().is_some()
+    /// Returns whether any edge leads to the vertex.
+    pub fn has_entrance(&self, vertex: VertexId) -> bool {
+        self.has_entrance[vertex.idx()]
     }
 
     /// Iterates over all edges.
     pub fn edges(&self) -> impl Iterator<Item = &Edge> {
-        self.graph.edge_weights()
+        self.edges.iter()
     }
 
     /// Returns the number of islands (strongly connected components).
     pub fn island_count(&self) -> u32 {
-        self.island_count
+        self.islands.count() as u32
     }
 
     /// Returns the island of each vertex, from 0 to `island_count` - 1.
     pub fn islands(&self) -> &[u32] {
-        &self.islands
+        &self.islands.of
     }
 
-    /// For each island the islands that edges lead to, each once. Islands are numbered in reverse topological order: all of these numbers
-    /// are lower.
-    pub(crate) fn exits(&self) -> Vec<Vec<u32>> {
-        exits(&self.islands, self.island_count, &self.ends)
+    /// The islands, and how edges join them.
+    pub(crate) fn connectivity(&self) -> &Islands {
+        &self.islands
     }
 
     /// Returns for each vertex whether it can be reached from `from`; `from` itself counts as reached.
     pub fn reachable_from(&self, from: VertexId) -> Vec<bool> {
-        flood(self.vertex_count(), from, self.ends.iter().map(|key| (key.from, key.to)))
+        let next = |vertex: VertexId| self.leaving.row(vertex.idx()).iter().map(|&edge| self.keys[edge as usize].to);
+        flood(self.vertex_count(), [from], next)
     }
 
     /// Returns for each vertex whether a path leads from it to `to`; `to` itself counts.
     pub fn reaching(&self, to: VertexId) -> Vec<bool> {
-        flood(self.vertex_count(), to, self.ends.iter().map(|key| (key.to, key.from)))
+        let entering = Csr::group(self.vertex_count(), self.keys.iter().map(|key| (key.to.idx(), key.from)));
+        flood(self.vertex_count(), [to], |vertex| entering.row(vertex.idx()).iter().copied())
     }
 
     /// Returns the share of ordered pairs of different vertices that a path joins, in [0, 1].
     pub fn connected_share(&self) -> f64 {
-        share(&self.islands, self.island_count, &self.ends)
+        share(&self.islands)
     }
 
-    /// Returns the same share without the edges that `is_removed` accepts.
+    /// Like [`connected_share`](Self::connected_share), without the edges that `is_removed` accepts.
     pub fn connected_share_without(&self, is_removed: impl Fn(&Edge) -> bool) -> f64 {
-        let ends: Vec<EdgeKey> = self.edges().filter(|edge| !is_removed(edge)).map(|edge| edge.key).collect();
-        let (islands, island_count) = islands(self.vertex_count(), &ends);
-        share(&islands, island_count, &ends)
+        let keys: Vec<EdgeKey> = self.edges().filter(|edge| !is_removed(edge)).map(|edge| edge.key).collect();
+        share(&Islands::new(self.vertex_count(), &keys))
     }
-}
-
-/// The island of each of `count` vertices that edges with these ends join, and the number of islands.
-fn islands(count: usize, ends: &[EdgeKey]) -> (Vec<u32>, u32) {
-    let mut graph: DiGraph<(), ()> = DiGraph::with_capacity(count, ends.len());
-    (0..count).for_each(|_| _ = graph.add_node(()));
-    ends.iter().for_each(|key| _ = graph.add_edge(node(key.from), node(key.to), ()));
-    // petgraph's Tarjan is recursive: a long chain of vertices would overflow the stack.
-    let components = kosaraju_scc(&graph);
-    let mut islands = vec![0; count];
-    for (island, members) in (0..).zip(&components) {
-        members.iter().for_each(|member| islands[member.index()] = island);
-    }
-    (islands, components.len() as u32)
-}
-
-/// For each island the others that edges lead to, each once.
-fn exits(islands: &[u32], island_count: u32, ends: &[EdgeKey]) -> Vec<Vec<u32>> {
-    let mut exits: Vec<Vec<u32>> = vec![Vec::new(); island_count as usize];
-    for key in ends {
-        let [from, to] = [key.from, key.to].map(|vertex| islands[vertex.idx()]);
-        if from != to && exits[from as usize].last() != Some(&to) {
-            exits[from as usize].push(to);
-        }
-    }
-    for exits in &mut exits {
-        exits.sort_unstable();
-        exits.dedup();
-    }
-    exits
 }
 
 /// The share of ordered pairs of different vertices that a path joins.
-fn share(islands: &[u32], island_count: u32, ends: &[EdgeKey]) -> f64 {
-    let count = islands.len();
-    let mut sizes = vec![0_u64; island_count as usize];
-    islands.iter().for_each(|&island| sizes[island as usize] += 1);
-    // What one vertex of an island reaches, all do.
-    let reached = reached_sizes(&exits(islands, island_count, ends), &sizes);
-    let pairs: u64 = sizes.iter().zip(reached).map(|(size, reached)| size * (reached - 1)).sum();
-    pairs as f64 / (count * count.saturating_sub(1)).max(1) as f64
-}
-
-/// For each of `count` vertices whether it can be reached from `from` along these steps; `from` itself counts.
-fn flood(count: usize, from: VertexId, steps: impl Iterator<Item = (VertexId, VertexId)> + Clone) -> Vec<bool> {
-    // The ends of all steps by their beginnings.
-    let mut starts = vec![0_usize; count + 1];
-    steps.clone().for_each(|(from, _)| starts[from.idx() + 1] += 1);
-    (0..count).for_each(|idx| starts[idx + 1] += starts[idx]);
-    let (mut next, mut ends) = (starts.clone(), vec![VertexId(0); starts[count]]);
-    for (from, to) in steps {
-        ends[next[from.idx()]] = to;
-        next[from.idx()] += 1;
-    }
-    let mut seen = vec![false; count];
-    let mut open = vec![from];
-    seen[from.idx()] = true;
-    while let Some(vertex) = open.pop() {
-        for &to in &ends[starts[vertex.idx()]..starts[vertex.idx() + 1]] {
-            if !std::mem::replace(&mut seen[to.idx()], true) {
-                open.push(to);
-            }
-        }
-    }
-    seen
+fn share(islands: &Islands) -> f64 {
+    let count = islands.of.len();
+    islands.joined_pairs(&islands.sizes(|_| 1)) as f64 / (count * count.saturating_sub(1)).max(1) as f64
 }
 
 /// Whether a vertex can be at `place`, m.
 pub(crate) fn is_place(place: Vec3) -> bool {
     place.is_finite() && place.abs().max_element() <= MAX_COORDINATE_M
-}
-
-fn node(vertex: VertexId) -> NodeIndex {
-    NodeIndex::new(vertex.idx())
 }

@@ -4,9 +4,10 @@
 //! The model is fitted to all probes of a build, and so to its policy and its map. It combines a logistic regression of
 //! success with a linear regression of decisions, both on horizontal distance, climb and drop.
 
-use crate::candidates::Candidate;
-use crate::evidence::{Caution, DEATH_DECISIONS, Evidence, RISK_DECISIONS, price};
+use crate::build::candidates::Candidate;
+use crate::evidence::Evidence;
 use crate::ids::EdgeKey;
+use crate::price::{Caution, DEATH_DECISIONS, RISK_DECISIONS, price};
 use crate::regression::{Linear, Logistic, dot, sigmoid};
 use serde::{Deserialize, Serialize};
 use surefoot_world::{Chance, Decisions, Vec3};

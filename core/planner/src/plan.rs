@@ -1,9 +1,10 @@
 //! Path queries, and the plans that answer them.
 
-use crate::evidence::{Caution, Evidence};
+use crate::evidence::Evidence;
 use crate::ids::{EdgeKey, LegKey};
 use crate::legs::LegModel;
 use crate::needs::Needs;
+use crate::price::Caution;
 use surefoot_world::{Ability, AbilitySet, Chance, Decisions, Seconds, Vec3};
 
 /// How start and goal are joined to the graph.

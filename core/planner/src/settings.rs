@@ -1,12 +1,13 @@
-//! Settings of a build, and the identity of the graph that it yields.
+//! What determines a graph: the map and character, the policy, and the settings of its build.
 //!
-//! Users choose the settings; [`GraphId`] hashes them with everything else that determines a graph.
+//! Users choose the settings; [`GraphId`] hashes everything that determines a graph.
 
-use crate::site::{PolicyHash, Site};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::Deref;
+use std::sync::Arc;
 use surefoot_world::navigable::NoGround;
+use surefoot_world::{CharacterProfile, Map};
 
 /// Version of the builder; changes whenever the same settings would yield a different graph.
 pub const BUILDER_VERSION: u32 = 11;
@@ -194,14 +195,14 @@ pub enum BuildError {
     NoGround(#[from] NoGround),
     /// The places to stand at the stops of lifts and platforms are vertices, too, and make too many of them.
     #[error(
-        "settings.vertices is {vertices}, and the lifts and platforms of the map stop at {berths} places where an NPC can stand; \
+        "settings.vertices is {vertices}, and the lifts and platforms of the map stop at {ride_stops} places where an NPC can stand; \
          together they may be at most {MAX_VERTICES}"
     )]
-    TooManyBerths {
+    TooManyRideStops {
         /// The setting.
         vertices: usize,
         /// Number of places on movers.
-        berths: usize,
+        ride_stops: usize,
     },
     /// The build was cancelled.
     #[error("the build was cancelled")]
@@ -222,6 +223,38 @@ impl RawBuildSettings {
             }
         }
         Ok(())
+    }
+}
+
+/// A map and the profile of the character that moves on it.
+#[derive(Debug, Clone)]
+pub struct Site {
+    /// The map.
+    pub map: Arc<Map>,
+    /// The character's profile.
+    pub profile: CharacterProfile,
+}
+
+impl Site {
+    /// Creates a site of `map` and the default character.
+    pub fn new(map: Arc<Map>) -> Self {
+        Self { map, profile: CharacterProfile::default() }
+    }
+}
+
+/// Hash of a policy's weights, in hexadecimal digits, as in the policy's manifest.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PolicyHash(String);
+
+impl PolicyHash {
+    /// Wraps the hash from a manifest.
+    pub fn new(weights_hash: impl Into<String>) -> Self {
+        Self(weights_hash.into())
+    }
+
+    /// Returns the hexadecimal digits.
+    pub fn as_str(&self) -> &str {
+        &self.0
     }
 }
 

@@ -5,9 +5,9 @@
 //! content is validated as well, because a checksum does not show that the values are valid.
 
 use crate::build::{BuildStats, Built};
-use crate::edits::Layer;
+use crate::change::edits::Layer;
+use crate::change::live::LiveEvidence;
 use crate::graph::{Edge, GraphData, NavGraph};
-use crate::live::LiveEvidence;
 use crate::settings::GraphId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -191,7 +191,7 @@ pub fn encode_entry(built: &Built) -> Vec<u8> {
 pub fn decode_entry(bytes: &[u8]) -> Result<Built, String> {
     let Entry { graph, stats } = unseal(bytes)?;
     let graph = NavGraph::check(graph).map_err(|error| error.to_string())?;
-    if let Some(Edge { key, .. }) = graph.edges().find(|edge| edge.evidence.is_of_expected_edge()) {
+    if let Some(Edge { key, .. }) = graph.edges().find(|edge| edge.evidence.is_expected()) {
         return Err(format!("edge {} -> {} has not been tried", key.from, key.to));
     }
     Ok(Built { graph, stats })

@@ -1,18 +1,18 @@
 //! Graphs from files: numbers that no build writes are refused with a reason, and the largest allowed ones are answered.
 
 use serde_json::{Value, json};
+use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::{Edit, Layer, Terrain, UnappliedReason, apply_layers};
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::{GraphData, MAX_COORDINATE_M, MAX_EDGE_M};
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::{Edge, EdgeKey, NavGraph, Query, Router, Traffic};
 use surefoot_world::{Decisions, Vec3};
 
 fn graph(vertices: Vec<Vec3>, edges: &[(u32, u32)]) -> NavGraph {
     let edge =
-        |&(from, to): &(u32, u32)| Edge { key: EdgeKey::new(from, to), evidence: Evidence::vouched(Decisions(9.0)) };
+        |&(from, to): &(u32, u32)| Edge { key: EdgeKey::new(from, to), evidence: Evidence::forced(Decisions(9.0)) };
     let edges = edges.iter().map(edge).collect();
     NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
 }
@@ -73,7 +73,7 @@ impl Terrain for Anywhere {
     }
 
     fn prove(&self, _: &[Vec3], candidates: &[EdgeKey]) -> Option<Vec<Evidence>> {
-        Some(vec![Evidence::vouched(Decisions(5.0)); candidates.len()])
+        Some(vec![Evidence::forced(Decisions(5.0)); candidates.len()])
     }
 }
 

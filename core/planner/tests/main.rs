@@ -1,7 +1,7 @@
 //! Tests of the crate through its public interface, in one program.
 
 mod assets;
-mod berths;
 mod bounds;
 mod build;
+mod ride_stops;
 mod search;

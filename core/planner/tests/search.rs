@@ -1,13 +1,13 @@
 //! Path search compared with petgraph's algorithms, and plans on small graphs.
 
 use petgraph::algo::{astar, dijkstra};
-use petgraph::graph::NodeIndex;
+use petgraph::graph::{DiGraph, NodeIndex};
 use proptest::prelude::*;
-use surefoot_planner::evidence::{Caution, EdgeCost, Evidence, TryEnd};
+use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
-use surefoot_planner::search::EdgeCosts;
+use surefoot_planner::price::{Caution, EdgeCost, EdgeCosts};
 use surefoot_planner::{Attach, Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
 use surefoot_world::{Ability, Vec3};
 
@@ -72,8 +72,14 @@ proptest! {
         let graph = graph(scattered(40), edges_of(tuples));
         let router = router(graph.clone());
         let (source, target) = (NodeIndex::new(from as usize), NodeIndex::new(to as usize));
-        let theirs = dijkstra(graph.as_petgraph(), source, Some(target), |edge| edge.weight().evidence.cost());
-        let star = astar(graph.as_petgraph(), source, |node| node == target, |edge| edge.weight().evidence.cost(), |_| 0.0);
+        let node = |vertex: VertexId| NodeIndex::new(vertex.idx());
+        let mut petgraph: DiGraph<(), f64> = DiGraph::new();
+        graph.vertices().for_each(|_| _ = petgraph.add_node(()));
+        for edge in graph.edges() {
+            petgraph.add_edge(node(edge.key.from), node(edge.key.to), edge.evidence.cost());
+        }
+        let theirs = dijkstra(&petgraph, source, Some(target), |edge| *edge.weight());
+        let star = astar(&petgraph, source, |node| node == target, |edge| *edge.weight(), |_| 0.0);
         let (from, to) = (VertexId(from), VertexId(to));
         let by_labels = labelled(graph.clone()).look_up(from, to);
         match (router.look_up(from, to), by_labels, router.search(from, to), theirs.get(&target), star) {
@@ -450,5 +456,5 @@ fn edges_that_are_priced_by_steps_cost_their_decisions_whatever_the_risk() {
     let risky = graph(square.to_vec(), vec![edge(0, 2, 10, 1, 4), edge(0, 1, 10, 4, 4), edge(1, 2, 10, 4, 4)]);
     let way = |graph: NavGraph| router(graph).look_up(VertexId(0), VertexId(2)).expect("a way");
     assert_eq!(way(risky.clone()).1, [0, 1, 2].map(VertexId));
-    assert_eq!(way(risky.priced_by_steps()), (10.0, vec![VertexId(0), VertexId(2)]));
+    assert_eq!(way(risky.priced_by_decisions()), (10.0, vec![VertexId(0), VertexId(2)]));
 }

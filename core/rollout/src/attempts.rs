@@ -11,7 +11,7 @@ use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_planner::search::EdgeCosts;
+use surefoot_planner::EdgeCosts;
 use surefoot_planner::{Router, Traffic};
 use surefoot_policy::Policy;
 use surefoot_world::{Action, CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};

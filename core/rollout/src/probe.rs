@@ -10,8 +10,9 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-use surefoot_planner::needs::{self, Boarding, Need, Needs, Ride};
+use surefoot_planner::needs::{MoverAt, Need, Needs, Ride};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
+use surefoot_planner::ride_stops::{Boarding, longest_ride_ticks, states_for_proof};
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
 use surefoot_policy::actor::gaussian;
@@ -67,10 +68,10 @@ impl ProbeContext {
     }
 
     /// A world in which movers stand where edges are proved, and `held` at its stop.
-    pub(crate) fn world_for(&self, held: Option<(u16, u8)>) -> World {
+    pub(crate) fn world_for(&self, held: Option<MoverAt>) -> World {
         let mut world = World::new(self.map.clone(), self.profile.clone(), TaskConfig::default());
         if !self.map.movers().is_empty() {
-            world.set_movers(needs::states_for_proof(&self.map, held));
+            world.set_movers(states_for_proof(&self.map, held));
         }
         world
     }
@@ -202,12 +203,12 @@ fn run_chunk(
 
 /// Runs a ride: the body stands still on the mover until that has reached the stop where the ride ends; `None` if `watch` cancelled.
 fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride, watch: &dyn ProbeWatch) -> Option<Outcome> {
-    let mut world = context.world_for(Some((ride.mover, ride.from)));
+    let mut world = context.world_for(Some(MoverAt { mover: ride.mover, stop: ride.from }));
     let mut outcome = Outcome::begin(trial.start);
     outcome.needs = Needs::of_ride(ride);
     let slot = world.spawn(trial.start, 0.0);
     world.order(ride.mover, MoverOrder::GoTo(ride.to));
-    for tick in 1..=needs::longest_ride_ticks(&context.map.movers()[usize::from(ride.mover)], ride) {
+    for tick in 1..=longest_ride_ticks(&context.map.movers()[usize::from(ride.mover)], ride) {
         if tick % TICKS_PER_DECISION == 0 && watch.is_cancelled() {
             return None;
         }
@@ -241,7 +242,7 @@ pub(crate) struct Probes<'a> {
 
 impl<'a> Probes<'a> {
     /// Prepares trials of which this mover is held at that stop. `reliance` is that on the map.
-    pub(crate) fn new(context: &'a ProbeContext, reliance: &'a Reliance, seed: u64, held: Option<(u16, u8)>) -> Self {
+    pub(crate) fn new(context: &'a ProbeContext, reliance: &'a Reliance, seed: u64, held: Option<MoverAt>) -> Self {
         let policy = &context.policy;
         Self {
             policy,

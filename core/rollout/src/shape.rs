@@ -13,9 +13,9 @@ use std::f32::consts::TAU;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use surefoot_planner::assets::{Leap, Passage, Shape};
-use surefoot_planner::needs::Berths;
 use surefoot_planner::probe::Trial;
 use surefoot_planner::{Edge, NavGraph};
+use surefoot_planner::{MoverAt, RideStops};
 use surefoot_world::character::{Body, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
 use surefoot_world::map::Zone;
@@ -56,9 +56,9 @@ pub fn measure(
     thread_count: usize,
     finished: &(dyn Fn() + Sync),
 ) -> Vec<Option<Shape>> {
-    let berths = Berths::of(&context.map, &context.profile);
+    let ride_stops = RideStops::on(&context.map, &context.profile);
     let reliance = Reliance::on(&context.map);
-    let held = |idx: usize| held(&berths, graph, edges[idx]);
+    let held = |idx: usize| held(&ride_stops, graph, edges[idx]);
     let mut order: Vec<usize> = (0..edges.len()).collect();
     order.sort_by_key(|&idx| held(idx));
     let alike = order.chunk_by(|&one, &other| held(one) == held(other));
@@ -82,10 +82,10 @@ pub fn measure(
     shapes.into_inner().expect("no measurement panics")
 }
 
-/// The mover that is held at a stop for runs along an edge, of which an end is a berth.
-fn held(berths: &Berths, graph: &NavGraph, edge: &Edge) -> Option<(u16, u8)> {
-    let berth = |vertex| berths.at(graph.position(vertex));
-    berth(edge.key.from).or_else(|| berth(edge.key.to))
+/// The mover that is held at a stop for runs along an edge that begins or ends on it.
+fn held(ride_stops: &RideStops, graph: &NavGraph, edge: &Edge) -> Option<MoverAt> {
+    let ride_stop = |vertex| ride_stops.at(graph.position(vertex));
+    ride_stop(edge.key.from).or_else(|| ride_stop(edge.key.to))
 }
 
 /// The body after a tick.
@@ -130,7 +130,7 @@ struct Gauge<'a> {
     reliance: &'a Reliance,
     graph: &'a NavGraph,
     ground: &'a Ground,
-    held: Option<(u16, u8)>,
+    held: Option<MoverAt>,
 }
 
 impl Gauge<'_> {
@@ -182,16 +182,8 @@ impl Gauge<'_> {
 
     fn trial(&self, edge: &Edge, attempt: u32) -> Trial {
         let (from, to) = (edge.key.from, edge.key.to);
-        Trial {
-            start: self.graph.position(from),
-            via: None,
-            goal: self.graph.position(to),
-            stream: u64::from(from.0) << 40 | u64::from(to.0) << 16 | (FIRST_STREAM + u64::from(attempt)),
-            on_foot: false,
-            keep_track: false,
-            held: self.held,
-            ride: None,
-        }
+        let stream = u64::from(from.0) << 40 | u64::from(to.0) << 16 | (FIRST_STREAM + u64::from(attempt));
+        Trial { held: self.held, ..Trial::walk(self.graph.position(from), self.graph.position(to), stream) }
     }
 
     /// The shape of an edge that is one ride: it begins and ends where the edge does.

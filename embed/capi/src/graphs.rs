@@ -9,9 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 use surefoot_planner::candidates::Candidate;
 use surefoot_planner::edits::{Edit, FACTORS, Layer, Terrain, apply_layers};
-use surefoot_planner::evidence::{EdgeCost, EdgeCosts, Evidence, TryEnd, price};
+use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::import_json;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
+use surefoot_planner::price::{EdgeCost, EdgeCosts, price};
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::{
     AbilitySet, Caution, EdgeKey, Leg, LegKey, NavGraph, NoPath, Plan, Query, Router, Stop, VertexId,

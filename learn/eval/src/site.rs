@@ -218,7 +218,7 @@ impl<'a> Site<'a> {
         let router = built.map(|built| {
             let graph = match config.price {
                 Price::Risk => built.graph,
-                Price::Steps => built.graph.priced_by_steps(),
+                Price::Steps => built.graph.priced_by_decisions(),
             };
             (Router::new(graph, DEFAULT_TABLE_LIMIT, config.thread_count), built.stats)
         });

@@ -1,11 +1,11 @@
 //! `MapService`: decode, call, encode.
 
-use super::file;
+use super::file::LevelFile;
 use super::store::{BaseMap, Level, LevelError, LevelFormat, LevelStore, MapSource, PARSE_FACTOR, Read, read};
 use super::uploads::UploadError;
-use crate::memory::MemoryError;
+use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::paging::{PageSize, page};
-use crate::reader::ReaderStream;
+use crate::reader::{self, ReaderStream, Source};
 use crate::serving::Caller;
 use crate::status;
 use std::sync::Arc;
@@ -18,6 +18,10 @@ use surefoot_world::exchange::{ImportOptions, UpAxis};
 use surefoot_world::map::PieceError;
 use tonic::{Request, Response, Status};
 
+/// Largest chunk of a file that is sent, bytes.
+const CHUNK_BYTES: usize = 1 << 18;
+/// Chunks that one reader holds at a time: one that waits, one that is encoded, and the transport's copies.
+const CHUNKS_PER_READER: u64 = 4;
 /// Longest name of a level, bytes.
 const MAX_NAME: f64 = 128.0;
 /// Typical time for which an archive is away.
@@ -120,6 +124,37 @@ fn import_options(request: &wire::ImportMapRequest) -> Result<ImportOptions, Sta
     Ok(ImportOptions { scale, up, keep_sides: request.keep_sides })
 }
 
+/// The chunks of a file for one reader.
+struct Chunks {
+    map: Option<wire::KeptMap>,
+    file: Arc<LevelFile>,
+    sent_bytes: usize,
+    _memory: Reservation,
+}
+
+impl Chunks {
+    /// The chunks of `file`; the first one carries `map`.
+    ///
+    /// # Errors
+    /// If the budget has no memory for the chunks that the reader holds at a time.
+    fn new(memory: &MemoryBudget, client: &str, map: wire::KeptMap, file: Arc<LevelFile>) -> Result<Self, MemoryError> {
+        let memory = memory.reserve(client, CHUNKS_PER_READER * CHUNK_BYTES as u64)?;
+        Ok(Self { map: Some(map), file, sent_bytes: 0, _memory: memory })
+    }
+}
+
+impl Source for Chunks {
+    type Message = wire::GetMapResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<wire::GetMapResponse>, Status>> {
+        let rest = self.file.bytes().get(self.sent_bytes..).filter(|rest| !rest.is_empty())?;
+        let chunk = rest[..rest.len().min(CHUNK_BYTES)].to_vec();
+        let file_bytes = if self.sent_bytes == 0 { self.file.bytes().len() as u64 } else { 0 };
+        self.sent_bytes += chunk.len();
+        Some(Ok(vec![wire::GetMapResponse { map: self.map.take(), chunk, file_bytes }]))
+    }
+}
+
 #[tonic::async_trait]
 impl MapService for LevelStore {
     async fn import_map(
@@ -182,11 +217,8 @@ impl MapService for LevelStore {
         let level = self.fetch(&request.into_inner().map_hash).await?;
         let map = level_to_wire(&level);
         let file = self.file_of(&caller.name, level).await?;
-        let message = move |start, file_bytes: usize, chunk: &[u8]| {
-            let (map, file_bytes) = if start == 0 { (Some(map.clone()), file_bytes as u64) } else { (None, 0) };
-            wire::GetMapResponse { map, chunk: chunk.to_vec(), file_bytes }
-        };
-        Ok(Response::new(file::send(&self.terms(&caller.name), file, message)?))
+        let chunks = Chunks::new(self.memory(), &caller.name, map, file)?;
+        Ok(Response::new(reader::stream(chunks, self.patience(), std::future::pending())))
     }
 
     async fn list_maps(

@@ -1,6 +1,6 @@
 //! The levels that a service keeps, and the sources of maps.
 
-use super::file::{LevelFile, Terms};
+use super::file::LevelFile;
 use super::uploads::Uploads;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::reader::DEFAULT_PATIENCE;
@@ -220,9 +220,8 @@ impl LevelStore {
         Self { patience, ..self }
     }
 
-    /// What the stream of a level to a client is subject to.
-    pub(super) fn terms<'a>(&'a self, client: &'a str) -> Terms<'a> {
-        Terms { memory: &self.memory, client, patience: self.patience }
+    pub(super) fn patience(&self) -> Duration {
+        self.patience
     }
 
     /// The memory budget that levels are paid for from.

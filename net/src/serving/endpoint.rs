@@ -3,6 +3,7 @@
 use super::connect::{self, Translator};
 use super::gate::{self, Gate};
 use super::generations::Generations;
+use super::health::Health;
 use super::incoming::{Counters, Incoming};
 use super::limits::Limits;
 use super::openapi;
@@ -10,9 +11,11 @@ use super::origin::Origins;
 use super::revocation;
 use super::security::Security;
 use super::shutdown::Shutdown;
+use super::tokens::Tokens;
 use crate::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget};
 use axum::body::Bytes;
 use axum::http::header::CONTENT_TYPE;
+use axum::routing::{MethodRouter, get};
 use std::future::Future;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::{Arc, OnceLock};
@@ -22,8 +25,6 @@ use tokio::sync::watch;
 use tokio::time::sleep;
 use tonic::service::RoutesBuilder;
 use tonic::transport::Server;
-use tonic_health::ServingStatus;
-use tonic_health::server::HealthReporter;
 use tracing::{info, warn};
 
 /// Largest header list of a request, bytes.
@@ -74,7 +75,7 @@ pub struct Endpoint {
     config: EndpointConfig,
     pages: Option<axum::Router>,
     ready: watch::Receiver<bool>,
-    standing: watch::Receiver<bool>,
+    lease: watch::Receiver<bool>,
     memory: MemoryBudget,
 }
 
@@ -110,9 +111,9 @@ impl Endpoint {
         listener.set_nonblocking(true).map_err(fail)?;
         let listener = TcpListener::from_std(listener).map_err(fail)?;
         let address = listener.local_addr().map_err(fail)?;
-        let [ready, standing] = [(); 2].map(|()| watch::channel(true).1);
+        let [ready, lease] = [(); 2].map(|()| watch::channel(true).1);
         let memory = MemoryBudget::new(DEFAULT_MAX_MEMORY_BYTES);
-        Ok(Self { listener, address, config, pages: None, ready, standing, memory })
+        Ok(Self { listener, address, config, pages: None, ready, lease, memory })
     }
 
     /// Also serves web pages: `pages` answers every GET and HEAD request that no service handles. Pages need no token.
@@ -125,10 +126,10 @@ impl Endpoint {
         Self { ready, ..self }
     }
 
-    /// While `standing` is false, the health of each named service is NOT_SERVING, so that load balancers prefer others.
+    /// While `lease` is false, the health of each named service is NOT_SERVING, so that load balancers prefer others.
     /// The health of the whole process, whose name is empty, stays: a restart would not help.
-    pub fn with_lease(self, standing: watch::Receiver<bool>) -> Self {
-        Self { standing, ..self }
+    pub fn with_lease(self, lease: watch::Receiver<bool>) -> Self {
+        Self { lease, ..self }
     }
 
     /// Large requests are paid for from `memory`.
@@ -173,133 +174,98 @@ impl Endpoint {
         M: Fn() -> F + Clone + Send + Sync + 'static,
         F: Future<Output = String> + Send,
     {
-        let Self { listener, address, config: EndpointConfig { limits, security }, pages, ready, standing, memory } =
-            self;
-        let (mut health, health_service) = tonic_health::server::health_reporter();
-        let served: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-        // The empty name stands for the process.
-        let names: Vec<&str> = names.iter().copied().chain([""]).collect();
-        let (is_ready, holds) = (*ready.borrow(), *standing.borrow());
-        report(&health, &names, is_ready, holds).await;
+        let (mut health, health_service) = Health::start(names, self.ready.clone(), self.lease.clone()).await;
         let reflection = tonic_reflection::server::Builder::configure()
             .register_encoded_file_descriptor_set(surefoot_proto::FILE_DESCRIPTOR_SET)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
             .build_v1()?;
         services.add_service(health_service).add_service(reflection);
         let counters = Arc::new(Counters::default());
-        let page = {
-            let counters = counters.clone();
-            move || {
-                let (metrics, counters) = (metrics.clone(), counters.clone());
-                async move { metrics().await + &counters.render() }
-            }
-        };
-        let guarded = security.tls.is_some() || security.tokens.is_some();
-        let origins = Origins { named: security.origins.into(), guarded };
-        let cors = origins.layer();
-        let reloading = security.tokens.clone();
-        let reloading = async move {
-            if let Some(tokens) = reloading {
-                tokens.keep_loaded().await;
-            }
-            std::future::pending::<()>().await
-        };
-        let translator = Translator::new(limits, memory.clone());
-        let gate = Gate { tokens: security.tokens, origins, limits, memory, ready: ready.clone() };
-        let contracts = {
-            // Built on the first request.
-            let (document, names) = (Arc::<OnceLock<Bytes>>::default(), served);
-            move || {
-                let document = document.get_or_init(|| openapi::document(&names).into()).clone();
-                async move { ([(CONTENT_TYPE, "application/json")], document) }
-            }
-        };
-        let mut router = services
+        let routes = services
             .routes()
             .into_axum_router()
-            .route("/metrics", axum::routing::get(page))
-            .route("/openapi.json", axum::routing::get(contracts));
-        if let Some(pages) = pages {
-            router = router.fallback(move |request| gate::page(pages, request));
-        }
-        // Layers are added from the innermost to the outermost.
-        let router = router
-            .layer(axum::middleware::from_fn(revocation::watch))
-            .layer(axum::middleware::from_fn_with_state(Arc::new(translator), connect::serve))
-            .layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass))
-            .layer(cors);
-        let server = Server::builder()
-            .accept_http1(true)
-            .max_concurrent_streams(limits.max_streams)
-            .http2_max_header_list_size(MAX_HEADER_BYTES)
-            .http2_keepalive_interval(Some(limits.keepalive_interval))
-            .http2_keepalive_timeout(Some(limits.keepalive_timeout));
+            .route("/metrics", metrics_page(metrics, counters.clone()))
+            .route("/openapi.json", contracts_page(names));
+        let router = self.guard(routes);
+        let Self { listener, address, config: EndpointConfig { limits, security }, .. } = self;
         let (cut, stop) = (Shutdown::default(), Shutdown::default());
         let incoming = Incoming::new(listener, limits, counters, cut.clone());
-        let reporter = health.clone();
-        let noticed = async {
-            tokio::select! {
-                () = shutdown.wait() => {}
-                () = keep_reporting(&reporter, &names, ready, standing) => {}
-            }
-            report(&reporter, &names, false, false).await;
+        let handshake_timeout = limits.handshake_timeout;
+        let generations = Generations { server: server(&limits), router, handshake_timeout, stop: stop.clone() };
+        let draining = async {
+            health.follow(&shutdown).await;
             sleep(NOTICE).await;
             stop.trigger();
-            std::future::pending::<()>().await;
-        };
-        let generations =
-            Generations { server, router, handshake_timeout: limits.handshake_timeout, stop: stop.clone() };
-        let server = generations.serve(incoming, security.tls);
-        let drained = async {
-            shutdown.wait().await;
-            sleep(2 * NOTICE).await;
-            // Watchers of the health have been notified; this ends their streams.
-            for name in &names {
-                health.clear_service_status(name).await;
-            }
+            sleep(NOTICE).await;
+            // Clients that watch the health have been notified.
+            health.end_watches().await;
             sleep(DRAIN_LIMIT - 2 * NOTICE).await;
         };
         tokio::select! {
-            result = server => result?,
-            () = reloading => {}
-            () = noticed => {}
-            () = drained => warn!(%address, "some connections did not close in time and were cut"),
+            result = generations.serve(incoming, security.tls) => result?,
+            () = reload(security.tokens) => {}
+            () = draining => warn!(%address, "some connections did not close in time and were cut"),
         }
         cut.trigger();
         info!(%address, "stopped serving");
         Ok(())
     }
+
+    /// Puts the checks of requests in front of `routes`, and the pages behind them.
+    fn guard(&self, mut routes: axum::Router) -> axum::Router {
+        let EndpointConfig { limits, security } = self.config.clone();
+        let guarded = security.tls.is_some() || security.tokens.is_some();
+        let origins = Origins { named: security.origins.into(), guarded };
+        let cors = origins.layer();
+        let (memory, ready) = (self.memory.clone(), self.ready.clone());
+        let translator = Translator::new(limits, memory.clone());
+        let gate = Gate { tokens: security.tokens, origins, limits, memory, ready };
+        if let Some(pages) = self.pages.clone() {
+            routes = routes.fallback(move |request| gate::page(pages, request));
+        }
+        // Layers are added from the innermost to the outermost.
+        routes
+            .layer(axum::middleware::from_fn(revocation::watch))
+            .layer(axum::middleware::from_fn_with_state(Arc::new(translator), connect::serve))
+            .layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass))
+            .layer(cors)
+    }
 }
 
-/// Reports the health of the services `names`. The health of the process, whose name is empty, does not depend on
-/// `standing`.
-async fn report(health: &HealthReporter, names: &[&str], is_ready: bool, standing: bool) {
-    for name in names {
-        let serves = is_ready && (standing || name.is_empty());
-        let status = if serves { ServingStatus::Serving } else { ServingStatus::NotServing };
-        health.set_service_status(*name, status).await;
-    }
+fn server(limits: &Limits) -> Server {
+    Server::builder()
+        .accept_http1(true)
+        .max_concurrent_streams(limits.max_streams)
+        .http2_max_header_list_size(MAX_HEADER_BYTES)
+        .http2_keepalive_interval(Some(limits.keepalive_interval))
+        .http2_keepalive_timeout(Some(limits.keepalive_timeout))
 }
 
-/// Reports the health whenever it changes, without end.
-async fn keep_reporting(
-    health: &HealthReporter,
-    names: &[&str],
-    mut ready: watch::Receiver<bool>,
-    mut standing: watch::Receiver<bool>,
-) {
-    // A sender that is gone without a word says nothing more: the services stay as they are.
-    async fn changed(value: &mut watch::Receiver<bool>) {
-        if value.changed().await.is_err() {
-            std::future::pending::<()>().await;
-        }
+fn metrics_page<M, F>(metrics: M, counters: Arc<Counters>) -> MethodRouter
+where
+    M: Fn() -> F + Clone + Send + Sync + 'static,
+    F: Future<Output = String> + Send,
+{
+    get(move || {
+        let (metrics, counters) = (metrics.clone(), counters.clone());
+        async move { metrics().await + &counters.render() }
+    })
+}
+
+fn contracts_page(names: &[&str]) -> MethodRouter {
+    let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+    // Built on the first request.
+    let document = Arc::<OnceLock<Bytes>>::default();
+    get(move || {
+        let document = document.get_or_init(|| openapi::document(&names).into()).clone();
+        async move { ([(CONTENT_TYPE, "application/json")], document) }
+    })
+}
+
+/// Reloads tokens when their file changes, without end.
+async fn reload(tokens: Option<Tokens>) {
+    if let Some(tokens) = tokens {
+        tokens.reload_on_change().await;
     }
-    loop {
-        tokio::select! {
-            () = changed(&mut ready) => {}
-            () = changed(&mut standing) => {}
-        }
-        let (is_ready, holds) = (*ready.borrow(), *standing.borrow());
-        report(health, names, is_ready, holds).await;
-    }
+    std::future::pending().await
 }

@@ -11,6 +11,7 @@ mod endpoint;
 mod files;
 mod gate;
 mod generations;
+mod health;
 mod incoming;
 mod limits;
 mod metered;

@@ -122,7 +122,7 @@ impl Tokens {
 
     /// Reads the file again whenever it has changed; returns at once if there is none. A file that cannot be used is named, and the
     /// tokens stay as they were.
-    pub(super) async fn keep_loaded(&self) {
+    pub(super) async fn reload_on_change(&self) {
         let Some(path) = self.path.clone() else { return };
         let mut known = stamp(&path);
         loop {

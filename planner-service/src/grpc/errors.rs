@@ -56,7 +56,7 @@ impl From<PlannerError> for Status {
 fn build_status(error: &BuildError) -> Status {
     let message = error.to_string();
     match error {
-        BuildError::TooManyBerths { .. } => status::invalid("settings.vertices", message),
+        BuildError::TooManyRideStops { .. } => status::invalid("settings.vertices", message),
         BuildError::NoGround(_) => status::failure(Reason::NoGround, message),
         BuildError::Cancelled => status::failure(Reason::BuildCancelled, message),
     }

@@ -1,7 +1,7 @@
 //! `EnvService`: decode, call, encode.
 
 use crate::envs::{EnvId, Envs, FirstState};
-use crate::wire::{env_actions, env_settings, results_to_wire};
+use crate::wire::env::{env_actions, env_settings, results_to_wire};
 use std::pin::Pin;
 use surefoot_net::idempotency::{AnswerCache, Repeatable};
 use surefoot_net::levels::{LevelStore, grpc as levels};

@@ -1,23 +1,24 @@
 //! Streams to readers: snapshots, events, statistics and mesh of a world, and one NPC with its plan.
 //!
-//! A slow reader gets the latest snapshot, and at most one message waits for it; a reader that does not read at all is cut off.
+//! A slow reader gets the latest snapshot, and at most one message waits for it; a reader that does not read at all is
+//! cut off.
 
+use super::npcs::check_count;
+use super::{WorldApi, parts};
 use crate::geometry::Tiles;
 use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcEvent, NpcPlan, NpcState, Snapshot};
 use crate::ids::{NpcId, WorldId};
-use crate::sim::SimError;
-use crate::sim::{EventBatch, SimHandle, SimState};
-use crate::view::View;
+use crate::sim::{EventBatch, SimError, SimHandle, SimState};
+use crate::view::{Region, View};
 use crate::wire::{
-    ended_attempt_to_wire, events_to_wire, npc_plan_to_wire, npc_to_wire, rays_to_wire, shown_to_wire, stats_to_wire,
-    tile_to_wire,
+    ended_attempt_to_wire, events_to_wire, map::tile_to_wire, npc_plan_to_wire, npc_to_wire, rays_to_wire,
+    region as convert_region, shown_to_wire, stats_to_wire,
 };
-use crate::worlds::WorldsError;
+use crate::worlds::{NpcAccess, WorldsError};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use surefoot_net::reader::{Reader, ReaderStream};
-use surefoot_net::serving::{Shutdown, shutting_down};
+use surefoot_net::reader::{ReaderStream, Source};
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::reason::Reason;
@@ -26,7 +27,8 @@ use surefoot_world::sense::Sight;
 use surefoot_world::{Map, Tick};
 use tokio::sync::broadcast::{Receiver, error::RecvError};
 use tokio::sync::{Semaphore, watch};
-use tonic::Status;
+use tokio::time::{Interval, MissedTickBehavior, interval};
+use tonic::{Request, Status};
 
 /// Most events that are copied out of a world's log at a time.
 const EVENTS_AT_A_TIME: usize = 4096;
@@ -35,123 +37,130 @@ const BUSY_PAUSE: Duration = Duration::from_millis(50);
 /// Snapshots per second if the reader does not set a rate.
 const DEFAULT_RATE: f64 = 10.0;
 
-/// Returns the pause between two messages at a rate, 0.1 to 60 Hz; 0 means the default.
-///
-/// # Errors
-/// If the rate is out of range.
-pub fn pause_of(rate_hz: f32) -> Result<Duration, FieldError> {
+/// The pause between two messages at a rate of 0.1 to 60 Hz; 0 means the default.
+fn pause_of(rate_hz: f32) -> Result<Duration, FieldError> {
     let rate = if rate_hz == 0.0 { DEFAULT_RATE } else { convert::in_range(f64::from(rate_hz), 0.1, 60.0, "rate_hz")? };
     Ok(Duration::from_secs_f64(1.0 / rate))
 }
 
-/// Returns the pause between two messages of statistics at a period of 0.1 to 60 s; 0 means one second.
-///
-/// # Errors
-/// If the period is out of range.
-pub fn period_of(period_s: f32) -> Result<Duration, FieldError> {
+/// The pause between two messages of statistics at a period of 0.1 to 60 s; 0 means one second.
+fn period_of(period_s: f32) -> Result<Duration, FieldError> {
     let seconds = if period_s == 0.0 { 1.0 } else { convert::in_range(f64::from(period_s), 0.1, 60.0, "period_s")? };
     Ok(Duration::from_secs_f64(seconds))
 }
 
-/// Streams a reader's view of snapshots. Snapshots that come while it is not ready for the next are skipped.
-pub fn watch_world(
-    world_id: WorldId,
-    mut snapshots: watch::Receiver<Arc<Snapshot>>,
-    mut view: View,
-    pause: Duration,
-    patience: Duration,
-    shutdown: &Shutdown,
-) -> ReaderStream<wire::WatchWorldResponse> {
-    let (mut reader, stream) = Reader::new(patience);
-    let stopping = shutdown.wait();
+/// Due at once, and then after each `pause`. A reader that is late does not catch up.
+fn every(pause: Duration) -> Interval {
+    let mut due = interval(pause);
+    due.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    due
+}
+
+/// Streams a reader's view of snapshots. Snapshots that come while it is not ready for the next one are skipped.
+pub(super) async fn watch_world(
+    api: &WorldApi,
+    request: Request<wire::WatchWorldRequest>,
+) -> Result<ReaderStream<wire::WatchWorldResponse>, Status> {
+    let (caller, wire::WatchWorldRequest { world_id, rate_hz, region, delta }) = parts(request);
+    let world = WorldId(world_id);
+    let handle = api.worlds.handle_for(&caller, world)?;
+    let pause = pause_of(rate_hz)?;
+    let view = View::new(convert_region(region.as_ref())?, delta);
+    let subscribed = handle.sim.call(|state| {
+        let receiver = state.snapshots.subscribe();
+        state.show_snapshot();
+        receiver
+    });
+    let mut snapshots = subscribed.await?;
     snapshots.mark_changed();
-    tokio::spawn(async move {
-        tokio::pin!(stopping);
-        loop {
-            let snapshot = tokio::select! {
-                changed = snapshots.changed() => match changed {
-                    Ok(()) => snapshots.borrow_and_update().clone(),
-                    Err(_) => return reader.close(WorldsError::UnknownWorld(world_id).into()),
-                },
-                () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.closed() => return,
-            };
-            match reader.send(shown_to_wire(&view.show(&snapshot))).await {
-                Some(still) => reader = still,
-                None => return,
-            }
-            tokio::select! {
-                () = tokio::time::sleep(pause) => {}
-                () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.closed() => return,
-            }
-        }
-    });
-    stream
+    Ok(api.stream(Snapshots { world, snapshots, view, due: every(pause) }))
 }
 
-/// Streams every wanted event of a world, past events first.
-pub fn watch_events(
-    begin: wire::WatchEventsResponse,
-    mut source: EventSource,
-    patience: Duration,
-    shutdown: &Shutdown,
-) -> ReaderStream<wire::WatchEventsResponse> {
-    let (mut reader, stream) = Reader::new(patience);
-    let stopping = shutdown.wait();
-    tokio::spawn(async move {
-        tokio::pin!(stopping);
-        // The first message says where the stream begins, so that it can be resumed even if nothing happens.
-        let mut messages = vec![begin];
-        loop {
-            for message in messages {
-                match reader.send(message).await {
-                    Some(still) => reader = still,
-                    None => return,
-                }
-            }
-            messages = tokio::select! {
-                next = source.next() => match next {
-                    Ok(messages) => messages,
-                    Err(status) => return reader.close(status),
-                },
-                () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.closed() => return,
-            };
-        }
-    });
-    stream
+struct Snapshots {
+    world: WorldId,
+    snapshots: watch::Receiver<Arc<Snapshot>>,
+    view: View,
+    due: Interval,
 }
 
-/// Where a reader takes events from: the batches that a world publishes each tick, and the world's log while the reader
-/// is behind them, as at its start. A slow reader falls behind when it misses batches. If the log has dropped what it
-/// needs next, its stream ends.
-pub struct EventSource {
+impl Source for Snapshots {
+    type Message = wire::WatchWorldResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        self.due.tick().await;
+        if self.snapshots.changed().await.is_err() {
+            return Some(Err(WorldsError::UnknownWorld(self.world).into()));
+        }
+        let snapshot = self.snapshots.borrow_and_update().clone();
+        Some(Ok(vec![shown_to_wire(&self.view.show(&snapshot))]))
+    }
+}
+
+/// Streams the wanted events of a world, past events first.
+pub(super) async fn watch_events(
+    api: &WorldApi,
+    request: Request<wire::WatchEventsRequest>,
+) -> Result<ReaderStream<wire::WatchEventsResponse>, Status> {
+    let (caller, wire::WatchEventsRequest { world_id, after, npc_ids }) = parts(request);
+    check_count(npc_ids.len(), "npc_ids")?;
+    let (world, epoch) = (WorldId(world_id), api.worlds.epoch_of(WorldId(world_id)));
+    let handle = api.worlds.handle_for(&caller, world)?;
+    if let Some(after) = after.filter(|after| after.epoch != epoch && after.sequence != 0) {
+        let message = format!("after.epoch is {}, the epoch is {epoch}: the server has restarted since", after.epoch);
+        return Err(status::failure(Reason::EventsLost, message));
+    }
+    let sequence = after.map(|after| after.sequence);
+    let subscribed = handle.sim.call(move |state| {
+        let log = state.world.events();
+        let after = sequence.unwrap_or_else(|| log.latest());
+        log.after(after, 0).map(|_| (after, state.world.tick(), state.events.subscribe()))
+    });
+    let (after, tick, batches) = subscribed.await?.map_err(Status::from)?;
+    // The first message says where the stream begins, so that it can be resumed even if nothing happens.
+    let begin = wire::WatchEventsResponse {
+        tick: tick.0,
+        server_time: Some(SystemTime::now().into()),
+        cursor: Some(wire::EventCursor { epoch, sequence: after }),
+        events: Vec::new(),
+    };
+    let npcs = npc_ids.into_iter().map(NpcId).collect();
+    let (sim, begin) = (handle.sim, Some(begin));
+    Ok(api.stream(Events { begin, epoch, world, npcs, sim, batches, after, is_behind: true }))
+}
+
+/// Takes events from the batches that a world publishes each tick, and from the world's log while the reader is behind
+/// them, as at its start. A slow reader falls behind when it misses batches. If the log has dropped events that the
+/// reader needs next, the stream ends.
+struct Events {
+    begin: Option<wire::WatchEventsResponse>,
     /// Epoch of the world's cursors.
-    pub epoch: u64,
-    /// The world of the events.
-    pub world: WorldId,
+    epoch: u64,
+    world: WorldId,
     /// Only events of these NPCs; if empty, of all.
-    pub npcs: BTreeSet<NpcId>,
-    /// The world's thread, which has the log.
-    pub sim: SimHandle,
+    npcs: BTreeSet<NpcId>,
+    sim: SimHandle,
     /// Batches since the subscription.
-    pub batches: Receiver<Arc<EventBatch>>,
+    batches: Receiver<Arc<EventBatch>>,
     /// Sequence number of the last event that the reader has; 0 means before the oldest event kept.
-    pub after: u64,
+    after: u64,
     /// Whether the log is read.
-    pub is_behind: bool,
+    is_behind: bool,
 }
 
-impl EventSource {
-    /// The next messages; there may be none in a batch.
-    ///
-    /// # Errors
-    /// The status with which the stream ends.
-    async fn next(&mut self) -> Result<Vec<wire::WatchEventsResponse>, Status> {
-        if self.is_behind {
-            return self.read_log().await;
-        }
+impl Source for Events {
+    type Message = wire::WatchEventsResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        Some(match self.begin.take() {
+            Some(begin) => Ok(vec![begin]),
+            None if self.is_behind => self.read_log().await,
+            None => self.read_batch().await,
+        })
+    }
+}
+
+impl Events {
+    async fn read_batch(&mut self) -> Result<Vec<wire::WatchEventsResponse>, Status> {
         let batch = match self.batches.recv().await {
             Ok(batch) => batch,
             Err(RecvError::Lagged(_)) => {
@@ -196,7 +205,7 @@ impl EventSource {
         }
     }
 
-    /// Takes events: a message for each tick that has wanted ones.
+    /// Converts events: a message for each tick that has wanted ones.
     fn take(&mut self, events: &[NpcEvent]) -> Vec<wire::WatchEventsResponse> {
         self.after = events.last().map_or(self.after, |event| event.sequence);
         let ticks = events.chunk_by(|a, b| a.tick == b.tick);
@@ -206,88 +215,146 @@ impl EventSource {
 }
 
 /// Streams the statistics of a world periodically.
-pub fn watch_stats(
+pub(super) fn watch_stats(
+    api: &WorldApi,
+    request: Request<wire::WatchStatsRequest>,
+) -> Result<ReaderStream<wire::WatchStatsResponse>, Status> {
+    let (caller, wire::WatchStatsRequest { world_id, period_s }) = parts(request);
+    let world = WorldId(world_id);
+    let sim = api.worlds.handle_for(&caller, world)?.sim;
+    Ok(api.stream(Stats { world, sim, due: every(period_of(period_s)?) }))
+}
+
+struct Stats {
     world: WorldId,
     sim: SimHandle,
-    pause: Duration,
-    patience: Duration,
-    shutdown: &Shutdown,
-) -> ReaderStream<wire::WatchStatsResponse> {
-    let (mut reader, stream) = Reader::new(patience);
-    let stopping = shutdown.wait();
-    tokio::spawn(async move {
-        tokio::pin!(stopping);
-        loop {
-            match sim.call(|state| (state.world.tick(), state.world.stats())).await {
-                Ok((tick, stats)) => {
-                    let message = wire::WatchStatsResponse {
-                        tick: tick.0,
-                        server_time: Some(SystemTime::now().into()),
-                        stats: Some(stats_to_wire(&stats)),
-                    };
-                    match reader.send(message).await {
-                        Some(still) => reader = still,
-                        None => return,
-                    }
-                }
-                Err(SimError::Busy) => {}
-                Err(SimError::Stopped) => return reader.close(WorldsError::UnknownWorld(world).into()),
-            }
-            tokio::select! {
-                () = tokio::time::sleep(pause) => {}
-                () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.closed() => return,
-            }
-        }
-    });
-    stream
+    due: Interval,
 }
 
-/// Streams the tiles of a map. Each is built when its turn comes, which the semaphore `turns` limits for all readers.
-pub fn send_mesh(
+impl Source for Stats {
+    type Message = wire::WatchStatsResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        self.due.tick().await;
+        Some(match self.sim.call(|state| (state.world.tick(), state.world.stats())).await {
+            Ok((tick, stats)) => Ok(vec![wire::WatchStatsResponse {
+                tick: tick.0,
+                server_time: Some(SystemTime::now().into()),
+                stats: Some(stats_to_wire(&stats)),
+            }]),
+            Err(SimError::Busy) => Ok(Vec::new()),
+            Err(SimError::Stopped) => Err(WorldsError::UnknownWorld(self.world).into()),
+        })
+    }
+}
+
+/// Streams the tiles of a map. Each is built when its turn comes, which a semaphore limits for all readers.
+pub(super) fn get_mesh(
+    api: &WorldApi,
+    wire::GetMeshRequest { world_id, region, cell_m }: wire::GetMeshRequest,
+) -> Result<ReaderStream<wire::GetMeshResponse>, Status> {
+    let map = api.worlds.handle(WorldId(world_id))?.shown.get();
+    let region = convert_region(region.as_ref())?;
+    if cell_m != 0.0 {
+        convert::in_range(f64::from(cell_m), 0.5, 16.0, "cell_m")?;
+    }
+    Ok(api.stream(Mesh { map, region, cell_m, tiles: None, tile_idx: 0, turns: api.meshing.clone() }))
+}
+
+struct Mesh {
     map: Arc<Map>,
-    tiles: impl FnOnce(&Map) -> Tiles + Send + 'static,
+    region: Option<Region>,
+    cell_m: f32,
+    /// None until the first message.
+    tiles: Option<Arc<Tiles>>,
+    /// The next tile.
+    tile_idx: usize,
     turns: Arc<Semaphore>,
-    patience: Duration,
-    shutdown: &Shutdown,
-) -> ReaderStream<wire::GetMeshResponse> {
-    let (mut reader, stream) = Reader::new(patience);
-    let shutdown = shutdown.clone();
-    let lost = || status::failure(Reason::Internal, "the mesh cannot be made");
-    tokio::spawn(async move {
-        let of = map.clone();
-        let Some(tiles) = in_turn(&turns, &reader, move || Arc::new(tiles(&of))).await else {
-            return reader.close(lost());
-        };
-        for tile_idx in 0..tiles.count() {
-            if shutdown.is_triggered() {
-                return reader.close(shutting_down());
-            }
-            let (of, tiles) = (map.clone(), tiles.clone());
-            let encode = move || tile_to_wire(&tiles.mesh(&of, tile_idx), tiles.count());
-            let tile = in_turn(&turns, &reader, encode).await;
-            let Some(tile) = tile else { return reader.close(lost()) };
-            match reader.send(tile).await {
-                Some(still) => reader = still,
-                None => return,
-            }
-        }
-    });
-    stream
 }
 
-/// Runs `work` on a blocking thread when its turn comes; returns `None` if `work` panics or the reader leaves before.
-async fn in_turn<T: Send + 'static, M>(
-    turns: &Semaphore,
-    reader: &Reader<M>,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Option<T> {
-    let _turn = tokio::select! {
-        biased;
-        () = reader.closed() => return None,
-        turn = turns.acquire() => turn.ok()?,
-    };
-    tokio::task::spawn_blocking(work).await.ok()
+impl Mesh {
+    /// Runs `work` on a blocking thread when its turn comes.
+    async fn in_turn<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, Status> {
+        // Never closed.
+        let turn = self.turns.clone().acquire_owned().await.ok();
+        let work = move || {
+            // Held until the work is done, even if the reader leaves.
+            let _turn = turn;
+            work()
+        };
+        let lost = |_| status::failure(Reason::Internal, "the mesh cannot be made");
+        tokio::task::spawn_blocking(work).await.map_err(lost)
+    }
+
+    async fn tiles(&mut self) -> Result<Arc<Tiles>, Status> {
+        if let Some(tiles) = &self.tiles {
+            return Ok(tiles.clone());
+        }
+        let (map, region, cell_m) = (self.map.clone(), self.region, self.cell_m);
+        let sort = move || Arc::new(Tiles::of(&map, region.map(|region| region.corners()), cell_m));
+        Ok(self.tiles.insert(self.in_turn(sort).await?).clone())
+    }
+
+    async fn tile(&mut self) -> Result<Option<wire::GetMeshResponse>, Status> {
+        let tiles = self.tiles().await?;
+        if self.tile_idx == tiles.count() {
+            return Ok(None);
+        }
+        let (map, tile_idx) = (self.map.clone(), self.tile_idx);
+        self.tile_idx += 1;
+        self.in_turn(move || tile_to_wire(&tiles.mesh(&map, tile_idx), tiles.count())).await.map(Some)
+    }
+}
+
+impl Source for Mesh {
+    type Message = wire::GetMeshResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        self.tile().await.map(|tile| tile.map(|tile| vec![tile])).transpose()
+    }
+}
+
+/// Streams the state of one NPC, with its plan and history whenever they have changed, and with `rays` what it sees.
+pub(super) async fn follow_npc(
+    api: &WorldApi,
+    request: Request<wire::FollowNpcRequest>,
+) -> Result<ReaderStream<wire::FollowNpcResponse>, Status> {
+    let (caller, wire::FollowNpcRequest { npc_id, rate_hz, rays }) = parts(request);
+    let npc = NpcId(npc_id);
+    let wanted = pause_of(rate_hz)?;
+    // Rays are cast on the world's own thread.
+    let pause = if rays { wanted.max(pause_of(0.0)?) } else { wanted };
+    api.worlds.with_npc(&caller, NpcAccess::Read, npc, move |world| world.npc(npc)).await?;
+    let sim = api.worlds.handle_for(&caller, npc.world())?.sim;
+    Ok(api.stream(FollowedNpc { npc, sim, rays, due: every(pause), sent: None }))
+}
+
+struct FollowedNpc {
+    npc: NpcId,
+    sim: SimHandle,
+    rays: bool,
+    due: Interval,
+    /// The state that was sent last.
+    sent: Option<FollowState>,
+}
+
+impl Source for FollowedNpc {
+    type Message = wire::FollowNpcResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        self.due.tick().await;
+        let (npc, rays) = (self.npc, self.rays);
+        Some(match self.sim.call(move |state| FollowState::at(&state.world, npc, rays)).await {
+            Ok(Ok(current)) => {
+                let message = current.to_wire(self.sent.as_ref());
+                self.sent = Some(current);
+                Ok(vec![message])
+            }
+            Ok(Err(error)) => Err(error.into()),
+            Err(SimError::Busy) => Ok(Vec::new()),
+            Err(SimError::Stopped) => Err(NpcError::Unknown(npc).into()),
+        })
+    }
 }
 
 /// State of a followed NPC at one moment.
@@ -312,8 +379,8 @@ impl FollowState {
         })
     }
 
-    /// Converts the state; plan and history are included only if they differ from those in `shown`.
-    fn to_wire(&self, shown: Option<&FollowState>) -> wire::FollowNpcResponse {
+    /// Converts the state; plan and history are included only if they differ from those in `sent`.
+    fn to_wire(&self, sent: Option<&FollowState>) -> wire::FollowNpcResponse {
         let waypoints = self.plan.as_ref().map_or(&[][..], |plan| &plan.waypoints);
         let heading = waypoints.iter().position(|waypoint| Some(*waypoint) == self.npc.waypoint);
         let mut message = wire::FollowNpcResponse {
@@ -327,10 +394,10 @@ impl FollowState {
             message.eyes = Some(convert::to_wire(sight.eye));
             message.rays = rays_to_wire(sight);
         }
-        if !shown.is_some_and(|shown| is_same_plan(&shown.plan, &self.plan)) {
+        if !sent.is_some_and(|sent| is_same_plan(&sent.plan, &self.plan)) {
             message.plan = Some(self.plan.as_deref().map(npc_plan_to_wire).unwrap_or_default());
         }
-        if shown.is_none_or(|shown| shown.history != self.history) {
+        if sent.is_none_or(|sent| sent.history != self.history) {
             message.history = self.history.iter().map(ended_attempt_to_wire).collect();
         }
         message
@@ -342,45 +409,4 @@ fn is_same_plan(a: &Option<Arc<NpcPlan>>, b: &Option<Arc<NpcPlan>>) -> bool {
         (Some(a), Some(b)) => Arc::ptr_eq(a, b),
         (a, b) => a.is_none() && b.is_none(),
     }
-}
-
-/// Streams the state of one NPC, with its plan and history whenever they have changed, and with `rays` what it sees.
-pub fn follow_npc(
-    npc: NpcId,
-    sim: SimHandle,
-    rays: bool,
-    pause: Duration,
-    patience: Duration,
-    shutdown: &Shutdown,
-) -> ReaderStream<wire::FollowNpcResponse> {
-    let (mut reader, stream) = Reader::new(patience);
-    let stopping = shutdown.wait();
-    tokio::spawn(async move {
-        tokio::pin!(stopping);
-        // The state that was sent last.
-        let mut shown: Option<FollowState> = None;
-        loop {
-            let current = match sim.call(move |state| FollowState::at(&state.world, npc, rays)).await {
-                Ok(Ok(current)) => current,
-                Ok(Err(error)) => return reader.close(error.into()),
-                Err(SimError::Busy) => {
-                    tokio::time::sleep(BUSY_PAUSE).await;
-                    continue;
-                }
-                Err(SimError::Stopped) => return reader.close(NpcError::Unknown(npc).into()),
-            };
-            let message = current.to_wire(shown.as_ref());
-            shown = Some(current);
-            match reader.send(message).await {
-                Some(still) => reader = still,
-                None => return,
-            }
-            tokio::select! {
-                () = tokio::time::sleep(pause) => {}
-                () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.closed() => return,
-            }
-        }
-    });
-    stream
 }

@@ -1,9 +1,10 @@
 //! The stream of a worker: its hello, its answers, and how it ends.
 
+use super::WorldApi;
 use crate::ids::WorldId;
 use crate::messages::{Goodbye, Hello, ToWorker};
 use crate::registry::Joined;
-use crate::wire::{self as convert_worker, to_worker};
+use crate::wire::worker::{self as convert_worker, to_worker};
 use crate::worlds::Worlds;
 use std::pin::Pin;
 use std::time::Duration;
@@ -25,23 +26,20 @@ const HELLO_LIMIT: Duration = Duration::from_secs(5);
 /// The stream of messages to a worker.
 pub type WorkStream = Pin<Box<dyn Stream<Item = Result<wire::WorkResponse, Status>> + Send>>;
 
-/// Reads a worker's hello.
-///
-/// # Errors
-/// If the hello does not arrive in time or is invalid, or the worker expects other observations.
-pub async fn read_hello(requests: &mut Streaming<wire::WorkRequest>) -> Result<Hello, Status> {
+async fn read_hello(requests: &mut Streaming<wire::WorkRequest>) -> Result<Hello, Status> {
     let first = tokio::time::timeout(HELLO_LIMIT, requests.next())
         .await
         .map_err(|_| status::failure(Reason::DeadlineExceeded, "no hello within five seconds"))?;
     convert_worker::hello(first.transpose()?)
 }
 
-/// Lets a worker join and reads its answers until its stream ends.
-pub fn serve_worker(worlds: Worlds, hello: Hello, requests: Streaming<wire::WorkRequest>) -> WorkStream {
+/// Lets a worker join, and reads its answers until its stream ends.
+pub(super) async fn work(api: &WorldApi, mut requests: Streaming<wire::WorkRequest>) -> Result<WorkStream, Status> {
+    let hello = read_hello(&mut requests).await?;
     let (queue, messages) = mpsc::channel(WORKER_QUEUE);
-    let joined = worlds.join(hello, queue.clone());
-    tokio::spawn(read_answers(worlds, joined, requests, queue));
-    Box::pin(ReceiverStream::new(messages).map(to_worker))
+    let joined = api.worlds.join(hello, queue.clone());
+    tokio::spawn(read_answers(api.worlds.clone(), joined, requests, queue));
+    Ok(Box::pin(ReceiverStream::new(messages).map(to_worker)))
 }
 
 /// Reads a worker's stream until it ends, fails, or the server shuts down.

@@ -8,9 +8,9 @@
 use prost::Message;
 use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
+use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
-use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, Traffic, store as cache};
 use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
@@ -103,7 +103,7 @@ pub fn world_messages(bytes: &[u8]) {
         let _ = accepted(convert::in_range(f64::from(request.rate_hz), 0.0, 60.0, "rate_hz"));
     }
     if let Some(request) = message::<wire::WorkRequest>(bytes) {
-        let _ = accepted(server_wire::hello(Some(request.clone())));
+        let _ = accepted(server_wire::worker::hello(Some(request.clone())));
         if let Some(wire::work_request::Message::Actions(batch)) = request.message {
             answer(&batch);
         }
@@ -139,7 +139,7 @@ fn lockstep_world() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
 /// Checks an answer of the first worker and applies it if it is valid; returns whether it is. In either case the second
 /// worker's NPC must continue. NPCs are numbered from [`FIRST_NPC`], and the third is the second worker's.
 pub fn answer(batch: &wire::ActionBatch) -> bool {
-    let Some(checked) = accepted(server_wire::answer(batch.clone())) else { return false };
+    let Some(checked) = accepted(server_wire::worker::answer(batch.clone())) else { return false };
     assert_eq!(checked.decisions.len(), batch.npc_ids.len());
     let (mut world, _queues) = lockstep_world();
     world.answer(WorkerId(1), checked);
@@ -387,7 +387,7 @@ const TABLE_LIMIT: usize = 64;
 /// A graph of three vertices in a row.
 static SOME_GRAPH: LazyLock<NavGraph> = LazyLock::new(|| {
     let vertices = [3.0, 9.0, 15.0].map(|x| Vec3::new(x, 1.0, 9.0)).to_vec();
-    let proved = surefoot_planner::evidence::Evidence::vouched(Decisions(8.0));
+    let proved = surefoot_planner::evidence::Evidence::forced(Decisions(8.0));
     NavGraph::prove(vertices, &[(0, 1), (1, 2), (2, 1)].map(|(from, to)| EdgeKey::new(from, to)), &[proved; 3], 0.5)
 });
 

@@ -20,7 +20,7 @@ use surefoot_world::reach::Reach;
 pub struct Args {
     #[command(flatten)]
     target: Target,
-    /// Format of the graph: graphml, dot or json (node-link, for networkx and `graph diff`); or of links for a NavMesh: detour, godot, unity,
+    /// Format of the graph: graphml or json (node-link, for networkx and `graph diff`); or of links for a NavMesh: detour, godot, unity,
     /// unreal, landmass or links (JSON with all that is known)
     #[arg(long, value_name = "NAME", value_parser = Output::parse)]
     format: Output,

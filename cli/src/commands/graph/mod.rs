@@ -30,7 +30,7 @@ pub enum Command {
     Build(show::Args),
     /// The same as build
     Show(show::Args),
-    /// Write a graph for other programs: GraphML, DOT, JSON, or its links for the NavMesh of an engine
+    /// Write a graph for other programs: GraphML, JSON, or its links for the NavMesh of an engine
     Export(export::Args),
     /// Find places that no character reaches: islands, one-way traps, what depends on each ability
     Reach(reach::Args),

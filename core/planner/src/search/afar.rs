@@ -1,11 +1,11 @@
 //! Plans where there is no path to the goal: why there is none, and the way to the place that is nearest to it.
 
 use super::{Router, is_start_open};
-use crate::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS};
-use crate::closure;
-use crate::evidence::EdgeCosts;
 use crate::ids::VertexId;
 use crate::plan::{NoPath, Plan, Query};
+use crate::price::EdgeCosts;
+use crate::search::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS};
+use crate::search::connectivity::{self, flood};
 
 impl Router {
     /// Finds a plan where no path joins the cheapest attachments, of which `goals` are those of the goal: between more of them, or else to
@@ -100,30 +100,18 @@ impl Router {
             Some(closure) if query.without.is_empty() && query.stops.is_empty() => {
                 Reached::Known(closure.reached_from(from))
             }
-            _ => Reached::Searched(self.search_from(from.collect(), query)),
+            _ => Reached::Searched(flood(self.graph.vertex_count(), from, |vertex| {
+                let exits = self.adjacency.outgoing(vertex);
+                exits.filter(|(edge, ..)| self.is_possible(query, *edge)).map(|(_, to, _)| to)
+            })),
         }
-    }
-
-    /// Whether paths lead to each vertex from any of `open`.
-    fn search_from(&self, mut open: Vec<VertexId>, query: &Query) -> Vec<bool> {
-        let mut reached = vec![false; self.graph.vertex_count()];
-        open.iter().for_each(|vertex| reached[vertex.idx()] = true);
-        while let Some(vertex) = open.pop() {
-            for (edge, to, _) in self.adjacency.outgoing(vertex) {
-                if !reached[to.idx()] && self.is_possible(query, edge) {
-                    reached[to.idx()] = true;
-                    open.push(to);
-                }
-            }
-        }
-        reached
     }
 }
 
 /// The vertices that paths lead to.
 enum Reached<'a> {
     /// The closure of the islands knows them.
-    Known(closure::Reached<'a>),
+    Known(connectivity::Reached<'a>),
     /// A search has found them: whether it reached each vertex.
     Searched(Vec<bool>),
 }

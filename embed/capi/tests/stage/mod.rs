@@ -112,7 +112,7 @@ pub fn graph_text() -> String {
         for (from, to) in [(from, to), (to, from)] {
             let mut evidence = Evidence::default();
             (0..20).for_each(|_| evidence.note(TryEnd::Arrived, 20, ability));
-            evidence.bounds = [place(from).min(place(to)), place(from).max(place(to))];
+            [from, to].map(place).into_iter().for_each(|end| evidence.widen_bounds(end));
             edges.push(Edge { key: EdgeKey::new(from, to), evidence });
         }
     }

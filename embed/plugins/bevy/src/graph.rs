@@ -7,7 +7,7 @@ use bevy_math::Vec3;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, PoisonError, RwLock};
-use surefoot_planner::evidence::{EdgeCost, EdgeCosts};
+use surefoot_planner::price::{EdgeCost, EdgeCosts};
 use surefoot_planner::export::{body_of, import_json};
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;

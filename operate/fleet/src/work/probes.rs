@@ -8,7 +8,7 @@ use crate::blobs::Blobs;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, PoisonError};
 use surefoot_net::levels::BaseMap;
-use surefoot_planner::needs::{Need, Needs};
+use surefoot_planner::needs::{MoverAt, Need, Needs};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner_service::provers::{BuildProbes, Embedded, ProbeWork, Provers};
 use surefoot_policy::Policy;
@@ -134,7 +134,9 @@ impl Probes {
         let has = |mover: &Mover, stop: u8| usize::from(stop) < mover.stops.len();
         for (idx, trial) in self.trials.iter().enumerate() {
             let points = [Some(trial.start), trial.via, Some(trial.goal)];
-            let is_held = trial.held.is_none_or(|(held, stop)| mover(held).is_some_and(|mover| has(mover, stop)));
+            let is_held = trial
+                .held
+                .is_none_or(|MoverAt { mover: held, stop }| mover(held).is_some_and(|mover| has(mover, stop)));
             let rides = trial
                 .ride
                 .is_none_or(|ride| mover(ride.mover).is_some_and(|mover| has(mover, ride.from) && has(mover, ride.to)));
@@ -311,21 +313,12 @@ impl Work for Run<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surefoot_planner::needs::Ride;
+    use surefoot_planner::Ride;
     use surefoot_world::MapSpec;
 
     fn probes(policy: &Policy, change: impl FnOnce(&mut Probes)) -> Opened {
         let spec = MapSpec::with_side(7, 50).unwrap();
-        let trial = Trial {
-            start: Vec3::new(10.0, 40.0, 10.0),
-            via: None,
-            goal: Vec3::new(14.0, 40.0, 10.0),
-            stream: 1,
-            on_foot: false,
-            keep_track: false,
-            held: None,
-            ride: None,
-        };
+        let trial = Trial::walk(Vec3::new(10.0, 40.0, 10.0), Vec3::new(14.0, 40.0, 10.0), 1);
         let mut probes = Probes {
             map: MapRef::Spec(spec),
             profile: CharacterProfile::default(),
@@ -354,7 +347,9 @@ mod tests {
             ("nowhere", true, |it| it.trials[1].goal.x = f32::NAN),
             ("far away", true, |it| it.trials[2].start.y = 1.0e30),
             ("by a far place", true, |it| it.trials[0].via = Some(Vec3::INFINITY)),
-            ("a mover that is not there", true, |it| it.trials.iter_mut().for_each(|it| it.held = Some((3, 0)))),
+            ("a mover that is not there", true, |it| {
+                it.trials.iter_mut().for_each(|it| it.held = Some(MoverAt { mover: 3, stop: 0 }))
+            }),
             ("a ride on it", true, |it| it.trials[0].ride = Some(Ride { mover: 0, from: 0, to: 1 })),
         ];
         for (what, is_final, change) in changes {
@@ -367,16 +362,7 @@ mod tests {
     fn outcomes_that_cannot_be_are_refused() {
         let map = Map::generate(&MapSpec::with_side(7, 50).unwrap());
         let start = Vec3::new(10.0, 40.0, 10.0);
-        let trial = |via| Trial {
-            start,
-            via,
-            goal: start,
-            stream: 0,
-            on_foot: false,
-            keep_track: false,
-            held: None,
-            ride: None,
-        };
+        let trial = |via| Trial { via, ..Trial::walk(start, start, 0) };
         let mut outcome = Outcome { reached: true, decisions: 7, ..Outcome::begin(start) };
         let checked = |outcome: &Outcome, trial: &Trial| {
             let reported: Reported = decode(&encode(&Reported::of(outcome))).unwrap();

@@ -5,7 +5,7 @@ use super::tiles::tiled;
 use super::{Figure, median, timed};
 use anyhow::Context;
 use petgraph::algo::{astar, dijkstra};
-use petgraph::graph::NodeIndex;
+use petgraph::graph::{DiGraph, NodeIndex};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
@@ -152,7 +152,10 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
     });
     let ends: Vec<(VertexId, VertexId)> = ends.take(REFERENCE_QUERIES).collect();
     let node = |vertex: VertexId| NodeIndex::new(vertex.idx());
-    let petgraph = graph.as_petgraph();
+    let mut petgraph = DiGraph::new();
+    graph.positions().iter().for_each(|at| _ = petgraph.add_node(*at));
+    graph.edges().for_each(|edge| _ = petgraph.add_edge(node(edge.key.from), node(edge.key.to), *edge));
+    let petgraph = &petgraph;
     let cost = |edge: petgraph::graph::EdgeReference<'_, surefoot_planner::Edge>| edge.weight().evidence.cost();
     // The rate, in metres per unit of cost, that makes straight-line distance a lower bound of the remaining cost.
     let rate = graph

@@ -45,7 +45,7 @@ fn over_seams(vertices: &[Vec3], count: u32) -> Vec<Edge> {
         seams.extend(near.into_iter().take(LEGS).map(|(distance, to)| {
             let decisions = LEG_DECISIONS[0] + LEG_DECISIONS[1] * f64::from(distance);
             let key = EdgeKey { from: VertexId(from), to: VertexId(to) };
-            Edge { key, evidence: Evidence::vouched(Decisions(decisions)) }
+            Edge { key, evidence: Evidence::forced(Decisions(decisions)) }
         }));
     }
     seams

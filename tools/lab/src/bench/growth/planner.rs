@@ -138,7 +138,7 @@ impl Terrain for Open {
         _: &[Vec3],
         candidates: &[candidates::Candidate],
     ) -> Option<Vec<surefoot_planner::evidence::Evidence>> {
-        Some(candidates.iter().map(|_| surefoot_planner::evidence::Evidence::expected(1.0)).collect())
+        Some(candidates.iter().map(|_| surefoot_planner::evidence::Evidence::with_prior(1.0)).collect())
     }
 }
 

@@ -1,0 +1,242 @@
+//! Selects candidate edges: the pairs of vertices that are worth probing.
+//!
+//! In the paper, each vertex is paired with its nearest neighbours. Special moves join vertices that are farther apart: a
+//! pad and its landing, the ends of a zip line, the top and foot of a cliff. [`by_features`] adds such pairs from the
+//! map's devices and ledges, so that they do not depend on chance.
+
+use crate::grid::PointGrid;
+use crate::ids::EdgeKey;
+use crate::needs::MoverAt;
+use std::collections::{BTreeMap, BTreeSet};
+use surefoot_world::float::hypot;
+use surefoot_world::{CharacterProfile, Map, Vec3};
+
+/// A candidate edge: an ordered pair of vertices.
+pub type Candidate = EdgeKey;
+
+/// Number of vertices at a device's entrance, and at its exit, that are paired.
+const BESIDE: usize = 3;
+/// Greatest horizontal distance of such a vertex from the device, m.
+const BESIDE_M: f32 = 14.0;
+/// Number of landings that are considered for a pad or jetpack.
+const LANDINGS: usize = 5;
+/// Greatest horizontal distance from a pad to a landing, m: a flight at 11 m/s that ends high up.
+const THROW_M: f32 = 20.0;
+/// Greatest horizontal distance from a jetpack to a landing, m.
+const JETPACK_M: f32 = 40.0;
+/// Least rise of a landing, m; two jumps reach lower ones without a pad or jetpack.
+const JUMP_RISE_M: f32 = 3.0;
+/// Number of lower vertices that each vertex is paired with for drops.
+const DROPS: usize = 2;
+/// Least height of such a drop, m; lower drops are found among the nearest neighbours.
+const DROP_M: f32 = 4.0;
+/// Greatest horizontal distance that a character covers while dropping, m.
+const DROP_REACH_M: f32 = 16.0;
+
+/// Number of vertices that each ride_stop is paired with, and their greatest distance, m.
+const BOARDINGS: usize = 10;
+const BOARD_M: f32 = 14.0;
+
+/// Vertices in a column of the grid in which neighbours are looked up, on average.
+const VERTICES_PER_COLUMN: f32 = 4.0;
+/// What distances may be off by, m.
+const ROUNDING_M: f32 = 0.01;
+
+/// Pairs each vertex with its `neighbours` nearest vertices, in the order of the vertices, nearest first.
+pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
+    nearest_of(0..vertices.len() as u32, vertices, neighbours)
+}
+
+/// The same for some of the vertices.
+pub fn nearest_of(some: impl Iterator<Item = u32>, vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
+    let grid = PointGrid::spread(vertices, VERTICES_PER_COLUMN);
+    let of = |from: u32| {
+        let near = grid.nearest(vertices, vertices[from as usize], neighbours, |to| to != from);
+        near.into_iter().map(move |to| EdgeKey::new(from, to))
+    };
+    some.flat_map(of).collect()
+}
+
+/// Keeps the `count` nearest of some vertices, nearest first; of those that are equally near, the first.
+fn keep_nearest(vertices: &mut Vec<(f32, u32)>, count: usize) {
+    let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    if vertices.len() > count {
+        vertices.select_nth_unstable_by(count, by_distance);
+        vertices.truncate(count);
+    }
+    vertices.sort_unstable_by(by_distance);
+}
+
+/// Finds the candidate edges at the map's devices and ledges that are not in `known`, in ascending order.
+pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
+    let mut found = BTreeSet::new();
+    let grid = PointGrid::new(vertices, BESIDE_M);
+    let beside = |point: Vec3| closest(&grid, vertices, point, BESIDE_M, BESIDE, |_| true);
+    let mut join = |sources: &[u32], targets: &[u32]| {
+        let pairs = sources.iter().flat_map(|&from| targets.iter().map(move |&to| EdgeKey::new(from, to)));
+        found.extend(pairs.filter(|key| key.from != key.to));
+    };
+    let placed = map.placed();
+    for pad in &placed.pads {
+        let rise = 0.5 * pad.speed * pad.speed / profile.gravity + 2.0;
+        let landings = closest(&grid, vertices, pad.centre, THROW_M, LANDINGS, |at| {
+            (JUMP_RISE_M..=rise).contains(&(at.y - pad.centre.y))
+        });
+        join(&beside(pad.centre), &landings);
+    }
+    if profile.uses_jetpacks {
+        for jetpack in &placed.jetpacks {
+            let rise = profile.jetpack_climb_speed * jetpack.fuel;
+            let landings = closest(&grid, vertices, jetpack.centre, JETPACK_M, LANDINGS, |at| {
+                (JUMP_RISE_M..=rise).contains(&(at.y - jetpack.centre.y))
+            });
+            join(&beside(jetpack.centre), &landings);
+        }
+    }
+    if profile.uses_zip_lines {
+        for line in &placed.zip_lines {
+            join(&beside(line.from), &beside(line.path()[2]));
+        }
+    }
+    for teleporter in &placed.teleporters {
+        join(&beside(teleporter.from), &beside(teleporter.to));
+        if teleporter.two_way {
+            join(&beside(teleporter.to), &beside(teleporter.from));
+        }
+    }
+    for (from, &ledge) in (0..).zip(vertices) {
+        let below = closest(&grid, vertices, ledge, DROP_REACH_M, DROPS, |at| ledge.y - at.y > DROP_M);
+        join(&[from], &below);
+    }
+    known.iter().for_each(|candidate| {
+        found.remove(candidate);
+    });
+    found.into_iter().collect()
+}
+
+/// Finds the candidate edges of ride_stops that are not in `known`, in ascending order: the rides, and the ways to and from the nearest vertices
+/// that are no ride_stops. `ride_stops` has the ride_stop of each vertex, as [`RideStops::of_vertices`](crate::RideStops::of_vertices) returns them.
+pub fn by_ride_stops(ride_stops: &[Option<MoverAt>], vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
+    let mut found = BTreeSet::new();
+    let mut stops: BTreeMap<u16, Vec<u32>> = BTreeMap::new();
+    let (mut on_movers, mut others) = (Vec::new(), Vec::new());
+    for (vertex, ride_stop) in (0..).zip(ride_stops) {
+        match ride_stop {
+            Some(MoverAt { mover, .. }) => {
+                stops.entry(*mover).or_default().push(vertex);
+                on_movers.push(vertex);
+            }
+            None => others.push(vertex),
+        }
+    }
+    for stops in stops.values() {
+        let rides = stops.iter().flat_map(|&from| stops.iter().map(move |&to| EdgeKey::new(from, to)));
+        found.extend(rides.filter(|ride| ride.from != ride.to));
+    }
+    let places: Vec<Vec3> = others.iter().map(|&vertex| vertices[vertex as usize]).collect();
+    let grid = PointGrid::new(&places, BOARD_M);
+    for ride_stop in on_movers {
+        let at = vertices[ride_stop as usize];
+        let near = grid.within(at, BOARD_M + ROUNDING_M).map(|idx| (places[idx as usize], others[idx as usize]));
+        let near = near.filter(|(place, _)| place.distance(at) <= BOARD_M);
+        let mut near: Vec<(f32, u32)> = near.map(|(place, other)| (place.distance_squared(at), other)).collect();
+        keep_nearest(&mut near, BOARDINGS);
+        for (_, other) in near {
+            found.extend([EdgeKey::new(ride_stop, other), EdgeKey::new(other, ride_stop)]);
+        }
+    }
+    known.iter().for_each(|candidate| {
+        found.remove(candidate);
+    });
+    found.into_iter().collect()
+}
+
+/// Returns up to `count` vertices within `reach` metres of `point` on the plane whose position satisfies `fits`, nearest
+/// first.
+fn closest(
+    grid: &PointGrid,
+    vertices: &[Vec3],
+    point: Vec3,
+    reach: f32,
+    count: usize,
+    fits: impl Fn(Vec3) -> bool,
+) -> Vec<u32> {
+    let mut near: Vec<(f32, u32)> = grid
+        .within(point, reach)
+        .filter_map(|idx| {
+            let at = vertices[idx as usize];
+            let distance = hypot(at.x - point.x, at.z - point.z);
+            (distance <= reach && fits(at)).then_some((distance, idx))
+        })
+        .collect();
+    keep_nearest(&mut near, count);
+    near.into_iter().map(|(_, idx)| idx).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    /// Vertices of several densities: on a plane, stacked, in a line, in two crowds, and many at the same places.
+    fn vertices(kind: u32, count: usize) -> Vec<Vec3> {
+        let mut rng = ChaCha8Rng::seed_from_u64(u64::from(kind));
+        let mut within = |side: f32| Vec3::new(rng.random_range(0.0..side), 0.0, rng.random_range(0.0..side));
+        let place = |idx: usize| {
+            let at = within(200.0);
+            match kind {
+                0 => at.with_y((idx % 5) as f32 * 3.0),
+                1 => Vec3::new(7.0, at.x, 7.0),
+                2 => at.with_z(3.0),
+                3 => at / 50.0 + if idx.is_multiple_of(9) { Vec3::X * 900.0 } else { Vec3::ZERO },
+                _ => (at / 40.0).round() * 40.0,
+            }
+        };
+        (0..count).map(place).collect()
+    }
+
+    #[test]
+    fn neighbours_are_those_of_a_search_through_all_vertices() {
+        for (kind, count) in (0..5).flat_map(|kind| [2, 7, 60, 500].map(|count| (kind, count))) {
+            let vertices = vertices(kind, count);
+            for neighbours in [1, 12, 64] {
+                let through_all = (0..count as u32).flat_map(|from| {
+                    let distance = |to: u32| vertices[from as usize].distance_squared(vertices[to as usize]);
+                    let mut others: Vec<u32> = (0..count as u32).filter(|to| *to != from).collect();
+                    others.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+                    others.into_iter().take(neighbours).map(move |to| EdgeKey::new(from, to))
+                });
+                let expected: Vec<Candidate> = through_all.collect();
+                assert_eq!(nearest(&vertices, neighbours), expected, "kind {kind}, {count} vertices, {neighbours}");
+            }
+        }
+    }
+
+    #[test]
+    fn berths_are_joined_to_each_other_by_rides_and_to_the_nearest_ground() {
+        let mut vertices = vertices(0, 200);
+        vertices.extend([0.0, 4.0, 8.0].map(|height| Vec3::new(100.0, height, 100.0)));
+        vertices.push(Vec3::new(103.0, 0.0, 100.0));
+        let mut ride_stops = vec![None; 200];
+        ride_stops.extend([(3, 0), (3, 1), (3, 2), (9, 0)].map(|(mover, stop)| Some(MoverAt { mover, stop })));
+        let found = by_ride_stops(&ride_stops, &vertices, &[EdgeKey::new(200, 202)]);
+        let rides: Vec<Candidate> = found.iter().copied().filter(|key| key.from.0.min(key.to.0) >= 200).collect();
+        let expected = [(200, 201), (201, 200), (201, 202), (202, 200), (202, 201)];
+        assert_eq!(
+            rides,
+            expected.map(|(from, to)| EdgeKey::new(from, to)),
+            "one is known, and none leads to the other lift"
+        );
+        for ride_stop in 200..204 {
+            let at = vertices[ride_stop as usize];
+            let mut near: Vec<u32> = (0..200).filter(|idx| vertices[*idx as usize].distance(at) <= BOARD_M).collect();
+            near.sort_by(|a, b| vertices[*a as usize].distance(at).total_cmp(&vertices[*b as usize].distance(at)));
+            near.truncate(BOARDINGS);
+            near.sort_unstable();
+            let boards = |key: &&Candidate| key.to.0 == ride_stop && key.from.0 < 200;
+            assert_eq!(found.iter().filter(boards).map(|key| key.from.0).collect::<Vec<_>>(), near);
+            assert!(near.iter().all(|&to| found.contains(&EdgeKey::new(ride_stop, to))));
+        }
+    }
+}

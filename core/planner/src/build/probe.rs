@@ -1,0 +1,93 @@
+//! Probes of candidate edges: their inputs, their outcomes, and the trait of those who run the policy, [`ProbeExecutor`].
+
+use crate::needs::{MoverAt, Needs, Ride};
+use serde::{Deserialize, Serialize};
+use surefoot_world::{Ability, Vec3};
+
+/// The input of one probe.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// Position of the feet at the start, m.
+    pub start: Vec3,
+    /// Position that the feet should reach first, m: the goal is then headed for on the run, as NPCs do that follow a plan.
+    pub via: Option<Vec3>,
+    /// Position that the feet should reach, m.
+    pub goal: Vec3,
+    /// Number of the probe's random stream under the seed of the run.
+    pub stream: u64,
+    /// Whether the body must not jump: it moves composed, as NPCs do on legs that can be walked.
+    pub on_foot: bool,
+    /// Whether to record the track.
+    pub keep_track: bool,
+    /// A mover that is held at a stop; all others stand where movers usually stand in probes.
+    pub held: Option<MoverAt>,
+    /// The ride that the probe takes, if any: the body stands still on the mover.
+    pub ride: Option<Ride>,
+}
+
+impl Trial {
+    /// A free run from `start` to `goal`, m, with the random stream `stream`.
+    pub fn walk(start: Vec3, goal: Vec3, stream: u64) -> Self {
+        Self { start, via: None, goal, stream, on_foot: false, keep_track: false, held: None, ride: None }
+    }
+}
+
+/// The outcome of one probe.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// Whether the probe arrived.
+    pub reached: bool,
+    /// Whether the probe ended because the body fell out of the map, burnt or drowned.
+    pub died: bool,
+    /// Number of decisions.
+    pub decisions: u32,
+    /// The most demanding ability that the probe used.
+    pub ability: Ability,
+    /// Lower and upper corner of the bounding box of the track, m.
+    pub bounds: [Vec3; 2],
+    /// Positions of the feet at the start and after each decision, m; `None` in the air. Empty unless the trial asked to record
+    /// the track.
+    pub track: Vec<Option<Vec3>>,
+    /// What the probe hung on.
+    pub needs: Needs,
+    /// Outcome of the way to [`Trial::via`], if there was one; all else is about the way from there to the goal.
+    pub approach: Option<Box<Outcome>>,
+}
+
+impl Outcome {
+    /// The outcome of a probe that has just begun at `start`, m.
+    pub fn begin(start: Vec3) -> Self {
+        Self {
+            reached: false,
+            died: false,
+            decisions: 0,
+            ability: Ability::Walk,
+            bounds: [start; 2],
+            track: Vec::new(),
+            needs: Needs::default(),
+            approach: None,
+        }
+    }
+
+    /// Whether the way to the goal was begun: the way to [`Trial::via`] may have failed before.
+    pub fn was_begun(&self) -> bool {
+        self.approach.as_ref().is_none_or(|approach| approach.reached)
+    }
+}
+
+/// Sees probes finish, in any order and on any thread, and may cancel the others.
+pub trait ProbeWatch: Sync {
+    /// Called once for each trial, by its index, as soon as its outcome is known.
+    fn finished(&self, trial: usize, outcome: &Outcome);
+
+    /// Whether the remaining trials need not be run.
+    fn is_cancelled(&self) -> bool;
+}
+
+/// Runs probes.
+pub trait ProbeExecutor {
+    /// Runs all trials and returns their outcomes, in order. The same trials and seed give the same outcomes.
+    ///
+    /// Returns `None` if `watch` cancelled before the last trial finished.
+    fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>>;
+}

@@ -1,0 +1,342 @@
+//! Links as assets: what a NavMesh cannot walk, as pieces that engines import. A link runs from where a body takes off to where it lands; what
+//! lies before and after it on its edge is walked on the NavMesh.
+//!
+//! [`LinkSet::of`] makes links of a graph and the measured [`Shape`]s of its edges; each format is a module. Who measures shapes is none of
+//! this crate's business. docs/links.md describes the formats to those who import them.
+
+mod axes;
+mod connected;
+mod detour;
+mod godot;
+mod landmass;
+mod plain;
+mod unity;
+mod unreal;
+
+pub use axes::Axes;
+pub use connected::Connected;
+
+use crate::export::links::{NavMesh, expected_seconds};
+use crate::graph::{Edge, NavGraph};
+use crate::ids::EdgeKey;
+use crate::price::{Caution, price};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use surefoot_world::{Ability, Chance, DECISION_SECONDS, Decisions, Vec3};
+
+/// One leap: off the ground by one move, until the body stands again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leap {
+    /// How the body leaves the ground and what it uses in flight; [`Ability::Walk`] for a drop.
+    pub ability: Ability,
+    /// Position of the feet where they last stand, m; the centre of a device that is used.
+    pub take_off: Vec3,
+    /// Highest position of the feet, m.
+    pub apex: Vec3,
+    /// Position of the feet where they stand again, m.
+    pub landing: Vec3,
+    /// Duration, s.
+    pub seconds: f32,
+    /// Horizontal speed at take-off, m/s.
+    pub speed: f32,
+    /// Time from take-off to a jump in the air, s; `None` if there is none.
+    pub second_jump: Option<f32>,
+}
+
+/// A part of a run along an edge that a NavMesh cannot walk: leaps, with the ground between them that belongs to no island of the NavMesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Passage {
+    /// Position of the feet at the start, m.
+    pub start: Vec3,
+    /// Position of the feet at the end, m.
+    pub end: Vec3,
+    /// The leaps, in order; none where ground is walked that the NavMesh does not have.
+    pub leaps: Vec<Leap>,
+    /// Duration, s.
+    pub seconds: f32,
+    /// Share of the tries of a plain scripted controller that got through, in [0, 1].
+    pub driven: f32,
+}
+
+impl Passage {
+    /// A passage that has just begun at `start`, m.
+    pub fn begin(start: Vec3) -> Self {
+        Self { start, end: start, leaps: Vec::new(), seconds: 0.0, driven: 0.0 }
+    }
+
+    /// The most demanding ability of the leaps.
+    pub fn ability(&self) -> Ability {
+        self.leaps.iter().map(|leap| leap.ability).max().unwrap_or_default()
+    }
+}
+
+/// What a run along an edge does besides walking on the NavMesh.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Shape {
+    /// The passages, in order; none if the NavMesh walks the whole edge.
+    pub passages: Vec<Passage>,
+}
+
+impl Shape {
+    /// Estimated chance that a plain scripted controller gets through all passages, in [0, 1].
+    pub fn driven(&self) -> f32 {
+        self.passages.iter().map(|passage| passage.driven).product()
+    }
+}
+
+/// An edge with its shape.
+#[derive(Debug, Clone)]
+pub struct ShapedEdge<'g> {
+    /// The edge.
+    pub edge: &'g Edge,
+    /// What a run along it does.
+    pub shape: Shape,
+}
+
+/// A link of a NavMesh; it leads one way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Link {
+    /// Index of its edge in the graph's JSON export.
+    pub edge_idx: u32,
+    /// The edge.
+    pub edge: EdgeKey,
+    /// What is done from where to where.
+    pub passage: Passage,
+    /// The most demanding ability.
+    pub ability: Ability,
+    /// Estimated chance that an NPC with the policy gets through, in (0, 1].
+    pub chance: f64,
+    /// Expected duration with what failures cost and a term for risk, times the designers' factor, s: what a search should minimise.
+    pub cost_seconds: f64,
+}
+
+impl Link {
+    /// What a search should minimise as the length of a walk at `speed`, m/s, that takes as long; m.
+    fn cost_metres(&self, speed: f32) -> f32 {
+        self.cost_seconds as f32 * speed
+    }
+
+    /// How many times as long as the straight line between its ends a walk is that takes as long as a search should think.
+    fn cost_ratio(&self, speed: f32) -> f32 {
+        /// m.
+        const SHORTEST: f32 = 0.1;
+        self.cost_metres(speed) / self.passage.start.distance(self.passage.end).max(SHORTEST)
+    }
+}
+
+/// The links of a graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinkSet {
+    /// The links, by edge and in the order in which a run along it takes them.
+    pub links: Vec<Link>,
+    /// Radius of the agents, m.
+    pub radius: f32,
+    /// Speed of the agents, m/s.
+    pub speed: f32,
+    /// What the links connect.
+    pub connected: Connected,
+    /// Where the level's own origin lies on the map, m, if that is known.
+    pub origin: Option<Vec3>,
+}
+
+/// Least share of the tries of a plain controller that counts: what none of eight took, one in sixteen may.
+const LEAST_DRIVEN: f64 = 1.0 / 16.0;
+
+impl LinkSet {
+    /// The same links on the map of a level whose own origin lies at `origin` there, m, if that is known.
+    pub fn on_level(self, origin: Option<Vec3>) -> Self {
+        Self { origin, ..self }
+    }
+
+    /// Where the level's own origin lies, on the axes of a format.
+    fn origin_on(&self, axes: Axes) -> Option<[f32; 3]> {
+        self.origin.map(|origin| axes.point(origin))
+    }
+
+    /// Makes links of the edges among `shaped` that are worth one at `max_detour` ([`NavMesh::spanner`]); without `max_detour`, of all.
+    /// `island_at` returns the island of the NavMesh at a place.
+    pub fn of(
+        graph: &NavGraph,
+        shaped: &[ShapedEdge<'_>],
+        nav_mesh: NavMesh<'_>,
+        max_detour: Option<f64>,
+        island_at: &dyn Fn(Vec3) -> Option<u32>,
+    ) -> Self {
+        let kept: Vec<&ShapedEdge<'_>> = match max_detour {
+            None => shaped.iter().collect(),
+            Some(max_detour) => {
+                let candidates: Vec<(EdgeKey, f64)> = shaped.iter().map(|it| (it.edge.key, it.seconds())).collect();
+                let kept = nav_mesh.spanner(graph, &candidates, max_detour);
+                shaped.iter().filter(|it| kept.contains(&it.edge.key)).collect()
+            }
+        };
+        let idx_of: BTreeMap<EdgeKey, u32> = graph.edges().map(|edge| edge.key).zip(0..).collect();
+        let links: Vec<Link> = kept.iter().flat_map(|it| it.links(idx_of[&it.edge.key])).collect();
+        let joins = links.iter().map(|link| (island_at(link.passage.start), island_at(link.passage.end)));
+        let connected = Connected::of(nav_mesh.islands, joins);
+        Self { links, radius: nav_mesh.radius, speed: nav_mesh.speed, connected, origin: None }
+    }
+}
+
+impl ShapedEdge<'_> {
+    /// What following the edge by script costs, s: its expected duration over the share of a plain controller's tries that get through.
+    fn seconds(&self) -> f64 {
+        expected_seconds(self.edge) / f64::from(self.shape.driven()).max(LEAST_DRIVEN)
+    }
+
+    /// A link for each passage; they share the edge's chances evenly.
+    fn links(&self, edge_idx: u32) -> Vec<Link> {
+        let Self { edge, shape } = self;
+        let evidence = &edge.evidence;
+        let share = 1.0 / shape.passages.len().max(1) as f64;
+        let part = |chance: f64| libm::pow(chance, share);
+        let chance = part(evidence.chance().get());
+        let death_chance = (1.0 - part(1.0 - evidence.death_chance())).min(1.0 - chance);
+        let link = |passage: &Passage| {
+            let decisions = Decisions(f64::from(passage.seconds) / f64::from(DECISION_SECONDS));
+            let cost = price(decisions, Chance::new(chance), death_chance, Caution::CAREFUL);
+            Link {
+                edge_idx,
+                edge: edge.key,
+                passage: passage.clone(),
+                ability: passage.ability(),
+                chance,
+                cost_seconds: f64::from(evidence.price_factor) * cost * f64::from(DECISION_SECONDS),
+            }
+        };
+        shape.passages.iter().map(link).collect()
+    }
+}
+
+/// Format of a file of links.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AssetFormat {
+    /// Off-mesh connections as JSON, in the fields of Detour.
+    Detour,
+    /// A Godot 4 scene with `NavigationLink3D` nodes.
+    Godot,
+    /// JSON for `NavMeshLink` components of Unity.
+    Unity,
+    /// JSON for simple links of a `NavLinkProxy` of Unreal Engine.
+    Unreal,
+    /// JSON with the fields of `AnimationLink` of the crate landmass.
+    Landmass,
+    /// All that is known of the links, as JSON.
+    Links,
+}
+
+impl AssetFormat {
+    /// All formats.
+    pub const ALL: [Self; 6] = [Self::Detour, Self::Godot, Self::Unity, Self::Unreal, Self::Landmass, Self::Links];
+
+    /// Returns the name that commands use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Detour => "detour",
+            Self::Godot => "godot",
+            Self::Unity => "unity",
+            Self::Unreal => "unreal",
+            Self::Landmass => "landmass",
+            Self::Links => "links",
+        }
+    }
+
+    /// Writes links in this format.
+    pub fn write(self, set: &LinkSet) -> String {
+        match self {
+            Self::Detour => json(&detour::OffMeshLinks::of(set)),
+            Self::Godot => godot::scene(set),
+            Self::Unity => json(&unity::UnityLinks::of(set)),
+            Self::Unreal => json(&unreal::UnrealLinks::of(set)),
+            Self::Landmass => json(&landmass::LandmassLinks::of(set)),
+            Self::Links => json(&plain::PlainLinks::of(set)),
+        }
+    }
+}
+
+fn json(document: &impl Serialize) -> String {
+    serde_json::to_string_pretty(document).expect("links are plain data") + "\n"
+}
+
+/// Version of the JSON formats: grows when a field changes its meaning or is removed.
+const VERSION: u32 = 1;
+
+/// Name of the ability of a link: what walks without ground underneath drops.
+fn name_of(ability: Ability) -> &'static str {
+    if ability == Ability::Walk { "drop" } else { ability.name() }
+}
+
+/// A number of each ability that engines can filter by, from 0 for drops.
+fn kind_of(ability: Ability) -> u8 {
+    ability as u8
+}
+
+/// A leap as hints for an animation, on the axes of a format.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Hint {
+    ability: String,
+    take_off: [f32; 3],
+    apex: [f32; 3],
+    landing: [f32; 3],
+    /// s.
+    seconds: f32,
+    /// Horizontal speed at take-off, in the format's unit of length per second.
+    speed: f32,
+    /// Time from take-off to a jump in the air, s.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    second_jump: Option<f32>,
+}
+
+/// What all JSON formats say of a link besides its ends, on the axes of a format.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct About {
+    /// Index of the edge in the graph's JSON export.
+    edge: u32,
+    ability: String,
+    /// Estimated chance that an NPC with the policy gets through, 0 to 1.
+    chance: f32,
+    /// Share of the tries of a plain scripted controller that got through, 0 to 1.
+    driven: f32,
+    /// Duration of a run that gets through, s.
+    seconds: f32,
+    /// What a search should minimise, s.
+    cost_seconds: f32,
+    /// The leaps, in order.
+    leaps: Vec<Hint>,
+}
+
+impl About {
+    fn of(link: &Link, axes: Axes) -> Self {
+        let hint = |leap: &Leap| Hint {
+            ability: name_of(leap.ability).to_owned(),
+            take_off: axes.point(leap.take_off),
+            apex: axes.point(leap.apex),
+            landing: axes.point(leap.landing),
+            seconds: leap.seconds,
+            speed: leap.speed * axes.units_per_metre(),
+            second_jump: leap.second_jump,
+        };
+        Self {
+            edge: link.edge_idx,
+            ability: name_of(link.ability).to_owned(),
+            chance: link.chance as f32,
+            driven: link.passage.driven,
+            seconds: link.passage.seconds,
+            cost_seconds: link.cost_seconds as f32,
+            leaps: link.passage.leaps.iter().map(hint).collect(),
+        }
+    }
+}
+
+/// An ability and its number.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Kind {
+    ability: String,
+    kind: u8,
+}
+
+/// The numbers of all abilities, from `first`.
+fn kinds(first: u8) -> Vec<Kind> {
+    let kind = |&ability: &Ability| Kind { ability: name_of(ability).to_owned(), kind: first + kind_of(ability) };
+    Ability::ALL.iter().map(kind).collect()
+}

@@ -1,0 +1,263 @@
+//! Selects the edges that a NavMesh needs as off-mesh links: those that join places it cannot join, and those that save much
+//! time.
+//!
+//! The selection is a greedy spanner (Althöfer et al. 1993, "On Sparse Spanners of Weighted Graphs") on top of the NavMesh's
+//! own connections: links are considered from the fastest to the slowest, and each is kept unless the connections so far
+//! lead to the same place nearly as fast.
+
+use crate::graph::{Edge, NavGraph};
+use crate::grid::PointGrid;
+use crate::ids::{EdgeKey, VertexId};
+use crate::search::frontier::Frontier;
+use std::collections::{BTreeMap, BTreeSet};
+use surefoot_world::{Ability, DECISION_SECONDS, Vec3};
+
+/// A NavMesh: its connectivity and the properties of its agents.
+#[derive(Debug, Clone, Copy)]
+pub struct NavMesh<'a> {
+    /// Radius of the agents, m.
+    pub radius: f32,
+    /// Speed of the agents, m/s.
+    pub speed: f32,
+    /// Island of the NavMesh that each vertex lies on; `None` for vertices off the NavMesh.
+    pub islands: &'a [Option<u32>],
+}
+
+/// Default for the greatest ratio of another route's duration to a link's at which the link is left out.
+pub const DEFAULT_MAX_DETOUR: f64 = 3.0;
+/// Ratio of the length of a route on foot to the straight-line distance.
+const FOOT_DETOUR: f32 = 1.5;
+/// Number of nearest vertices on the same island to which each vertex is connected on foot.
+const FOOT_NEIGHBOURS: usize = 8;
+/// Vertices in a column of the grid in which the nearest ones are looked up.
+const VERTICES_PER_COLUMN: f32 = 2.0;
+/// Greatest descent of an edge on foot that is not a drop, m; a NavMesh does not take drops.
+const STEP_M: f32 = 0.5;
+/// Greatest slope of a longer descent that is not a drop.
+const SLOPE: f32 = 1.0;
+
+impl NavMesh<'_> {
+    /// Returns whether the NavMesh cannot take an edge by itself: the edge leaves its island, needs an ability other than
+    /// walking, or drops.
+    pub fn needs_link(&self, graph: &NavGraph, edge: &Edge) -> bool {
+        let (from, to) = (self.islands[edge.key.from.idx()], self.islands[edge.key.to.idx()]);
+        let offset = graph.position(edge.key.to) - graph.position(edge.key.from);
+        let is_drop = -offset.y > STEP_M.max(SLOPE * surefoot_world::float::hypot(offset.x, offset.z));
+        from.is_none() || from != to || edge.evidence.ability != Ability::Walk || is_drop
+    }
+
+    /// Selects the edges that are worth a link, in ascending order of their keys, at their [`expected_seconds`]. `max_detour`, above 1, is the
+    /// greatest ratio of another route's duration to an edge's at which the edge is left out; smaller values keep more links.
+    pub fn links<'g>(&self, graph: &'g NavGraph, max_detour: f64) -> Vec<&'g Edge> {
+        let needed = graph.edges().filter(|edge| self.needs_link(graph, edge));
+        let candidates: Vec<(EdgeKey, f64)> = needed.map(|edge| (edge.key, expected_seconds(edge))).collect();
+        let kept = self.spanner(graph, &candidates, max_detour);
+        graph.edges().filter(|edge| kept.contains(&edge.key)).collect()
+    }
+
+    /// Selects those of `candidates`, edges with their durations in seconds, that the NavMesh with the others does not replace within
+    /// `max_detour` times their duration.
+    pub fn spanner(&self, graph: &NavGraph, candidates: &[(EdgeKey, f64)], max_detour: f64) -> BTreeSet<EdgeKey> {
+        let mut routes = self.on_foot(graph);
+        let walks = graph.edges().filter(|edge| !self.needs_link(graph, edge));
+        walks.for_each(|edge| routes.push(edge.key.from, edge.key.to, expected_seconds(edge)));
+        routes.sort();
+        let mut candidates = candidates.to_vec();
+        candidates.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        let mut kept = BTreeSet::new();
+        for (key, seconds) in candidates {
+            if !routes.reaches(key.from, key.to, max_detour * seconds) {
+                routes.add(key.from, key.to, seconds);
+                kept.insert(key);
+            }
+        }
+        kept
+    }
+
+    /// Connects the vertices of each island: each with its nearest ones, and all with the one nearest to the island's centre.
+    fn on_foot(&self, graph: &NavGraph) -> Routes {
+        let mut routes = Routes::new(graph.vertex_count());
+        let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
+        for vertex in graph.vertices() {
+            if let Some(island) = self.islands[vertex.idx()] {
+                members.entry(island).or_default().push(vertex);
+            }
+        }
+        let distance = |a: VertexId, b: VertexId| graph.position(a).distance(graph.position(b));
+        let time = |a, b| f64::from(FOOT_DETOUR * distance(a, b) / self.speed);
+        for members in members.values() {
+            let centre = members.iter().map(|vertex| graph.position(*vertex)).sum::<Vec3>() / members.len() as f32;
+            let from_centre = |vertex: &VertexId| graph.position(*vertex).distance(centre);
+            let middle = *members.iter().min_by(|a, b| from_centre(a).total_cmp(&from_centre(b))).expect("not empty");
+            let places: Vec<Vec3> = members.iter().map(|vertex| graph.position(*vertex)).collect();
+            let grid = PointGrid::spread(&places, VERTICES_PER_COLUMN);
+            for (idx, &vertex) in (0..).zip(members) {
+                let near = grid.nearest(&places, graph.position(vertex), FOOT_NEIGHBOURS, |other| other != idx);
+                for other in near.into_iter().map(|other| members[other as usize]).chain([middle]) {
+                    routes.push(vertex, other, time(vertex, other));
+                    routes.push(other, vertex, time(vertex, other));
+                }
+            }
+        }
+        routes
+    }
+}
+
+/// Returns the cost of an edge in seconds: the expected duration, including what failures cost, plus a term for risk, times the
+/// designers' factor.
+pub fn expected_seconds(edge: &Edge) -> f64 {
+    edge.evidence.cost() * f64::from(DECISION_SECONDS)
+}
+
+/// The connections so far.
+struct Routes {
+    /// For each vertex the vertices that it leads to, with durations in seconds, the nearest first.
+    edges: Vec<Vec<(VertexId, f64)>>,
+    frontier: Frontier<f64>,
+}
+
+impl Routes {
+    fn new(vertex_count: usize) -> Self {
+        Self { edges: vec![Vec::new(); vertex_count], frontier: Frontier::new(vertex_count) }
+    }
+
+    /// Adds a connection; [`sort`](Self::sort) follows.
+    fn push(&mut self, from: VertexId, to: VertexId, seconds: f64) {
+        self.edges[from.idx()].push((to, seconds));
+    }
+
+    fn sort(&mut self) {
+        self.edges.iter_mut().for_each(|edges| edges.sort_by(|a, b| a.1.total_cmp(&b.1)));
+    }
+
+    /// Adds a connection where it belongs.
+    fn add(&mut self, from: VertexId, to: VertexId, seconds: f64) {
+        let edges = &mut self.edges[from.idx()];
+        edges.insert(edges.partition_point(|edge| edge.1.total_cmp(&seconds).is_lt()), (to, seconds));
+    }
+
+    /// Returns whether there is a route of at most `limit` seconds.
+    fn reaches(&mut self, from: VertexId, to: VertexId, limit: f64) -> bool {
+        self.frontier.clear();
+        self.frontier.offer(from.0, 0.0);
+        while let Some((vertex, after)) = self.frontier.settle(limit) {
+            if vertex == to.0 {
+                return true;
+            }
+            // The middle of an island leads to all of it: the search skips what is too far.
+            let near = self.edges[vertex as usize].iter().map(|&(next, seconds)| (next, after + seconds));
+            for (next, then) in near.take_while(|(_, then)| *then <= limit) {
+                self.frontier.offer(next.0, then);
+            }
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::{Evidence, TryEnd};
+    use crate::graph::GraphData;
+    use crate::legs::LegModel;
+    use proptest::prelude::*;
+
+    const COUNT: u32 = 60;
+
+    /// The greedy spanner by its definition: all pairs on foot sorted by distance, and all connections tried for each candidate.
+    fn by_definition(
+        mesh: &NavMesh<'_>,
+        graph: &NavGraph,
+        candidates: &[(EdgeKey, f64)],
+        max_detour: f64,
+    ) -> BTreeSet<EdgeKey> {
+        let mut connections: BTreeMap<VertexId, Vec<(VertexId, f64)>> = BTreeMap::new();
+        let mut connect =
+            |from: VertexId, to: VertexId, seconds: f64| connections.entry(from).or_default().push((to, seconds));
+        let distance = |a: VertexId, b: VertexId| graph.position(a).distance(graph.position(b));
+        let islands: BTreeSet<u32> = mesh.islands.iter().copied().flatten().collect();
+        for island in islands {
+            let members: Vec<VertexId> =
+                graph.vertices().filter(|vertex| mesh.islands[vertex.idx()] == Some(island)).collect();
+            let centre = members.iter().map(|vertex| graph.position(*vertex)).sum::<Vec3>() / members.len() as f32;
+            let from_centre = |vertex: &&VertexId| graph.position(**vertex).distance(centre);
+            let middle = *members.iter().min_by(|a, b| from_centre(a).total_cmp(&from_centre(b))).unwrap();
+            for &vertex in &members {
+                let mut others: Vec<VertexId> = members.iter().copied().filter(|other| *other != vertex).collect();
+                others.sort_by(|a, b| distance(vertex, *a).total_cmp(&distance(vertex, *b)));
+                for other in others.into_iter().take(FOOT_NEIGHBOURS).chain([middle]) {
+                    let seconds = f64::from(FOOT_DETOUR * distance(vertex, other) / mesh.speed);
+                    connect(vertex, other, seconds);
+                    connect(other, vertex, seconds);
+                }
+            }
+        }
+        for edge in graph.edges().filter(|edge| !mesh.needs_link(graph, edge)) {
+            connect(edge.key.from, edge.key.to, expected_seconds(edge));
+        }
+        let mut candidates = candidates.to_vec();
+        candidates.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        let mut kept = BTreeSet::new();
+        for (key, seconds) in candidates {
+            // Bellman and Ford: until no connection leads anywhere sooner.
+            let mut after = BTreeMap::from([(key.from, 0.0)]);
+            let mut is_changed = true;
+            while std::mem::take(&mut is_changed) {
+                for (from, connections) in &connections {
+                    let Some(start) = after.get(from).copied() else { continue };
+                    for (to, seconds) in connections {
+                        let known = after.entry(*to).or_insert(f64::INFINITY);
+                        if start + seconds < *known {
+                            (*known, is_changed) = (start + seconds, true);
+                        }
+                    }
+                }
+            }
+            if after.get(&key.to).is_none_or(|after| *after > max_detour * seconds) {
+                connections.entry(key.from).or_default().push((key.to, seconds));
+                kept.insert(key);
+            }
+        }
+        kept
+    }
+
+    /// A graph on a grid of metres, where many vertices are equally far apart, and the islands of its vertices.
+    fn level() -> impl Strategy<Value = (NavGraph, Vec<Option<u32>>)> {
+        let place =
+            (0..40u8, 0..3u8, 0..40u8).prop_map(|(x, y, z)| Vec3::new(f32::from(x), f32::from(y), f32::from(z)));
+        let vertex = (place, prop::option::weighted(0.9, 0..3u32));
+        let ability = prop::sample::select(vec![Ability::Walk, Ability::Jump]);
+        let edge = (0..COUNT, 0..COUNT, 1..60u32, ability);
+        (prop::collection::vec(vertex, COUNT as usize), prop::collection::vec(edge, 0..80)).prop_map(
+            |(vertices, edges)| {
+                let edges =
+                    edges.into_iter().filter(|(from, to, ..)| from != to).map(|(from, to, decisions, ability)| {
+                        let mut evidence = Evidence::default();
+                        evidence.note(TryEnd::Arrived, decisions, ability);
+                        (EdgeKey::new(from, to), evidence)
+                    });
+                let edges: BTreeMap<EdgeKey, Evidence> = edges.collect();
+                let edges = edges.into_iter().map(|(key, evidence)| Edge { key, evidence }).collect();
+                let (vertices, islands): (Vec<Vec3>, _) = vertices.into_iter().unzip();
+                (NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap(), islands)
+            },
+        )
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 60, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn links_are_those_of_the_definition((graph, islands) in level(), max_detour in 1.1..6.0f64) {
+            let mesh = NavMesh { radius: 0.4, speed: 6.0, islands: &islands };
+            let candidates: Vec<(EdgeKey, f64)> = graph
+                .edges()
+                .filter(|edge| mesh.needs_link(&graph, edge))
+                .map(|edge| (edge.key, expected_seconds(edge)))
+                .collect();
+            let expected = by_definition(&mesh, &graph, &candidates, max_detour);
+            let links: Vec<EdgeKey> = mesh.links(&graph, max_detour).into_iter().map(|edge| edge.key).collect();
+            prop_assert_eq!(links, expected.into_iter().collect::<Vec<_>>());
+        }
+    }
+}

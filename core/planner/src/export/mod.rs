@@ -1,0 +1,235 @@
+//! Export of graphs to other programs: GraphML for graph tools, and node-link JSON for networkx. For the NavMeshes of
+//! engines, [`links`] selects edges and [`assets`] writes them.
+
+pub mod assets;
+pub mod links;
+
+use crate::graph::{Edge, GraphData, NavGraph};
+use crate::ids::{EdgeKey, VertexId};
+use serde::{Deserialize, Serialize};
+use std::fmt::Write;
+use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
+
+/// File format of an exported graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// GraphML 1.0, an XML format.
+    GraphMl,
+    /// Node-link JSON as networkx reads and writes it, with all data that [`import_json`] needs.
+    Json,
+}
+
+impl Format {
+    /// All formats.
+    pub const ALL: [Format; 2] = [Format::GraphMl, Format::Json];
+
+    /// Returns the name that commands use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::GraphMl => "graphml",
+            Format::Json => "json",
+        }
+    }
+}
+
+/// What a graph's file says besides the graph.
+#[derive(Debug, Clone, Default)]
+pub struct About {
+    /// Where the level's own origin lies on the map, m; `None` if that is not known.
+    pub origin: Option<Vec3>,
+    /// The body for which the graph was proved.
+    pub body: Option<CharacterProfile>,
+}
+
+/// Writes `graph` in `format`.
+pub fn export(graph: &NavGraph, format: Format) -> String {
+    export_about(graph, format, About::default())
+}
+
+/// Writes `graph` in `format`, with what is known about it; only JSON has that.
+pub fn export_about(graph: &NavGraph, format: Format, about: About) -> String {
+    match format {
+        Format::GraphMl => graphml(graph),
+        Format::Json => {
+            serde_json::to_string_pretty(&NodeLink::of(graph, about)).expect("a graph is plain data") + "\n"
+        }
+    }
+}
+
+/// Why a file cannot be imported as a graph.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// The file is not node-link JSON in the form of [`Format::Json`].
+    #[error("the file is not in the format that `surefoot graph export --format json` writes: {0}")]
+    Json(#[from] serde_json::Error),
+    /// The graph in the file is invalid.
+    #[error(transparent)]
+    Graph(#[from] crate::graph::GraphError),
+    /// Node ids are not 0, 1, 2 and so on.
+    #[error("node {0} has id {1}, but ids must count from 0 in order")]
+    Ids(usize, u64),
+}
+
+/// Reads a graph from node-link JSON that [`export`] wrote.
+///
+/// # Errors
+/// If `text` is not JSON of that form, or the graph in it is invalid.
+pub fn import_json(text: &str) -> Result<NavGraph, ImportError> {
+    let file: NodeLink = serde_json::from_str(text)?;
+    if let Some((idx, node)) = file.nodes.iter().enumerate().find(|(idx, node)| node.id != *idx as u64) {
+        return Err(ImportError::Ids(idx, node.id));
+    }
+    Ok(NavGraph::check(GraphData {
+        vertices: file.nodes.iter().map(|node| Vec3::new(node.x, node.y, node.z)).collect(),
+        edges: file
+            .edges
+            .into_iter()
+            .map(|link| Edge { key: EdgeKey::new(link.source, link.target), evidence: link.evidence })
+            .collect(),
+        legs: file.graph.legs,
+    })?)
+}
+
+/// Reads the body for which a graph was proved from JSON that [`export_about`] wrote; `None` if it does not say.
+pub fn body_of(text: &str) -> Option<CharacterProfile> {
+    #[derive(Deserialize)]
+    struct File {
+        graph: Fields,
+    }
+    #[derive(Deserialize)]
+    struct Fields {
+        body: CharacterProfile,
+    }
+    serde_json::from_str::<File>(text).ok().map(|file| file.graph.body)
+}
+
+#[derive(Serialize, Deserialize)]
+struct NodeLink {
+    directed: bool,
+    multigraph: bool,
+    graph: GraphFields,
+    nodes: Vec<Node>,
+    edges: Vec<Link>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct GraphFields {
+    units: String,
+    /// Where the level's own origin lies on the map, m.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    origin: Option<[f32; 3]>,
+    legs: crate::legs::LegModel,
+    /// The body for which the graph was proved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    body: Option<CharacterProfile>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Node {
+    id: u64,
+    x: f32,
+    y: f32,
+    z: f32,
+    island: u32,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Link {
+    source: u32,
+    target: u32,
+    /// Cost that a search minimises, in decisions.
+    weight: f64,
+    seconds: f64,
+    chance: f64,
+    ability: String,
+    evidence: crate::evidence::Evidence,
+}
+
+impl NodeLink {
+    fn of(graph: &NavGraph, about: About) -> Self {
+        let node = |(id, &island): (u64, &u32)| {
+            let at = graph.position(VertexId(id as u32));
+            Node { id, x: at.x, y: at.y, z: at.z, island }
+        };
+        let link = |edge: &Edge| Link {
+            source: edge.key.from.0,
+            target: edge.key.to.0,
+            weight: edge.evidence.cost(),
+            seconds: seconds(edge),
+            chance: edge.evidence.chance().get(),
+            ability: edge.evidence.ability.name().to_owned(),
+            evidence: edge.evidence,
+        };
+        Self {
+            directed: true,
+            multigraph: false,
+            graph: GraphFields {
+                units: "metres, seconds, y up, right-handed".to_owned(),
+                origin: about.origin.map(|origin| origin.to_array()),
+                legs: *graph.legs(),
+                body: about.body,
+            },
+            nodes: (0..).zip(graph.islands()).map(node).collect(),
+            edges: graph.edges().map(link).collect(),
+        }
+    }
+}
+
+/// Returns the mean duration of the probes that arrived, s.
+fn seconds(edge: &Edge) -> f64 {
+    edge.evidence.decisions_mean().0 * f64::from(DECISION_SECONDS)
+}
+
+fn graphml(graph: &NavGraph) -> String {
+    let mut text = String::from(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<graphml xmlns=\"http://graphml.graphdrawing.org/xmlns\">\n",
+    );
+    let keys = [
+        ("x", "node", "double"),
+        ("y", "node", "double"),
+        ("z", "node", "double"),
+        ("island", "node", "int"),
+        ("weight", "edge", "double"),
+        ("seconds", "edge", "double"),
+        ("chance", "edge", "double"),
+        ("ability", "edge", "string"),
+        ("tries", "edge", "int"),
+        ("successes", "edge", "int"),
+    ];
+    for (name, of, kind) in keys {
+        line(&mut text, format_args!("  <key id=\"{name}\" for=\"{of}\" attr.name=\"{name}\" attr.type=\"{kind}\"/>"));
+    }
+    text += "  <graph id=\"surefoot\" edgedefault=\"directed\">\n";
+    for (vertex, island) in graph.vertices().zip(graph.islands()) {
+        let at = graph.position(vertex);
+        line(
+            &mut text,
+            format_args!(
+                "    <node id=\"{vertex}\"><data key=\"x\">{}</data><data key=\"y\">{}</data><data key=\"z\">{}</data><data key=\"island\">{island}</data></node>",
+                at.x, at.y, at.z
+            ),
+        );
+    }
+    for edge in graph.edges() {
+        let evidence = &edge.evidence;
+        line(
+            &mut text,
+            format_args!(
+                "    <edge source=\"{}\" target=\"{}\"><data key=\"weight\">{}</data><data key=\"seconds\">{}</data><data key=\"chance\">{}</data><data key=\"ability\">{}</data><data key=\"tries\">{}</data><data key=\"successes\">{}</data></edge>",
+                edge.key.from,
+                edge.key.to,
+                evidence.cost(),
+                seconds(edge),
+                evidence.chance().get(),
+                evidence.ability.name(),
+                evidence.tries,
+                evidence.successes
+            ),
+        );
+    }
+    text + "  </graph>\n</graphml>\n"
+}
+
+fn line(text: &mut String, arguments: std::fmt::Arguments<'_>) {
+    writeln!(text, "{arguments}").expect("writing to a String does not fail");
+}

@@ -1,0 +1,261 @@
+//! The calls about NPCs. In a batch, each item has its own result.
+
+use super::{WorldApi, parts};
+use crate::hosted::{HostedWorld, SpawnOrder};
+use crate::ids::{NpcId, WorldId};
+use crate::wire::{finite, npc_to_wire, region as convert_region};
+use crate::worlds::{NpcAccess, WorldsError};
+use std::sync::{Arc, OnceLock};
+use surefoot_net::idempotency::Repeatable;
+use surefoot_net::paging::{PageSize, page_by_id};
+use surefoot_net::status;
+use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1 as wire;
+use surefoot_world::Vec3;
+use tonic::{Request, Status};
+
+/// Most items in a batch.
+const MAX_ITEMS: usize = 4096;
+/// Page size of ListNpcs.
+const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
+
+/// Checks the number of items in a batch.
+///
+/// # Errors
+/// OUT_OF_RANGE if there are more than 4096.
+pub(super) fn check_count(count: usize, field: &str) -> Result<(), Status> {
+    if count > MAX_ITEMS {
+        let message = format!("{field} has {count} items, at most {MAX_ITEMS} are allowed in one call");
+        return Err(status::too_large(field, message));
+    }
+    Ok(())
+}
+
+impl From<FieldError> for WorldsError {
+    fn from(error: FieldError) -> Self {
+        WorldsError::BadItem(error.field(), error.to_string())
+    }
+}
+
+pub(super) async fn spawn_npc(
+    api: &WorldApi,
+    request: Request<wire::SpawnNpcRequest>,
+) -> Result<wire::SpawnNpcResponse, Status> {
+    let (caller, request) = parts(request);
+    let world = WorldId(request.world_id);
+    api.worlds.handle(world)?;
+    let wire::SpawnNpcRequest { position, yaw, body, .. } = request.clone();
+    let order = spawn_order(&wire::Spawn { position, yaw, goal: None, body })?;
+    let (worlds, owner) = (api.worlds.clone(), caller.clone());
+    let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
+    let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes: 0 };
+    let npc = api.spawned.once(call, &request, spawn).await?;
+    Ok(wire::SpawnNpcResponse { npc_id: npc.0 })
+}
+
+pub(super) async fn batch_spawn_npcs(
+    api: &WorldApi,
+    request: Request<wire::BatchSpawnNpcsRequest>,
+) -> Result<wire::BatchSpawnNpcsResponse, Status> {
+    let (caller, request) = parts(request);
+    let count = request.spawns.len();
+    check_count(count, "spawns")?;
+    let orders = request.spawns.iter().map(|spawn| Ok(spawn_order(spawn)?)).collect();
+    let (worlds, owner, world) = (api.worlds.clone(), caller.clone(), WorldId(request.world_id));
+    // The call that spawns also answers with the messages of errors, which are too large to be kept.
+    let full = Arc::new(OnceLock::new());
+    let answer = full.clone();
+    let spawn = async move {
+        let results = worlds.spawn_many(&owner, world, orders).await?;
+        let (kept, results): (Vec<_>, Vec<_>) = results.into_iter().map(spawn_result).unzip();
+        // The call runs at most once.
+        let _ = answer.set(results);
+        Ok(kept.into())
+    };
+    let answer_bytes = count * size_of::<Spawned>();
+    let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes };
+    let kept = api.spawned_batches.once(call, &request, spawn).await?;
+    let full = Arc::try_unwrap(full).ok().and_then(OnceLock::into_inner);
+    Ok(wire::BatchSpawnNpcsResponse { results: full.unwrap_or_else(|| kept.iter().map(kept_result).collect()) })
+}
+
+pub(super) async fn despawn_npc(
+    api: &WorldApi,
+    request: Request<wire::DespawnNpcRequest>,
+) -> Result<wire::DespawnNpcResponse, Status> {
+    let (caller, wire::DespawnNpcRequest { npc_id }) = parts(request);
+    let npc = NpcId(npc_id);
+    api.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| world.despawn(npc)).await?;
+    Ok(wire::DespawnNpcResponse {})
+}
+
+pub(super) async fn batch_despawn_npcs(
+    api: &WorldApi,
+    request: Request<wire::BatchDespawnNpcsRequest>,
+) -> Result<wire::BatchDespawnNpcsResponse, Status> {
+    let (caller, wire::BatchDespawnNpcsRequest { npc_ids }) = parts(request);
+    let items = ids("npc_ids", npc_ids)?;
+    let despawn = |world: &mut HostedWorld, npc, ()| world.despawn(npc);
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, despawn).await;
+    Ok(wire::BatchDespawnNpcsResponse { results: results.into_iter().map(item_result).collect() })
+}
+
+pub(super) async fn set_goal(
+    api: &WorldApi,
+    request: Request<wire::SetGoalRequest>,
+) -> Result<wire::SetGoalResponse, Status> {
+    let (caller, request) = parts(request);
+    let (npc, goal) = goal_of(&request)?;
+    let set = move |world: &mut HostedWorld| world.set_goal(npc, goal);
+    Ok(wire::SetGoalResponse { attempt: api.worlds.with_npc(&caller, NpcAccess::Change, npc, set).await? })
+}
+
+pub(super) async fn batch_set_goals(
+    api: &WorldApi,
+    request: Request<wire::BatchSetGoalsRequest>,
+) -> Result<wire::BatchSetGoalsResponse, Status> {
+    use wire::set_goal_result::Result as Kind;
+    let (caller, wire::BatchSetGoalsRequest { goals }) = parts(request);
+    check_count(goals.len(), "goals")?;
+    let items = goals.iter().map(|goal| Ok(goal_of(goal)?)).collect();
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, HostedWorld::set_goal).await;
+    let results = results.into_iter().map(|result| wire::SetGoalResult {
+        result: Some(result.map_or_else(|error| Kind::Error(item_error(error)), Kind::Attempt)),
+    });
+    Ok(wire::BatchSetGoalsResponse { results: results.collect() })
+}
+
+pub(super) async fn teleport_npc(
+    api: &WorldApi,
+    request: Request<wire::TeleportNpcRequest>,
+) -> Result<wire::TeleportNpcResponse, Status> {
+    let (caller, request) = parts(request);
+    let (npc, (position, yaw)) = teleport_of(&request)?;
+    api.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| world.teleport(npc, position, yaw)).await?;
+    Ok(wire::TeleportNpcResponse {})
+}
+
+pub(super) async fn batch_teleport_npcs(
+    api: &WorldApi,
+    request: Request<wire::BatchTeleportNpcsRequest>,
+) -> Result<wire::BatchTeleportNpcsResponse, Status> {
+    let (caller, wire::BatchTeleportNpcsRequest { teleports }) = parts(request);
+    check_count(teleports.len(), "teleports")?;
+    let items = teleports.iter().map(|teleport| Ok(teleport_of(teleport)?)).collect();
+    let teleport = |world: &mut HostedWorld, npc, (position, yaw)| world.teleport(npc, position, yaw);
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, teleport).await;
+    Ok(wire::BatchTeleportNpcsResponse { results: results.into_iter().map(item_result).collect() })
+}
+
+pub(super) async fn get_npc(
+    api: &WorldApi,
+    request: Request<wire::GetNpcRequest>,
+) -> Result<wire::GetNpcResponse, Status> {
+    let (caller, wire::GetNpcRequest { npc_id }) = parts(request);
+    let npc = NpcId(npc_id);
+    let state = api.worlds.with_npc(&caller, NpcAccess::Read, npc, move |world| world.npc(npc)).await?;
+    Ok(wire::GetNpcResponse { npc: Some(npc_to_wire(&state)) })
+}
+
+pub(super) async fn batch_get_npcs(
+    api: &WorldApi,
+    request: Request<wire::BatchGetNpcsRequest>,
+) -> Result<wire::BatchGetNpcsResponse, Status> {
+    use wire::get_npc_result::Result as Kind;
+    let (caller, wire::BatchGetNpcsRequest { npc_ids }) = parts(request);
+    let items = ids("npc_ids", npc_ids)?;
+    let get = |world: &mut HostedWorld, npc, ()| world.npc(npc);
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Read, items, get).await;
+    let results = results.into_iter().map(|result| wire::GetNpcResult {
+        result: Some(result.map_or_else(|error| Kind::Error(item_error(error)), |npc| Kind::Npc(npc_to_wire(&npc)))),
+    });
+    Ok(wire::BatchGetNpcsResponse { results: results.collect() })
+}
+
+pub(super) async fn list_npcs(
+    api: &WorldApi,
+    request: Request<wire::ListNpcsRequest>,
+) -> Result<wire::ListNpcsResponse, Status> {
+    let (caller, wire::ListNpcsRequest { world_id, region, page_size, page_token }) = parts(request);
+    let handle = api.worlds.handle_for(&caller, WorldId(world_id))?;
+    let region = convert_region(region.as_ref())?;
+    let (tick, npcs) = handle.sim.call(|state| (state.world.tick(), state.world.npcs().collect::<Vec<_>>())).await?;
+    let npcs = npcs.into_iter().filter(|npc| region.is_none_or(|region| region.holds(npc.position)));
+    let page = page_by_id(npcs, |npc| npc.id.0, NPC_PAGE, page_size, &page_token)?;
+    let npcs = page.items.iter().map(npc_to_wire).collect();
+    Ok(wire::ListNpcsResponse { npcs, next_page_token: page.next_token, tick: tick.0 })
+}
+
+/// The items of a batch that has nothing but ids.
+fn ids(field: &str, ids: Vec<u64>) -> Result<Vec<Result<(NpcId, ()), WorldsError>>, Status> {
+    check_count(ids.len(), field)?;
+    Ok(ids.into_iter().map(|id| Ok((NpcId(id), ()))).collect())
+}
+
+fn spawn_order(spawn: &wire::Spawn) -> Result<SpawnOrder, FieldError> {
+    let wire::Spawn { position, yaw, goal, body } = spawn;
+    Ok(SpawnOrder {
+        position: convert::point(position.as_ref(), "position")?,
+        yaw: finite(*yaw, "yaw")?,
+        goal: goal.map(|goal| convert::point(Some(&goal), "goal")).transpose()?,
+        body: body.as_ref().map(|body| convert::body(Some(body))).transpose()?,
+    })
+}
+
+/// The NPC and its goal, m.
+fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, Vec3), FieldError> {
+    Ok((NpcId(request.npc_id), convert::point(request.goal.as_ref(), "goal")?))
+}
+
+/// The NPC, its position, m, and its heading, rad.
+fn teleport_of(request: &wire::TeleportNpcRequest) -> Result<(NpcId, (Vec3, f32)), FieldError> {
+    let position = convert::point(request.position.as_ref(), "position")?;
+    Ok((NpcId(request.npc_id), (position, finite(request.yaw, "yaw")?)))
+}
+
+/// Converts the error of an item: code, reason and message are those of the single call.
+fn item_error(error: WorldsError) -> wire::ItemError {
+    let status = Status::from(error);
+    wire::ItemError {
+        code: status.code().into(),
+        reason: Reason::of(&status).map(|reason| reason.name().to_owned()).unwrap_or_default(),
+        message: status.message().to_owned(),
+    }
+}
+
+/// Converts the result of an item that returns nothing but success or an error.
+fn item_result(result: Result<(), WorldsError>) -> wire::ItemResult {
+    wire::ItemResult { error: result.err().map(item_error) }
+}
+
+/// The part of an item's result in BatchSpawnNpcs that is kept for repeated calls.
+pub(super) type Spawned = Result<NpcId, Reason>;
+
+/// Converts the result of an item of BatchSpawnNpcs: the part that is kept, and the whole.
+fn spawn_result(result: Result<NpcId, WorldsError>) -> (Spawned, wire::SpawnResult) {
+    use wire::spawn_result::Result as Kind;
+    match result {
+        Ok(npc) => (Ok(npc), wire::SpawnResult { result: Some(Kind::NpcId(npc.0)) }),
+        Err(error) => {
+            let error = item_error(error);
+            let reason = Reason::ALL.iter().find(|reason| reason.name() == error.reason);
+            let kept = Err(reason.copied().unwrap_or(Reason::Internal));
+            (kept, wire::SpawnResult { result: Some(Kind::Error(error)) })
+        }
+    }
+}
+
+/// The result of an item of a repeated BatchSpawnNpcs. The code and reason of an error are those of the first call.
+fn kept_result(kept: &Spawned) -> wire::SpawnResult {
+    use wire::spawn_result::Result as Kind;
+    let result = match kept {
+        Ok(npc) => Kind::NpcId(npc.0),
+        Err(reason) => Kind::Error(wire::ItemError {
+            code: reason.code().into(),
+            reason: reason.name().to_owned(),
+            message: format!("the first call with this request_id was refused: {}", reason.meaning()),
+        }),
+    };
+    wire::SpawnResult { result: Some(result) }
+}
