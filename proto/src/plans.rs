@@ -9,7 +9,7 @@ use surefoot_planner::{
     Attach, BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride,
     Stop, Traffic, VertexId,
 };
-use surefoot_world::{Ability, Chance, Seconds};
+use surefoot_world::{Ability, Chance, MoverId, Seconds, StopIdx, StopSet};
 
 /// Maximum number of legs that a query avoids.
 const MAX_AVOID: usize = 64;
@@ -58,31 +58,31 @@ fn caution(value: f32) -> Result<Caution, FieldError> {
 /// Most movers of a map.
 const MAX_MOVERS: usize = surefoot_world::map::mover::MAX_MOVERS;
 
-fn stops(movers: &[wire::MoverStops]) -> Result<Vec<u16>, FieldError> {
+fn stops(movers: &[wire::MoverStops]) -> Result<Vec<StopSet>, FieldError> {
     let mut stops = Vec::new();
     for known in movers {
         let most = MAX_MOVERS as f64 - 1.0;
         convert::in_range(f64::from(known.mover), 0.0, most, "query.movers.mover")?;
         let idx = known.mover as usize;
         if stops.len() <= idx {
-            stops.resize(idx + 1, u16::MAX);
+            stops.resize(idx + 1, StopSet::ALL);
         }
-        stops[idx] &= known.stops as u16;
+        stops[idx] = stops[idx].intersection(StopSet(known.stops as u16));
     }
     Ok(stops)
 }
 
-fn stops_to_wire((mover, stops): (usize, u16)) -> wire::MoverStops {
-    wire::MoverStops { mover: mover as u32, stops: stops.into() }
+fn stops_to_wire((mover, stops): (usize, StopSet)) -> wire::MoverStops {
+    wire::MoverStops { mover: mover as u32, stops: stops.0.into() }
 }
 
 /// Converts what an edge or a leg hangs on to the wire: its movers with their stops, and its ride.
 pub fn needs_to_wire(needs: &Needs) -> (Vec<wire::MoverStops>, Option<wire::MoverRide>) {
-    let list = needs.iter().map(|need| stops_to_wire((need.mover.into(), need.stops))).collect();
+    let list = needs.iter().map(|need| stops_to_wire((need.mover.idx(), need.stops))).collect();
     let ride = needs.ride.map(|ride| wire::MoverRide {
-        mover: ride.mover.into(),
-        from_stop: ride.from.into(),
-        to_stop: ride.to.into(),
+        mover: ride.mover.0.into(),
+        from_stop: ride.from.0.into(),
+        to_stop: ride.to.0.into(),
     });
     (list, ride)
 }
@@ -90,12 +90,14 @@ pub fn needs_to_wire(needs: &Needs) -> (Vec<wire::MoverStops>, Option<wire::Move
 /// Converts what a leg hangs on from the wire; `None` if it hangs on nothing.
 fn needs(leg: &wire::Leg) -> Result<Option<Needs>, FieldError> {
     let most = MAX_MOVERS as f64 - 1.0;
-    let mover =
-        |mover: u32| convert::in_range(f64::from(mover), 0.0, most, "plan.legs.needs.mover").map(|it| it as u16);
-    let stop = |stop: u32| convert::in_range(f64::from(stop), 0.0, 15.0, "plan.legs.ride.stop").map(|it| it as u8);
+    let mover = |mover: u32| {
+        convert::in_range(f64::from(mover), 0.0, most, "plan.legs.needs.mover").map(|it| MoverId(it as u16))
+    };
+    let stop =
+        |stop: u32| convert::in_range(f64::from(stop), 0.0, 15.0, "plan.legs.ride.stop").map(|it| StopIdx(it as u8));
     let mut needs = Needs::default();
     for need in &leg.needs {
-        needs.add(Need { mover: mover(need.mover)?, stops: need.stops as u16 });
+        needs.add(Need { mover: mover(need.mover)?, stops: StopSet(need.stops as u16) });
     }
     if let Some(ride) = leg.ride {
         needs.ride = Some(Ride { mover: mover(ride.mover)?, from: stop(ride.from_stop)?, to: stop(ride.to_stop)? });

@@ -4,7 +4,7 @@ use crate::hosted::{NpcPlan, TimeMode};
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
 use surefoot_world::map::Piece;
-use surefoot_world::{Action, CharacterProfile, End, MapHash, MapSpec, ProfileIdx, Tick, Vec3};
+use surefoot_world::{Action, CharacterProfile, End, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Vec3};
 
 /// A message to a worker.
 #[derive(Debug, Clone, PartialEq)]
@@ -164,7 +164,7 @@ pub struct Answer {
     /// Plans that the planner has not delivered since the worker's last answer.
     pub plans_failed: u32,
     /// Movers that NPCs call, and the stops where they want them.
-    pub mover_calls: Vec<(u16, u8)>,
+    pub mover_calls: Vec<MoverAt>,
     /// Actions, waypoints and plans among these that were left out because a number made no sense.
     pub invalid: u64,
 }

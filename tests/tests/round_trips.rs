@@ -24,8 +24,8 @@ use surefoot_world::map::{
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
 use surefoot_world::{
-    Ability, Action, Chance, CharacterProfile, Decisions, Map, MapSpec, RawMapSpec, Seconds, TaskConfig, Vec3, World,
-    WorldConfig, exchange,
+    Ability, Action, Chance, CharacterProfile, Decisions, Map, MapSpec, MoverId, RawMapSpec, Seconds, StopIdx, StopSet,
+    TaskConfig, Vec3, World, WorldConfig, exchange,
 };
 
 fn config(cases: u32) -> ProptestConfig {
@@ -228,8 +228,13 @@ fn settings() -> impl Strategy<Value = BuildSettings> {
 }
 
 fn needs() -> impl Strategy<Value = Option<Needs>> {
-    let need = (0..1024u16, 1..=u16::MAX).prop_map(|(mover, stops)| Need { mover, stops });
-    let ride = (0..1024u16, 0..16u8, 0..16u8).prop_map(|(mover, from, to)| Ride { mover, from, to });
+    let need =
+        (0..1024u16, 1..=u16::MAX).prop_map(|(mover, stops)| Need { mover: MoverId(mover), stops: StopSet(stops) });
+    let ride = (0..1024u16, 0..16u8, 0..16u8).prop_map(|(mover, from, to)| Ride {
+        mover: MoverId(mover),
+        from: StopIdx(from),
+        to: StopIdx(to),
+    });
     (prop::collection::vec(need, 0..3), prop::option::of(ride)).prop_map(|(list, ride)| {
         let mut needs = Needs::default();
         list.into_iter().for_each(|need| needs.add(need));

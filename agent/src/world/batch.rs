@@ -7,8 +7,7 @@ use std::collections::BTreeSet;
 use surefoot_proto::convert;
 use surefoot_proto::plans::npc_plan_to_wire;
 use surefoot_proto::world::v1 as wire;
-use surefoot_rollout::follow::scene::Call;
-use surefoot_world::{Action, End, Npc as State, Vec3};
+use surefoot_world::{Action, End, MoverAt, Npc as State, Vec3};
 
 /// Largest answer in one message, bytes; servers accept 1 MiB unless configured.
 pub(super) const MAX_ANSWER_BYTES: usize = 512 * 1024;
@@ -77,7 +76,7 @@ impl Batch {
 pub(super) struct Answer {
     /// NPCs that give up their attempts, and why.
     pub gave_up: Vec<(u64, u32, End)>,
-    pub calls: BTreeSet<Call>,
+    pub calls: BTreeSet<MoverAt>,
     /// One for each NPC of the batch.
     pub actions: Vec<Action>,
 }
@@ -107,7 +106,7 @@ impl Answer {
         }
         let given_up = |(npc_id, attempt, end)| wire::GivenUp { npc_id, attempt, unreachable: end == End::Unreachable };
         answer.gave_up.extend(self.gave_up.into_iter().map(given_up));
-        let call = |call: Call| wire::MoverCall { mover: call.mover.into(), stop: call.stop.into() };
+        let call = |call: MoverAt| wire::MoverCall { mover: call.mover.0.into(), stop: call.stop.0.into() };
         answer.mover_calls.extend(self.calls.into_iter().map(call));
         let request = |part| wire::WorkRequest { message: Some(wire::work_request::Message::Actions(part)) };
         split(answer, MAX_ANSWER_BYTES).into_iter().map(request).collect()

@@ -35,7 +35,7 @@ pub use change::{edits, live, update};
 pub use export::{assets, links};
 pub use graph::{Edge, NavGraph};
 pub use ids::{EdgeKey, LegKey, Stop, VertexId};
-pub use needs::{MoverAt, Need, Needs, Ride};
+pub use needs::{Need, Needs, Ride};
 pub use plan::{Attach, Leg, NoPath, Plan, Query};
 pub use price::{Caution, EdgeCost, EdgeCosts};
 pub use ride_stops::RideStops;
@@ -43,4 +43,4 @@ pub use search::{Router, Traffic};
 pub use settings::{
     BuildError, BuildSettings, GraphId, Placement, PolicyHash, Probing, RawBuildSettings, SettingError, Site,
 };
-pub use surefoot_world::AbilitySet;
+pub use surefoot_world::{AbilitySet, MoverAt};

@@ -3,38 +3,29 @@
 use serde::{Deserialize, Serialize};
 use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
 use surefoot_world::map::{Mover, MoverKind};
-use surefoot_world::{Map, MoverState};
+use surefoot_world::{Map, MoverAt, MoverId, MoverState, StopIdx, StopSet};
 
 /// Greatest number of movers that one edge depends on; those that were noticed first count.
 const MAX_NEEDS: usize = 4;
 
-/// A mover at one of its stops.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct MoverAt {
-    /// Index of the mover on the map.
-    pub mover: u16,
-    /// Index of the stop.
-    pub stop: u8,
-}
-
 /// A mover that must stand at one of some stops.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Need {
-    /// Index of the mover on the map.
-    pub mover: u16,
-    /// The stops as bits, at least one.
-    pub stops: u16,
+    /// The mover.
+    pub mover: MoverId,
+    /// The stops, at least one.
+    pub stops: StopSet,
 }
 
 /// A ride from one stop of a mover to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ride {
-    /// Index of the mover on the map.
-    pub mover: u16,
-    /// Index of the stop where the ride begins.
-    pub from: u8,
-    /// Index of the stop where it ends.
-    pub to: u8,
+    /// The mover.
+    pub mover: MoverId,
+    /// The stop where the ride begins.
+    pub from: StopIdx,
+    /// The stop where it ends.
+    pub to: StopIdx,
 }
 
 impl Ride {
@@ -65,7 +56,7 @@ mod need_list {
 
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[Option<Need>; MAX_NEEDS], D::Error> {
         let list = <[Need; MAX_NEEDS]>::deserialize(deserializer)?;
-        Ok(list.map(|need| Some(need).filter(|need| need.stops != 0)))
+        Ok(list.map(|need| Some(need).filter(|need| !need.stops.is_empty())))
     }
 }
 
@@ -73,7 +64,7 @@ impl Needs {
     /// A ride depends on its mover standing where it begins.
     pub fn of_ride(ride: Ride) -> Self {
         let mut needs = Self { ride: Some(ride), ..Self::default() };
-        needs.add(Need { mover: ride.mover, stops: 1 << ride.from });
+        needs.add(Need { mover: ride.mover, stops: StopSet::only(ride.from) });
         needs
     }
 
@@ -90,11 +81,12 @@ impl Needs {
     /// Adds a need. A need of the same mover is narrowed to the common stops; if there are none, the former need stays.
     pub fn add(&mut self, need: Need) {
         if let Some(known) = self.list.iter_mut().flatten().find(|known| known.mover == need.mover) {
-            if known.stops & need.stops != 0 {
-                known.stops &= need.stops;
+            let common = known.stops.intersection(need.stops);
+            if !common.is_empty() {
+                known.stops = common;
             }
         } else if let Some(free) = self.list.iter_mut().find(|known| known.is_none()) {
-            *free = Some(need).filter(|need| need.stops != 0);
+            *free = Some(need).filter(|need| !need.stops.is_empty());
         }
     }
 
@@ -107,11 +99,10 @@ impl Needs {
     /// Whether a map can have these movers and stops: each mover is listed once, and a ride begins where its mover must
     /// stand.
     pub fn are_possible(&self) -> bool {
-        let is_mover = |mover: u16| usize::from(mover) < MAX_MOVERS;
-        let is_stop = |stop: u8| usize::from(stop) < MAX_STOPS;
-        let is_listed_again = |idx: usize, mover: u16| self.iter().skip(idx + 1).any(|other| other.mover == mover);
-        let begins =
-            |ride: Ride| self.iter().any(|need| need.mover == ride.mover && need.stops & (1 << ride.from) != 0);
+        let is_mover = |mover: MoverId| mover.idx() < MAX_MOVERS;
+        let is_stop = |stop: StopIdx| stop.idx() < MAX_STOPS;
+        let is_listed_again = |idx: usize, mover: MoverId| self.iter().skip(idx + 1).any(|other| other.mover == mover);
+        let begins = |ride: Ride| self.iter().any(|need| need.mover == ride.mover && need.stops.contains(ride.from));
         let is_possible = |ride: Ride| is_stop(ride.from) && is_stop(ride.to) && ride.from != ride.to && begins(ride);
         self.iter().enumerate().all(|(idx, need)| is_mover(need.mover) && !is_listed_again(idx, need.mover))
             && self.ride.is_none_or(is_possible)
@@ -119,28 +110,28 @@ impl Needs {
 
     /// Whether an NPC can use the edge while each mover stands only at `stops`, in the order of the map. Movers that are
     /// not listed stand anywhere. A ride needs both of its stops.
-    pub fn are_met(&self, stops: &[u16]) -> bool {
-        let stops_of = |mover: u16| stops.get(usize::from(mover)).copied().unwrap_or(u16::MAX);
-        self.iter().all(|need| need.stops & stops_of(need.mover) != 0)
-            && self.ride.is_none_or(|ride| stops_of(ride.mover) & 1 << ride.to != 0)
+    pub fn are_met(&self, stops: &[StopSet]) -> bool {
+        let stops_of = |mover: MoverId| stops.get(mover.idx()).copied().unwrap_or(StopSet::ALL);
+        self.iter().all(|need| !need.stops.intersection(stops_of(need.mover)).is_empty())
+            && self.ride.is_none_or(|ride| stops_of(ride.mover).contains(ride.to))
     }
 }
 
-/// The stops at which a mover stands sooner or later, as bits, unless something other than an NPC moves it.
-pub fn stops_ahead(mover: &Mover, state: &MoverState) -> u16 {
+/// The stops at which a mover stands sooner or later, unless something other than an NPC moves it.
+pub fn stops_ahead(mover: &Mover, state: &MoverState) -> StopSet {
     match (state.ordered_stop, state.at()) {
-        (_, at) if mover.kind == MoverKind::Crate => at.map_or(0, |at| 1 << at),
-        (_, Some(at)) if state.pace == 0.0 => 1 << at,
-        (_, None) if state.pace == 0.0 => 0,
-        (Some(told), _) if !mover.kind.is_ridden() => 1 << told,
+        (_, at) if mover.kind == MoverKind::Crate => at.map_or(StopSet::default(), StopSet::only),
+        (_, Some(at)) if state.pace == 0.0 => StopSet::only(at),
+        (_, None) if state.pace == 0.0 => StopSet::default(),
+        (Some(stop), _) if !mover.kind.is_ridden() => StopSet::only(stop),
         _ => mover.all_stops(),
     }
 }
 
 /// The [`stops_ahead`] of all movers of a map; empty if each mover stands at all of its stops, or there are none.
-pub fn all_stops_ahead(map: &Map, states: &[MoverState]) -> Vec<u16> {
-    let ahead: Vec<u16> = map.movers().iter().zip(states).map(|(mover, state)| stops_ahead(mover, state)).collect();
-    let is_free = |(mover, stops): (&Mover, &u16)| *stops == mover.all_stops();
+pub fn all_stops_ahead(map: &Map, states: &[MoverState]) -> Vec<StopSet> {
+    let ahead: Vec<StopSet> = map.movers().iter().zip(states).map(|(mover, state)| stops_ahead(mover, state)).collect();
+    let is_free = |(mover, stops): (&Mover, &StopSet)| *stops == mover.all_stops();
     if map.movers().iter().zip(&ahead).all(is_free) { Vec::new() } else { ahead }
 }
 
@@ -151,54 +142,59 @@ mod tests {
     #[test]
     fn needs_of_the_same_mover_are_narrowed_and_others_are_added() {
         let mut needs = Needs::default();
-        assert!(needs.is_empty() && needs.are_met(&[0, 0, 0]));
-        needs.add(Need { mover: 1, stops: 0b110 });
-        needs.add(Need { mover: 1, stops: 0b011 });
-        needs.add(Need { mover: 2, stops: 0b001 });
+        assert!(needs.is_empty() && needs.are_met(&[0, 0, 0].map(StopSet)));
+        needs.add(Need { mover: MoverId(1), stops: StopSet(0b110) });
+        needs.add(Need { mover: MoverId(1), stops: StopSet(0b011) });
+        needs.add(Need { mover: MoverId(2), stops: StopSet(0b001) });
         assert_eq!(
             needs.iter().collect::<Vec<_>>(),
-            [Need { mover: 1, stops: 0b010 }, Need { mover: 2, stops: 0b001 }]
+            [Need { mover: MoverId(1), stops: StopSet(0b010) }, Need { mover: MoverId(2), stops: StopSet(0b001) }]
         );
-        assert!(needs.are_met(&[]) && needs.are_met(&[0, 0b010, 0b101]));
-        assert!(!needs.are_met(&[0, 0b001, 1]) && !needs.are_met(&[0, 0b010, 0b110]));
+        assert!(needs.are_met(&[]) && needs.are_met(&[0, 0b010, 0b101].map(StopSet)));
+        assert!(!needs.are_met(&[0, 0b001, 1].map(StopSet)) && !needs.are_met(&[0, 0b010, 0b110].map(StopSet)));
     }
 
     #[test]
     fn a_ride_needs_both_of_its_stops() {
-        let needs = Needs::of_ride(Ride { mover: 0, from: 0, to: 2 });
-        assert!(needs.are_met(&[0b101]) && !needs.are_met(&[0b001]) && !needs.are_met(&[0b100]));
+        let needs = Needs::of_ride(Ride { mover: MoverId(0), from: StopIdx(0), to: StopIdx(2) });
+        assert!(
+            needs.are_met(&[0b101].map(StopSet))
+                && !needs.are_met(&[0b001].map(StopSet))
+                && !needs.are_met(&[0b100].map(StopSet))
+        );
     }
 
     #[test]
     fn needs_that_no_map_can_have_are_not_possible() {
-        let ride = Ride { mover: 2, from: 0, to: 15 };
+        let ride = Ride { mover: MoverId(2), from: StopIdx(0), to: StopIdx(15) };
         let possible = Needs::of_ride(ride);
         assert!(possible.are_possible() && Needs::default().are_possible());
         let mut other_mover = Needs::default();
-        other_mover.add(Need { mover: 1023, stops: u16::MAX });
+        other_mover.add(Need { mover: MoverId(1023), stops: StopSet(u16::MAX) });
         assert!(other_mover.are_possible());
         let mut twice = possible;
         twice.list[3] = twice.list[0];
         let mut no_mover = possible;
-        no_mover.add(Need { mover: 1024, stops: 1 });
+        no_mover.add(Need { mover: MoverId(1024), stops: StopSet(1) });
         let impossible = [
             twice,
             no_mover,
             Needs { ride: Some(ride), ..Needs::default() },
-            Needs { ride: Some(Ride { from: 1, ..ride }), ..possible },
-            Needs { ride: Some(Ride { to: 0, ..ride }), ..possible },
-            Needs { ride: Some(Ride { to: 16, ..ride }), ..possible },
-            Needs { ride: Some(Ride { from: 200, ..ride }), ..possible },
+            Needs { ride: Some(Ride { from: StopIdx(1), ..ride }), ..possible },
+            Needs { ride: Some(Ride { to: StopIdx(0), ..ride }), ..possible },
+            Needs { ride: Some(Ride { to: StopIdx(16), ..ride }), ..possible },
+            Needs { ride: Some(Ride { from: StopIdx(200), ..ride }), ..possible },
         ];
         assert!(impossible.iter().all(|needs| !needs.are_possible()), "{impossible:?}");
     }
 
     #[test]
     fn rides_join_stops_of_one_mover() {
-        let between = |[mover, other]: [u16; 2], [from, to]: [u8; 2]| {
-            Ride::between(MoverAt { mover, stop: from }, MoverAt { mover: other, stop: to })
+        let between = |movers: [u16; 2], stops: [u8; 2]| {
+            let [from, to] = [0, 1].map(|end| MoverAt { mover: MoverId(movers[end]), stop: StopIdx(stops[end]) });
+            Ride::between(from, to)
         };
-        assert_eq!(between([4, 4], [1, 0]), Some(Ride { mover: 4, from: 1, to: 0 }));
+        assert_eq!(between([4, 4], [1, 0]), Some(Ride { mover: MoverId(4), from: StopIdx(1), to: StopIdx(0) }));
         assert_eq!((between([4, 5], [1, 0]), between([4, 4], [1, 1])), (None, None));
     }
 }

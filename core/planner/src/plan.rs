@@ -5,7 +5,7 @@ use crate::ids::{EdgeKey, LegKey};
 use crate::legs::LegModel;
 use crate::needs::Needs;
 use crate::price::Caution;
-use surefoot_world::{Ability, AbilitySet, Chance, Decisions, Seconds, Vec3};
+use surefoot_world::{Ability, AbilitySet, Chance, Decisions, Seconds, StopSet, Vec3};
 
 /// How start and goal are joined to the graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -43,7 +43,7 @@ pub struct Query {
     pub caution: Caution,
     /// The stops at which each mover of the map stands sooner or later, as bits; empty: all movers stand everywhere. See
     /// [`all_stops_ahead`](crate::needs::all_stops_ahead).
-    pub stops: Vec<u16>,
+    pub stops: Vec<StopSet>,
     /// How start and goal are joined to the graph.
     pub attach: Attach,
 }

@@ -3,14 +3,15 @@
 //! Ride stops are vertices like any other. Edges to and from a ride stop are proved while the mover is held at that stop,
 //! and the edge between two ride stops of a mover is the ride.
 
-use crate::needs::{MoverAt, Ride};
+use crate::needs::Ride;
 use crate::settings::Site;
 use std::collections::HashMap;
 use surefoot_world::character::{MoveScratch, is_clear};
 use surefoot_world::map::{Mover, MoverKind};
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    CharacterProfile, DECISION_SECONDS, Decisions, Map, MoverState, TICKS_PER_DECISION, TICKS_PER_SECOND, Vec3,
+    CharacterProfile, DECISION_SECONDS, Decisions, Map, MoverAt, MoverId, MoverState, StopIdx, TICKS_PER_DECISION,
+    TICKS_PER_SECOND, Vec3,
 };
 
 /// Distance within which a position is a ride stop, m.
@@ -35,13 +36,13 @@ impl RideStops {
     pub fn on(map: &Map, profile: &CharacterProfile) -> Self {
         let mut stops = Vec::new();
         let mut scratch = MoveScratch::default();
-        for (idx, mover) in (0..).zip(map.movers()).filter(|(_, mover)| mover.kind.is_ridden()) {
+        for (id, mover) in (0..).map(MoverId).zip(map.movers()).filter(|(_, mover)| mover.kind.is_ridden()) {
             for stop in 0..mover.stops.len() {
                 let place = top(mover, stop).filter(|place| {
                     let inside = !map.is_outside(*place) && place.y <= map.extent().y;
                     inside && is_clear(map.mesh(), profile, *place, CLEAR_SLOP_M, &mut scratch)
                 });
-                stops.extend(place.map(|place| (place, MoverAt { mover: idx, stop: stop as u8 })));
+                stops.extend(place.map(|place| (place, MoverAt { mover: id, stop: StopIdx(stop as u8) })));
             }
         }
         let mut by_cell: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
@@ -94,13 +95,13 @@ fn cell(place: Vec3) -> [i32; 3] {
 /// The states of movers in which edges are proved. Doors are open, floors are there, crates are held where they began,
 /// and lifts and platforms stand at their first stop. The mover `held` stands at the given stop instead.
 pub fn states_for_proof(map: &Map, held: Option<MoverAt>) -> Vec<MoverState> {
-    let state = |(idx, mover): (u16, &Mover)| {
+    let state = |(id, mover): (MoverId, &Mover)| {
         let usual = if mover.kind == MoverKind::Door { mover.stops.len() as u8 - 1 } else { 0 };
-        let stop = held.filter(|held| held.mover == idx).map_or(usual, |held| held.stop);
+        let stop = held.filter(|held| held.mover == id).map_or(StopIdx(usual), |held| held.stop);
         let pace = if mover.kind == MoverKind::Crate { 0.0 } else { 1.0 };
         MoverState { from: stop, to: stop, ordered_stop: Some(stop), progress: 0.0, pace, ..MoverState::new(mover) }
     };
-    (0..).zip(map.movers()).map(state).collect()
+    (0..).map(MoverId).zip(map.movers()).map(state).collect()
 }
 
 /// The boarding of a mover that is held at a stop for probes.
@@ -114,8 +115,8 @@ impl Boarding {
     /// The boarding of a mover that is held; `None` if none is, or the map has no such ride stop.
     pub fn of(map: &Map, held: Option<MoverAt>) -> Option<Self> {
         let MoverAt { mover, stop } = held?;
-        let mover = map.movers().get(usize::from(mover)).filter(|mover| usize::from(stop) < mover.stops.len())?;
-        Some(Self { ride_stop: top(mover, usize::from(stop))?, wait: mean_wait(mover).0 as u32 })
+        let mover = map.movers().get(mover.idx()).filter(|mover| stop.idx() < mover.stops.len())?;
+        Some(Self { ride_stop: top(mover, stop.idx())?, wait: mean_wait(mover).0 as u32 })
     }
 
     /// Decisions for which NPCs on their way from `start` wait on average before they board: 0 if they are aboard.
@@ -167,6 +168,6 @@ pub fn mean_wait(mover: &Mover) -> Decisions {
 
 /// Longest duration of a ride, stops on the way included, in ticks.
 pub fn longest_ride_ticks(mover: &Mover, ride: Ride) -> u32 {
-    let journeys = f32::from(ride.from.abs_diff(ride.to)).max(1.0) * 2.0 * mover.stops.len() as f32;
+    let journeys = f32::from(ride.from.0.abs_diff(ride.to.0)).max(1.0) * 2.0 * mover.stops.len() as f32;
     (journeys * (mover.travel_s + mover.dwell_s) * TICKS_PER_SECOND as f32) as u32 + 10 * TICKS_PER_DECISION
 }

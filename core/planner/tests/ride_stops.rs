@@ -12,7 +12,7 @@ use surefoot_planner::{
 use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS, cuboid};
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Ability, Map, Vec3};
+use surefoot_world::{Ability, Map, MoverId, StopIdx, Vec3};
 
 /// Side of the floor, m.
 const SIDE_M: u32 = 320;
@@ -35,7 +35,7 @@ fn site(lift_count: usize, stop_count: usize) -> Site {
             triangles: cuboid(low, low + Vec3::new(2.0, 0.3, 2.0)),
             pivot: low,
             stops: (0..stop_count).map(stop).collect(),
-            start: 0,
+            start: StopIdx(0),
             travel_s: 2.0,
             dwell_s: 1.0,
             cycles: false,
@@ -77,7 +77,7 @@ fn build(site: &Site, vertices: usize) -> Result<Built, BuildError> {
 }
 
 fn at(mover: u16, stop: u8) -> Option<MoverAt> {
-    Some(MoverAt { mover, stop })
+    Some(MoverAt { mover: MoverId(mover), stop: StopIdx(stop) })
 }
 
 fn rides(graph: &NavGraph) -> Vec<Ride> {

@@ -412,7 +412,7 @@ impl Guide<'_> {
             watch(world, attempt_of(&mut walker.attempt));
         }
         if let Some(call) = walker.follower().and_then(Follower::call) {
-            world.call(call.mover, call.stop);
+            world.call(call);
         }
     }
 

@@ -10,7 +10,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-use surefoot_planner::needs::{MoverAt, Need, Needs, Ride};
+use surefoot_planner::needs::{Need, Needs, Ride};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::ride_stops::{Boarding, longest_ride_ticks, states_for_proof};
 use surefoot_planner::{PolicyHash, Site};
@@ -19,8 +19,8 @@ use surefoot_policy::actor::gaussian;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    Ability, CharacterProfile, DecisionOutcome, End, Map, MoverOrder, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3,
-    World,
+    Ability, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, TICKS_PER_DECISION, TaskConfig,
+    Vec3, World,
 };
 
 /// Most trials of a chunk.
@@ -208,14 +208,14 @@ fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride, watch: &dyn Probe
     outcome.needs = Needs::of_ride(ride);
     let slot = world.spawn(trial.start, 0.0);
     world.order(ride.mover, MoverOrder::GoTo(ride.to));
-    for tick in 1..=longest_ride_ticks(&context.map.movers()[usize::from(ride.mover)], ride) {
+    for tick in 1..=longest_ride_ticks(&context.map.movers()[ride.mover.idx()], ride) {
         if tick % TICKS_PER_DECISION == 0 && watch.is_cancelled() {
             return None;
         }
         world.tick();
         let npc = world.npc(slot).expect("just spawned");
         outcome.bounds = [outcome.bounds[0].min(npc.body.feet), outcome.bounds[1].max(npc.body.feet)];
-        let has_arrived = world.movers()[usize::from(ride.mover)].at() == Some(ride.to);
+        let has_arrived = world.movers()[ride.mover.idx()].at() == Some(ride.to);
         if npc.harm.is_some() || has_arrived {
             outcome.died = npc.harm.is_some();
             outcome.reached = has_arrived && npc.body.feet.distance(trial.goal) <= world.task().goal_radius;

@@ -249,7 +249,7 @@ impl Rehearsal {
                 *follower = plan;
             }
             if let Some(call) = follower.call() {
-                world.call(call.mover, call.stop);
+                world.call(call);
             }
         }
     }

@@ -8,7 +8,7 @@
 use std::f32::consts::{PI, TAU};
 use surefoot_world::character::{Body, Ride, Support};
 use surefoot_world::float::hypot;
-use surefoot_world::sense::{LastDecision, RAY_CHANNELS, RAY_COUNT};
+use surefoot_world::sense::{FIELDS, LastDecision, STATE_BEGIN, field_idx};
 use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, ProfileIdx, Vec3};
 
 /// Angle between facing and motion up to which a composed body does not turn, rad, and what is left of it after a turn.
@@ -88,14 +88,19 @@ impl Style {
 /// # Panics
 /// If `row` is no observation.
 pub fn npc_of(row: &[f32]) -> Npc {
-    let state = &row[RAY_COUNT * RAY_CHANNELS..];
+    const DISTANCE: usize = field_idx("goal_distance");
+    const DIRECTION: usize = field_idx("goal_x");
+    const VELOCITY: usize = field_idx("velocity_x");
+    const GROUNDED: usize = field_idx("is_grounded");
+    const ON_ZIP_LINE: usize = field_idx("is_on_zip_line");
+    let state = &row[STATE_BEGIN..];
     // Observations have x to the right, which is -x at the heading 0.
     let vector = |at: usize, scale: f32| Vec3::new(-state[at], state[at + 1], state[at + 2]) * scale;
     let mut body = Body::at(Vec3::ZERO, 0.0);
-    body.velocity = vector(6, 12.0);
-    body.support = if state[16] > 0.5 { Support::Ground } else { Support::Air };
-    body.ride = (state[34] > 0.5).then_some(Ride { line_idx: 0, distance: 0.0 });
-    let goal = vector(1, 50.0 * state[0]);
+    body.velocity = vector(VELOCITY, FIELDS[VELOCITY].scale);
+    body.support = if state[GROUNDED] > 0.5 { Support::Ground } else { Support::Air };
+    body.ride = (state[ON_ZIP_LINE] > 0.5).then_some(Ride { line_idx: 0, distance: 0.0 });
+    let goal = vector(DIRECTION, FIELDS[DISTANCE].scale * state[DISTANCE]);
     Npc {
         profile: ProfileIdx::default(),
         body,

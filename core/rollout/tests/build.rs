@@ -16,7 +16,7 @@ use surefoot_rollout::graphs::{self, build};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Pad, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
+use surefoot_world::{CharacterProfile, Map, MapSpec, MoverId, StopIdx, Vec3, navigable};
 
 fn context() -> ProbeContext {
     ProbeContext {
@@ -207,7 +207,7 @@ fn cancelling_ends_a_ride_that_takes_ten_minutes() {
         triangles: cuboid(low, low + Vec3::new(2.0, 0.3, 2.0)),
         pivot: low,
         stops: stops.to_vec(),
-        start: 0,
+        start: StopIdx(0),
         travel_s: 600.0,
         dwell_s: 1.0,
         cycles: false,
@@ -215,8 +215,8 @@ fn cancelling_ends_a_ride_that_takes_ten_minutes() {
     };
     let context = ProbeContext { map: Arc::new(cliff().with_movers(vec![lift]).unwrap()), ..context() };
     let start = low + Vec3::new(1.0, 0.3, 1.0);
-    let ride = Ride { mover: 0, from: 0, to: 1 };
-    let held = Some(MoverAt { mover: 0, stop: 0 });
+    let ride = Ride { mover: MoverId(0), from: StopIdx(0), to: StopIdx(1) };
+    let held = Some(MoverAt { mover: MoverId(0), stop: StopIdx(0) });
     let trial = Trial { held, ride: Some(ride), ..Trial::walk(start, start + Vec3::Y * 8.0, 0) };
     assert_eq!(context.run_chunk(&[trial], 0, &Cancelled), None);
     let arrived = &context.run_chunk(&[trial], 0, &Progress::default()).unwrap()[0];

@@ -2,6 +2,7 @@
 //! other.
 
 use crate::Vec3;
+use crate::cells::CellKey;
 use crate::character::{CharacterProfile, MoveScratch};
 use crate::float::hypot;
 use crate::map::{Liquid, Map};
@@ -35,26 +36,13 @@ pub(crate) struct CrowdScratch {
 /// What the neighbour search needs of a body.
 #[derive(Debug, Clone, Copy)]
 struct Listed {
-    /// Column and row of its cell: neighbours in a row follow each other.
-    cell: u64,
+    cell: CellKey,
     slot: u32,
     feet: Vec3,
     radius: f32,
     height: f32,
     /// Velocity, m/s, and contact of a player, whose slot is beyond those of all NPCs; `None`: it is an NPC.
     player: Option<(Vec3, PlayerContact)>,
-}
-
-/// Column and row of the cell of this side, m, that a place lies in, as one number: the column decides first, then the row.
-pub(crate) fn cell_of(place: Vec3, side: f32) -> u64 {
-    // No map is so large that a row or a column would run over; places far outside share the last one.
-    let number = |metres: f32| ((metres / side) as i32).clamp(-(1 << 20), 1 << 20) as i64 + (1 << 21);
-    (number(place.x) << 32 | number(place.z)) as u64
-}
-
-/// The number of the cell `rows` further than that of the key, in the column `columns` further.
-fn shifted(cell: u64, columns: u64, rows: i64) -> u64 {
-    cell.wrapping_add(columns << 32).wrapping_add_signed(rows)
 }
 
 impl Listed {
@@ -64,7 +52,7 @@ impl Listed {
     }
 
     fn new(slot: u32, feet: Vec3, (radius, height): (f32, f32), player: Option<(Vec3, PlayerContact)>) -> Self {
-        let cell = cell_of(feet, CELL_M);
+        let cell = CellKey::at(feet, CELL_M);
         Self { cell, slot, feet, radius, height, player }
     }
 
@@ -120,11 +108,11 @@ impl CrowdScratch {
         // The first body of the next column that may be near; it never goes back.
         let mut next_column = 0;
         for (idx, body) in bodies.iter().enumerate() {
-            let (low, high) = (shifted(body.cell, 1, -1), shifted(body.cell, 1, 1));
+            let (low, high) = (body.cell.shifted(1, -1), body.cell.shifted(1, 1));
             while next_column < bodies.len() && bodies[next_column].cell < low {
                 next_column += 1;
             }
-            let beside = bodies[idx + 1..].iter().take_while(|other| other.cell <= shifted(body.cell, 0, 1));
+            let beside = bodies[idx + 1..].iter().take_while(|other| other.cell <= body.cell.shifted(0, 1));
             let beyond = bodies[next_column..].iter().take_while(|other| other.cell <= high);
             for other in beside.chain(beyond) {
                 if let Some(overlap) = body.overlap(other) {

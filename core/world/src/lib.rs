@@ -11,8 +11,8 @@
 //! seen from above, so +x lies to the *left* of an NPC with yaw 0.
 
 mod ability;
+pub mod cells;
 pub mod character;
-mod cone;
 mod crates;
 mod crowd;
 mod editing;
@@ -24,7 +24,6 @@ mod movers;
 pub mod navigable;
 mod neighbours;
 mod npc;
-mod others;
 mod parallel;
 pub mod player;
 mod posed;
@@ -50,7 +49,7 @@ pub use npc::{NPC_STATE_VERSION, Npc, NpcSlot, ProfileIdx, WorldConfig, WorldSta
 pub use player::{Player, PlayerContact, PlayerSlot};
 pub use sense::{OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, RAY_COUNT};
 pub use task::{End, Episode, TaskConfig};
-pub use units::{Chance, Decisions, Seconds, Seed, Tick};
+pub use units::{Chance, Decisions, MoverAt, MoverId, Seconds, Seed, StopIdx, StopSet, Tick};
 pub use world::{DecisionOutcome, World};
 
 /// Physics ticks per second (the paper: "60 times per second").

@@ -5,8 +5,8 @@ use crate::crates::{self, Crate, CrateState, Pusher};
 use crate::map::mover::{FARTHEST_M, MAX_MOVER_SPEED};
 use crate::map::{Map, Mover, MoverKind, MoverStop};
 use crate::navigable::DOWN;
-use crate::posed::{Near, Posed, REACH_M};
-use crate::{TICK_SECONDS, TICKS_PER_SECOND, Vec3};
+use crate::posed::{MoversNearby, Posed, REACH_M};
+use crate::{MoverId, StopIdx, TICK_SECONDS, TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Fastest and slowest pace of a mover, in multiples of its usual one; none goes faster than [`MAX_MOVER_SPEED`].
@@ -25,15 +25,15 @@ const GAP_M: f32 = 0.08;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MoverState {
     /// The stop at which it stands, or which it left last.
-    pub from: u8,
+    pub from: StopIdx,
     /// The stop to which it travels; `from` while it stands.
-    pub to: u8,
+    pub to: StopIdx,
     /// Share of that journey, 0 to 1.
     pub progress: f32,
     /// Ticks for which it has stood at its stop, saturating.
     pub stood: u32,
     /// The stop to which it was told to go and where it then stays; `None` while it cycles.
-    pub ordered_stop: Option<u8>,
+    pub ordered_stop: Option<StopIdx>,
     /// Its pace, in multiples of the usual one: 0 to 4. At 0 nobody moves a crate.
     pub pace: f32,
     /// Whether it cycles back towards its first stop.
@@ -48,7 +48,7 @@ pub struct MoverState {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum MoverOrder {
     /// Go to a stop and stay there.
-    GoTo(u8),
+    GoTo(StopIdx),
     /// Go from stop to stop, forth and back.
     Cycle,
     /// Keep this pace, in multiples of the usual one: 0 to 4.
@@ -83,31 +83,31 @@ impl MoverState {
     }
 
     /// The stop at which it stands; `None` while it travels, and for a crate that was pushed away.
-    pub fn at(&self) -> Option<u8> {
+    pub fn at(&self) -> Option<StopIdx> {
         let is_in_place =
             self.crate_state.is_none_or(|it| it.is_there && it.offset.length_squared() < AT_PLACE_M * AT_PLACE_M);
         (self.from == self.to && is_in_place).then_some(self.from)
     }
 
     /// Whether it goes to `stop` when an NPC calls it: lifts and platforms do once they have stood for a second where they were told to go.
-    pub(crate) fn follows_call(&self, mover: &Mover, stop: u8) -> bool {
+    pub(crate) fn follows_call(&self, mover: &Mover, stop: StopIdx) -> bool {
         mover.kind.is_ridden()
-            && usize::from(stop) < mover.stops.len()
+            && stop.idx() < mover.stops.len()
             && self.ordered_stop.is_some_and(|told| self.at() == Some(told) && told != stop)
             && self.stood >= TICKS_PER_SECOND
     }
 
     /// The stop at which it stands or to which it is on its way.
-    pub fn bound_for(&self) -> u8 {
+    pub fn bound_for(&self) -> StopIdx {
         self.ordered_stop.unwrap_or(self.to)
     }
 
     /// Whether this can be the state of `mover`.
     pub fn fits(&self, mover: &Mover) -> bool {
-        let exists = |stop: u8| usize::from(stop) < mover.stops.len();
+        let exists = |stop: StopIdx| stop.idx() < mover.stops.len();
         exists(self.from)
             && exists(self.to)
-            && self.from.abs_diff(self.to) <= 1
+            && self.from.0.abs_diff(self.to.0) <= 1
             && self.ordered_stop.is_none_or(exists)
             && (0.0..=1.0).contains(&self.progress)
             && PACE_RANGE.contains(&self.pace)
@@ -118,7 +118,7 @@ impl MoverState {
     /// Takes an order; false, and nothing changes, if the mover cannot follow it. A crate goes back to where it began.
     pub fn obey(&mut self, order: MoverOrder, mover: &Mover) -> bool {
         match order {
-            MoverOrder::GoTo(stop) if usize::from(stop) < mover.stops.len() => {
+            MoverOrder::GoTo(stop) if stop.idx() < mover.stops.len() => {
                 self.ordered_stop = Some(stop);
                 self.crate_state = self.crate_state.map(|_| CrateState::START);
                 if self.from != self.to && (self.from >= stop) == (self.to > self.from) {
@@ -150,16 +150,16 @@ impl MoverState {
     }
 
     /// The stop that it sets out for now; the one at which it stands if it stays.
-    fn next_stop(&mut self, mover: &Mover) -> u8 {
-        let towards = |stop: u8| if stop > self.from { self.from + 1 } else { self.from - 1 };
+    fn next_stop(&mut self, mover: &Mover) -> StopIdx {
+        let towards = |stop: StopIdx| StopIdx(if stop > self.from { self.from.0 + 1 } else { self.from.0 - 1 });
         match self.ordered_stop {
             Some(stop) if stop != self.from => towards(stop),
             Some(_) => self.from,
             None if self.stood < mover.dwell_ticks() || mover.stops.len() < 2 || self.pace == 0.0 => self.from,
             None => {
-                let last = mover.stops.len() as u8 - 1;
-                self.is_returning = (self.is_returning || self.from == last) && self.from != 0;
-                if self.is_returning { self.from - 1 } else { self.from + 1 }
+                let last = mover.stops.len() - 1;
+                self.is_returning = (self.is_returning || self.from.idx() == last) && self.from.0 != 0;
+                StopIdx(if self.is_returning { self.from.0 - 1 } else { self.from.0 + 1 })
             }
         }
     }
@@ -175,7 +175,7 @@ impl MoverState {
 pub(crate) struct Movers {
     states: Vec<MoverState>,
     posed: Vec<Posed>,
-    near: Near,
+    nearby: MoversNearby,
     /// The movers that a body was in the way of in this tick.
     blocked: Vec<bool>,
     /// The states one tick before.
@@ -192,7 +192,7 @@ impl Movers {
         let posed = map.movers().iter().zip(&states).map(|(mover, state)| Posed::new(mover, state.pose(mover)));
         Self {
             posed: posed.collect(),
-            near: Near::new(map),
+            nearby: MoversNearby::new(map),
             blocked: vec![false; states.len()],
             former: states.clone(),
             top_paces: map
@@ -225,7 +225,7 @@ impl Movers {
             posed.former = posed.pose;
         }
         for idx in &self.crates {
-            self.near.follow(*idx as u16, &self.posed[*idx]);
+            self.nearby.follow(MoverId(*idx as u16), &self.posed[*idx]);
         }
     }
 
@@ -237,9 +237,9 @@ impl Movers {
     }
 
     /// Gives a mover an order; false, and nothing changes, if it does not exist or cannot follow it.
-    pub(crate) fn order(&mut self, map: &Map, idx: usize, order: MoverOrder) -> bool {
-        let mover = map.movers().get(idx);
-        mover.zip(self.states.get_mut(idx)).is_some_and(|(mover, state)| state.obey(order, mover))
+    pub(crate) fn order(&mut self, map: &Map, id: MoverId, order: MoverOrder) -> bool {
+        let mover = map.movers().get(id.idx());
+        mover.zip(self.states.get_mut(id.idx())).is_some_and(|(mover, state)| state.obey(order, mover))
     }
 
     /// Moves all movers by one tick; the pushers push the crates.
@@ -272,7 +272,7 @@ impl Movers {
             let (pose, mover) = (state.pose(), &map.movers()[idx]);
             if pose != self.posed[idx].pose {
                 self.posed[idx].place(mover, pose);
-                self.near.follow(idx as u16, &self.posed[idx]);
+                self.nearby.follow(MoverId(idx as u16), &self.posed[idx]);
             }
         }
     }
@@ -287,14 +287,14 @@ impl Movers {
         scratch: &mut MoveScratch,
     ) -> Vec3 {
         scratch.begin_obstacles();
-        let near = self.near.of(body.feet);
+        let near = self.nearby.at(body.feet);
         if near.is_empty() {
             return Vec3::ZERO;
         }
         let reach = Vec3::splat(REACH_M);
         let (low, high) = (body.feet - reach, body.feet + Vec3::new(0.0, profile.height, 0.0) + reach);
         for idx in near {
-            let posed = &self.posed[usize::from(*idx)];
+            let posed = &self.posed[idx.idx()];
             if posed.touches(low, high) {
                 scratch.add_obstacles(&posed.triangles);
             }
@@ -302,7 +302,7 @@ impl Movers {
         if !body.is_grounded() || body.ride.is_some() {
             return Vec3::ZERO;
         }
-        let Some(shift) = near.iter().find_map(|idx| self.shift_of(map, usize::from(*idx), body.feet)) else {
+        let Some(shift) = near.iter().find_map(|idx| self.shift_of(map, idx.idx(), body.feet)) else {
             return Vec3::ZERO;
         };
         body.shove(map.mesh(), profile, shift, scratch);
@@ -327,7 +327,7 @@ impl Movers {
 
     /// Records the movers that press a body into anything by more than they may.
     pub(crate) fn note_pressed(&mut self, profile: &CharacterProfile, body: &Body, scratch: &MoveScratch) {
-        let near = self.near.of(body.feet);
+        let near = self.nearby.at(body.feet);
         let is_pressed = || scratch.deepest_contact(profile, body.feet).is_some_and(|it| it.depth > MAX_PRESS_M);
         if near.is_empty() || !is_pressed() {
             return;
@@ -335,9 +335,9 @@ impl Movers {
         let reach = profile.radius + TOUCH_M;
         let (low, height) = (body.feet + Vec3::Y * profile.radius, profile.height - 2.0 * profile.radius);
         for idx in near {
-            let posed = &self.posed[usize::from(*idx)];
+            let posed = &self.posed[idx.idx()];
             let touches = || posed.triangles.iter().any(|it| it.capsule_contact(low, height, reach).is_some());
-            self.blocked[usize::from(*idx)] |= posed.pose != posed.former && touches();
+            self.blocked[idx.idx()] |= posed.pose != posed.former && touches();
         }
     }
 
@@ -354,7 +354,7 @@ impl Movers {
             let former = self.posed[idx].former;
             self.posed[idx].place(&map.movers()[idx], former);
             if crate_state.is_some() {
-                self.near.follow(idx as u16, &self.posed[idx]);
+                self.nearby.follow(MoverId(idx as u16), &self.posed[idx]);
             }
         }
     }

@@ -1,8 +1,8 @@
 //! Which bodies may be near a place: the index through which NPCs see others, made when the first of them looks.
 
 use crate::Vec3;
-use crate::crowd::cell_of;
-use crate::others::Other;
+use crate::cells::CellKey;
+use crate::sense::Other;
 use crate::slot::BodySlot;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -14,7 +14,7 @@ const CELL_M: f32 = 8.0;
 #[derive(Debug, Default)]
 pub(crate) struct Neighbours {
     /// Empty until an NPC looks.
-    listed: OnceLock<BTreeMap<u64, Vec<(BodySlot, Other)>>>,
+    listed: OnceLock<BTreeMap<CellKey, Vec<(BodySlot, Other)>>>,
 }
 
 impl Neighbours {
@@ -26,13 +26,13 @@ impl Neighbours {
     /// Lists a body that has appeared or moved.
     pub fn add(&mut self, body: BodySlot, other: Other) {
         if let Some(listed) = self.listed.get_mut() {
-            listed.entry(cell_of(other.feet, CELL_M)).or_default().push((body, other));
+            listed.entry(CellKey::at(other.feet, CELL_M)).or_default().push((body, other));
         }
     }
 
     /// Removes a body from where it is listed.
     pub fn remove(&mut self, body: BodySlot, other: Other) {
-        let cell = cell_of(other.feet, CELL_M);
+        let cell = CellKey::at(other.feet, CELL_M);
         if let Some(cell) = self.listed.get_mut().and_then(|listed| listed.get_mut(&cell)) {
             cell.retain(|(listed, _)| *listed != body);
         }
@@ -47,14 +47,13 @@ impl Neighbours {
         bodies: impl Iterator<Item = (BodySlot, Other)>,
     ) -> impl Iterator<Item = (BodySlot, Other)> {
         let listed = self.listed.get_or_init(|| {
-            let mut listed: BTreeMap<u64, Vec<_>> = BTreeMap::new();
-            bodies.for_each(|it| listed.entry(cell_of(it.1.feet, CELL_M)).or_default().push(it));
+            let mut listed: BTreeMap<CellKey, Vec<_>> = BTreeMap::new();
+            bodies.for_each(|it| listed.entry(CellKey::at(it.1.feet, CELL_M)).or_default().push(it));
             listed
         });
         let reach = Vec3::new(reach, 0.0, reach);
-        let [low, high] = [place - reach, place + reach].map(|corner| cell_of(corner, CELL_M));
-        let row = |cell: u64| cell & u64::from(u32::MAX);
-        let columns = (low >> 32..=high >> 32).map(move |column| column << 32 | row(low)..=column << 32 | row(high));
+        let [low, high] = [place - reach, place + reach].map(|corner| CellKey::at(corner, CELL_M));
+        let columns = CellKey::rectangle(low, high);
         columns.flat_map(|rows| listed.range(rows)).flat_map(|(_, bodies)| bodies).copied()
     }
 }

@@ -1,8 +1,9 @@
 //! Movers at their places, and which of them are near a place.
 
-use crate::Vec3;
+use crate::cells::{Cells, Span};
 use crate::map::{Map, Mover, MoverStop};
 use crate::mesh::{Surface, Triangle};
+use crate::{MoverId, Vec3};
 
 /// How far from a body movers are looked for, m: what it moves and they move in a tick, and the step that it may take.
 pub(crate) const REACH_M: f32 = 1.5;
@@ -56,84 +57,69 @@ impl Posed {
     }
 }
 
-/// The cells from the first to the last column and row that a mover may be near to.
-type Span = [[usize; 2]; 2];
-
-/// The movers that may be near a place, by cells seen from above, in the order of their indices.
+/// The movers that may be near a place, in the order of their indices.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Near {
-    columns: usize,
-    rows: usize,
-    cells: Vec<Vec<u16>>,
-    /// Where each mover is listed.
+pub(crate) struct MoversNearby {
+    cells: Cells,
+    /// Movers of each cell; empty if the map has none.
+    lists: Vec<Vec<MoverId>>,
+    /// Cells in whose lists each mover is.
     spans: Vec<Span>,
 }
 
-impl Near {
+impl MoversNearby {
     pub(crate) fn new(map: &Map) -> Self {
         if map.movers().is_empty() {
             return Self::default();
         }
-        let extent = map.extent();
-        let [columns, rows] = [extent.x, extent.z].map(|side| (side / CELL_M) as usize + 1);
-        let mut near = Self { columns, rows, cells: vec![Vec::new(); columns * rows], spans: Vec::new() };
-        for (idx, mover) in (0..).zip(map.movers()) {
+        let cells = Cells::over(Vec3::ZERO, map.extent(), CELL_M);
+        let mut nearby = Self { cells, lists: vec![Vec::new(); cells.count()], spans: Vec::new() };
+        for (id, mover) in (0..).map(MoverId).zip(map.movers()) {
             let all = (0..mover.stops.len()).map(|stop| mover.bounds_at(stop));
             let swept = all.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
             let (low, high) = swept.expect("a mover has stops");
-            // On its way a mover that turns reaches farther than at its stops.
+            // While it travels, a mover that turns reaches farther than at its stops.
             let turned = if mover.stops.iter().any(|stop| stop.yaw != 0.0) { (high - low).length() } else { 0.0 };
-            let span = near.span(low, high, REACH_M + turned);
-            near.spans.push(span);
-            near.list(idx, span);
+            let span = nearby.span(low, high, REACH_M + turned);
+            nearby.spans.push(span);
+            nearby.list(id, span);
         }
-        near
+        nearby
     }
 
     /// Lists a crate where it is now.
-    pub(crate) fn follow(&mut self, idx: u16, posed: &Posed) {
-        // Where a crate is that is not there does not matter.
+    pub(crate) fn follow(&mut self, id: MoverId, posed: &Posed) {
+        // The place of a crate that is not there does not matter.
         if !posed.pose.is_there {
             return;
         }
-        let (former, span) = (self.spans[usize::from(idx)], self.span(posed.low, posed.high, REACH_M));
+        let (former, span) = (self.spans[id.idx()], self.span(posed.low, posed.high, REACH_M));
         if former == span {
             return;
         }
-        for cell in self.cells_in(former) {
-            self.cells[cell].retain(|listed| *listed != idx);
+        for cell in self.cells.in_span(former) {
+            self.lists[cell].retain(|listed| *listed != id);
         }
-        self.spans[usize::from(idx)] = span;
-        self.list(idx, span);
+        self.spans[id.idx()] = span;
+        self.list(id, span);
     }
 
-    fn list(&mut self, idx: u16, span: Span) {
-        for cell in self.cells_in(span) {
-            let cell = &mut self.cells[cell];
-            // What a body meets first must not depend on how the crates came to where they are.
-            cell.insert(cell.partition_point(|listed| *listed < idx), idx);
+    fn list(&mut self, id: MoverId, span: Span) {
+        for cell in self.cells.in_span(span) {
+            let list = &mut self.lists[cell];
+            // The order in which a body meets movers must not depend on the paths of the crates.
+            list.insert(list.partition_point(|listed| *listed < id), id);
         }
     }
 
     fn span(&self, low: Vec3, high: Vec3, reach: f32) -> Span {
-        [self.cell(low - Vec3::splat(reach)), self.cell(high + Vec3::splat(reach))]
+        self.cells.span(low - Vec3::splat(reach), high + Vec3::splat(reach))
     }
 
-    fn cells_in(&self, [[left, top], [right, bottom]]: Span) -> impl Iterator<Item = usize> + use<> {
-        let columns = self.columns;
-        (top..=bottom).flat_map(move |row| (left..=right).map(move |column| row * columns + column))
-    }
-
-    fn cell(&self, point: Vec3) -> [usize; 2] {
-        let number = |metres: f32, count: usize| ((metres / CELL_M).max(0.0) as usize).min(count - 1);
-        [number(point.x, self.columns), number(point.z, self.rows)]
-    }
-
-    pub(crate) fn of(&self, point: Vec3) -> &[u16] {
-        if self.cells.is_empty() {
+    pub(crate) fn at(&self, point: Vec3) -> &[MoverId] {
+        if self.lists.is_empty() {
             return &[];
         }
-        let [column, row] = self.cell(point);
-        &self.cells[row * self.columns + column]
+        &self.lists[self.cells.idx(self.cells.place_of(point))]
     }
 }

@@ -8,7 +8,7 @@ use crate::movers::MoverOrder;
 use crate::npc::{MAX_PROFILES, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::player::{Player, PlayerSlot};
 use crate::sealed::{self, SealError};
-use crate::{TaskConfig, Tick, Vec3};
+use crate::{MoverId, TaskConfig, Tick, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// First bytes of a recording's file.
@@ -36,7 +36,7 @@ pub enum Input {
     /// `World::close_decision`.
     Close(NpcSlot),
     /// `World::order`.
-    Order(u16, MoverOrder),
+    Order(MoverId, MoverOrder),
     /// `World::spawn_player`.
     SpawnPlayer(Player),
     /// `World::move_player`.
@@ -112,12 +112,12 @@ pub enum ReplayError {
         slot: u32,
     },
     /// An order names a mover that does not exist, or that cannot follow it.
-    #[error("the recording is inconsistent at tick {tick}: mover {mover} does not exist or cannot follow its order")]
+    #[error("the recording is inconsistent at tick {tick}: mover {} does not exist or cannot follow its order", .mover.0)]
     NoSuchMover {
         /// Tick of the order.
         tick: Tick,
         /// Index of the mover.
-        mover: u16,
+        mover: MoverId,
     },
     /// A player that is moved or removed does not exist.
     #[error("the recording is inconsistent at tick {tick}: player {player} does not exist")]

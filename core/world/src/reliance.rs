@@ -1,12 +1,12 @@
 //! What a body relies on: at which of its stops each mover may stand so that the body can be where it is.
 
-use crate::Vec3;
 use crate::character::{Body, CharacterProfile};
 use crate::map::{Map, Mover};
 use crate::mesh::Triangle;
 use crate::movers::MoverState;
 use crate::navigable::DOWN;
-use crate::posed::{Near, REACH_M};
+use crate::posed::{MoversNearby, REACH_M};
+use crate::{MoverId, StopIdx, StopSet, Vec3};
 
 /// How deep a mover must reach into a body to be in its way, m.
 const IN_THE_WAY_M: f32 = 0.05;
@@ -32,7 +32,7 @@ pub struct Reliance {
     /// Boxes around the journeys of each mover from stop to stop; around itself if it stays.
     swept: Vec<Vec<(Vec3, Vec3)>>,
     /// Movers by where any of their stops is.
-    near: Near,
+    nearby: MoversNearby,
 }
 
 impl Reliance {
@@ -52,7 +52,7 @@ impl Reliance {
         Self {
             shapes: map.movers().iter().map(of).collect(),
             swept: map.movers().iter().map(journeys).collect(),
-            near: Near::new(map),
+            nearby: MoversNearby::new(map),
         }
     }
 
@@ -62,37 +62,37 @@ impl Reliance {
     }
 
     /// Calls `note` with the index of each mover that stands at a stop and on which `body` relies, and with the set of its stops at which
-    /// the body could be where it is, as bits.
+    /// the body could be where it is.
     pub fn of(
         &self,
         map: &Map,
         states: &[MoverState],
         profile: &CharacterProfile,
         body: &Body,
-        mut note: impl FnMut(u16, u16),
+        mut note: impl FnMut(MoverId, StopSet),
     ) {
         let (low, height) = (body.feet + Vec3::Y * profile.radius, profile.height - 2.0 * profile.radius);
         let reach = Vec3::new(profile.radius, KNEE_M, profile.radius);
         let (least, most) = (body.feet - reach, body.feet + reach + Vec3::new(0.0, profile.height, 0.0));
-        for &idx in self.near.of(body.feet) {
-            let at = usize::from(idx);
+        for &id in self.nearby.at(body.feet) {
+            let at = id.idx();
             let (mover, shapes, state) = (&map.movers()[at], &self.shapes[at], &states[at]);
             let mut possible = mover.all_stops();
-            for (stop, shape) in shapes.iter().enumerate() {
+            for (stop, shape) in (0..).map(StopIdx).zip(shapes) {
                 let Some(shape) = shape.as_ref().filter(|it| it.low.cmple(most).all() && it.high.cmpge(least).all())
                 else {
                     continue;
                 };
-                if state.at() == Some(stop as u8) {
+                if state.at() == Some(stop) {
                     if body.is_grounded() && shape.carries(body.feet) && !has_ground(map, profile, body.feet) {
-                        possible &= 1 << stop;
+                        possible = possible.intersection(StopSet::only(stop));
                     }
                 } else if shape.is_in_the_way(low, height, profile.radius) {
-                    possible &= !(1 << stop);
+                    possible = possible.difference(StopSet::only(stop));
                 }
             }
             if possible != mover.all_stops() {
-                note(idx, possible);
+                note(id, possible);
             }
         }
     }
@@ -104,7 +104,7 @@ impl Reliance {
         // What is below the feet is not in the way.
         let (least, most) = (feet - reach + Vec3::Y * STEP_ON_M, feet + reach + Vec3::Y * profile.height);
         let is_in = |(low, high): &(Vec3, Vec3)| low.cmple(most).all() && high.cmpge(least).all();
-        self.near.of(feet).iter().any(|idx| self.swept[usize::from(*idx)].iter().any(is_in))
+        self.nearby.at(feet).iter().any(|idx| self.swept[idx.idx()].iter().any(is_in))
     }
 }
 

@@ -46,6 +46,81 @@ impl fmt::Display for Seed {
     }
 }
 
+/// Index of a mover on its map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
+pub struct MoverId(pub u16);
+
+impl MoverId {
+    /// Place of the mover in the list of the map.
+    pub fn idx(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
+/// Index of one of a mover's stops.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
+pub struct StopIdx(pub u8);
+
+impl StopIdx {
+    /// Place of the stop in the list of its mover.
+    pub fn idx(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
+/// A mover at one of its stops.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct MoverAt {
+    /// The mover.
+    pub mover: MoverId,
+    /// Its stop.
+    pub stop: StopIdx,
+}
+
+/// A set of the stops of one mover.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+pub struct StopSet(pub u16);
+
+impl StopSet {
+    /// All stops that a mover can have.
+    pub const ALL: Self = Self(u16::MAX);
+
+    /// The first `count` stops, at most 16.
+    pub fn first(count: usize) -> Self {
+        Self(((1u32 << count) - 1) as u16)
+    }
+
+    /// One stop; none if its index is 16 or more.
+    pub fn only(stop: StopIdx) -> Self {
+        Self(1u16.checked_shl(stop.0.into()).unwrap_or(0))
+    }
+
+    /// Whether the set is empty.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether the set has a stop.
+    pub fn contains(self, stop: StopIdx) -> bool {
+        !self.intersection(Self::only(stop)).is_empty()
+    }
+
+    /// The stops of both sets.
+    pub fn intersection(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
+    /// The stops of this set that `other` lacks.
+    pub fn difference(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// The lowest stop; `None` if the set is empty.
+    pub fn lowest(self) -> Option<StopIdx> {
+        (!self.is_empty()).then(|| StopIdx(self.0.trailing_zeros() as u8))
+    }
+}
+
 /// A probability, in [0, 1].
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
 pub struct Chance(f64);

@@ -13,7 +13,7 @@ use crate::recording::{CHECK_EVERY_TICKS, Input, Recording};
 use crate::sense::{LastDecision, RayCone};
 use crate::slot::BodySlot;
 use crate::task::{End, Episode, TaskConfig};
-use crate::{AbilitySet, TICKS_PER_DECISION, Tick, Vec3};
+use crate::{AbilitySet, MoverAt, MoverId, TICKS_PER_DECISION, Tick, Vec3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -376,9 +376,9 @@ impl World {
         self.movers.states()
     }
 
-    /// Gives the mover of that index an order; false, and nothing changes, if it does not exist or cannot follow it.
-    pub fn order(&mut self, mover: u16, order: MoverOrder) -> bool {
-        let obeyed = self.movers.order(&self.map, usize::from(mover), order);
+    /// Gives a mover an order; false, and nothing changes, if it does not exist or cannot follow it.
+    pub fn order(&mut self, mover: MoverId, order: MoverOrder) -> bool {
+        let obeyed = self.movers.order(&self.map, mover, order);
         if obeyed {
             self.note(Input::Order(mover, order));
         }
@@ -387,8 +387,8 @@ impl World {
 
     /// Sends a lift or platform to the stop where an NPC wants it, unless it cycles, is on its way, or was called elsewhere within the last
     /// second.
-    pub fn call(&mut self, mover: u16, stop: u8) {
-        let idx = usize::from(mover);
+    pub fn call(&mut self, MoverAt { mover, stop }: MoverAt) {
+        let idx = mover.idx();
         let called = self.map.movers().get(idx).zip(self.movers.states().get(idx));
         if called.is_some_and(|(mover, state)| state.follows_call(mover, stop)) {
             self.order(mover, MoverOrder::GoTo(stop));

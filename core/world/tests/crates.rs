@@ -6,7 +6,7 @@ use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::player::{Player, PlayerContact};
 use surefoot_world::replay::Recording;
-use surefoot_world::{Action, CharacterProfile, Map, MoverOrder, NpcSlot, TaskConfig, Vec3, World};
+use surefoot_world::{Action, CharacterProfile, Map, MoverId, MoverOrder, NpcSlot, StopIdx, TaskConfig, Vec3, World};
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
 const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
@@ -22,7 +22,7 @@ fn mover(name: &str, kind: MoverKind, low: Vec3, size: Vec3) -> Mover {
         triangles: cuboid(low, low + size),
         pivot: low + size * Vec3::new(0.5, 0.0, 0.5),
         stops: vec![MoverStop { offset: Vec3::ZERO, yaw: 0.0, is_there: true }],
-        start: 0,
+        start: StopIdx(0),
         travel_s: 2.0,
         dwell_s: 1.0,
         cycles: false,
@@ -123,9 +123,9 @@ fn a_crate_rides_on_a_lift() {
     load.triangles.iter_mut().flatten().for_each(|corner| corner.y += 0.2);
     let mut world = world(vec![lift, load]);
     world.spawn(Vec3::new(14.0, TABLE, 10.0), 0.0);
-    world.order(0, MoverOrder::GoTo(1));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(1)));
     run(&mut world, STAND, 30);
-    assert_eq!(world.movers()[0].at(), Some(1));
+    assert_eq!(world.movers()[0].at(), Some(StopIdx(1)));
     assert!((shift(&world, 1).y - 6.0).abs() < 0.05, "{}", shift(&world, 1));
 }
 
@@ -158,15 +158,15 @@ fn crates_stack_and_what_rests_on_one_falls_when_it_is_pushed_away() {
 fn a_crate_that_is_held_stays_and_one_that_is_told_so_goes_back() {
     let mut world = world(vec![crate_at("it", 20.0, 10.0, 1.0)]);
     world.spawn(Vec3::new(20.0, TABLE, 8.5), 0.0);
-    world.order(0, MoverOrder::Pace(0.0));
+    world.order(MoverId(0), MoverOrder::Pace(0.0));
     run(&mut world, FORWARD, 12);
     assert_eq!(shift(&world, 0), Vec3::ZERO);
-    world.order(0, MoverOrder::Pace(1.0));
+    world.order(MoverId(0), MoverOrder::Pace(1.0));
     run(&mut world, FORWARD, 12);
     assert!(shift(&world, 0).z > 1.0);
     assert_eq!(world.movers()[0].at(), None, "who relies on it at its place must know");
-    world.order(0, MoverOrder::GoTo(0));
-    assert_eq!((world.movers()[0].at(), shift(&world, 0)), (Some(0), Vec3::ZERO));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(0)));
+    assert_eq!((world.movers()[0].at(), shift(&world, 0)), (Some(StopIdx(0)), Vec3::ZERO));
 }
 
 #[test]
@@ -178,7 +178,7 @@ fn a_crate_that_leaves_the_map_is_gone_until_it_is_called_back() {
     run(&mut world, FORWARD, 14);
     assert!(!world.movers()[0].crate_state.expect("a crate").is_there);
     run(&mut world, Action { forward: -1.0, ..STAND }, 8);
-    world.order(0, MoverOrder::GoTo(0));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(0)));
     run(&mut world, STAND, 5);
     assert!(world.movers()[0].crate_state.expect("a crate").is_there);
 }

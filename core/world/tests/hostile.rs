@@ -8,8 +8,8 @@ use surefoot_world::map::{Liquid, MapSize, Mover, MoverKind, MoverStop, Outline,
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::Reach;
 use surefoot_world::{
-    Action, CharacterProfile, CrateState, Map, MoverOrder, MoverState, NpcSlot, OBSERVATION_WITH_OTHERS_LEN,
-    RawCharacterProfile, TaskConfig, Vec3, World, WorldConfig,
+    Action, CharacterProfile, CrateState, Map, MoverAt, MoverId, MoverOrder, MoverState, NpcSlot,
+    OBSERVATION_WITH_OTHERS_LEN, RawCharacterProfile, StopIdx, TaskConfig, Vec3, World, WorldConfig,
 };
 
 const SIDE_M: f32 = 20.0;
@@ -62,7 +62,7 @@ fn mover() -> impl Strategy<Value = Mover> {
             kind,
             triangles: cuboid(low, low + size.abs() * 0.2),
             pivot,
-            start: start % stops.len() as u8,
+            start: StopIdx(start % stops.len() as u8),
             stops,
             travel_s,
             dwell_s,
@@ -84,7 +84,7 @@ fn state() -> impl Strategy<Value = MoverState> {
         },
     );
     let counts = prop::sample::select(vec![0, 1, u32::MAX - 1, u32::MAX]);
-    let stop = || prop_oneof![9 => 0..2_u8, 1 => any::<u8>()];
+    let stop = || prop_oneof![9 => 0..2_u8, 1 => any::<u8>()].prop_map(StopIdx);
     let paces = (prop_oneof![9 => 0.0..=1.0f32, 1 => number()], prop_oneof![9 => 0.0..=4.0f32, 1 => number()]);
     ((stop(), stop(), prop::option::of(stop())), paces, (counts.clone(), counts), any::<bool>(), lies).prop_map(
         |((from, to, told), (progress, pace), (stood, blocked), is_returning, lies)| MoverState {
@@ -102,7 +102,11 @@ fn state() -> impl Strategy<Value = MoverState> {
 }
 
 fn order() -> impl Strategy<Value = MoverOrder> {
-    prop_oneof![any::<u8>().prop_map(MoverOrder::GoTo), Just(MoverOrder::Cycle), number().prop_map(MoverOrder::Pace)]
+    prop_oneof![
+        any::<u8>().prop_map(|stop| MoverOrder::GoTo(StopIdx(stop))),
+        Just(MoverOrder::Cycle),
+        number().prop_map(MoverOrder::Pace)
+    ]
 }
 
 fn piece() -> impl Strategy<Value = PieceShape> {
@@ -171,10 +175,10 @@ fn live(map: &Arc<Map>, profile: CharacterProfile, movers: Option<MoverState>, o
             world.decide(slot, Action { forward: 1.0, strafe: 0.3, turn: 0.4, jump: (step % 2) as f32 });
         }
         if let Some(order) = orders.get(step) {
-            world.order(0, *order);
+            world.order(MoverId(0), *order);
         }
         world.tick_decision();
-        world.call(0, 1);
+        world.call(MoverAt { mover: MoverId(0), stop: StopIdx(1) });
         for slot in (0..4).map(NpcSlot) {
             world.observe(slot, &mut row);
             world.close_decision(slot);

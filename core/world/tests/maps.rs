@@ -6,7 +6,9 @@ use surefoot_world::map::stage::Stage;
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::{Means, Reach};
-use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, MoverOrder, TaskConfig, Vec3, World};
+use surefoot_world::{
+    Action, CharacterProfile, End, Map, MapSpec, MoverId, MoverOrder, StopIdx, TaskConfig, Vec3, World,
+};
 
 /// Hashes of the maps that a release generates; a change here changes every map and every graph.
 const GOLDEN: [(u64, u32, &str, &str); 4] = [
@@ -262,7 +264,7 @@ fn lifts_that_were_placed_carry_bodies_to_ground_that_is_higher() {
         })
         .collect();
     for (idx, rider) in riders {
-        world.order(idx as u16, MoverOrder::GoTo(1));
+        world.order(MoverId(idx as u16), MoverOrder::GoTo(StopIdx(1)));
         (0..600).for_each(|_| world.tick());
         let (low, high) = map.movers()[idx].bounds_at(1);
         let body = &world.npc(rider).unwrap().body;

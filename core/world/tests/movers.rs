@@ -7,7 +7,10 @@ use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::Reach;
-use surefoot_world::{Action, CharacterProfile, Map, MoverOrder, MoverState, NpcSlot, TaskConfig, Tick, Vec3, World};
+use surefoot_world::{
+    Action, CharacterProfile, Map, MoverId, MoverOrder, MoverState, NpcSlot, StopIdx, StopSet, TaskConfig, Tick, Vec3,
+    World,
+};
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
 const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
@@ -29,7 +32,7 @@ fn mover(kind: MoverKind, low: Vec3, high: Vec3, offsets: &[Vec3]) -> Mover {
         triangles: cuboid(low, high),
         pivot: low,
         stops: std::iter::once(here).chain(stops).collect(),
-        start: 0,
+        start: StopIdx(0),
         travel_s: 2.0,
         dwell_s: 1.0,
         cycles: false,
@@ -70,9 +73,9 @@ fn a_closed_door_stops_a_body_and_rays_and_an_open_one_does_neither() {
     assert!(nearest(&world) < 20.01, "no ray passes the door");
     run(&mut world, FORWARD, 12);
     assert!((19.4..19.8).contains(&feet(&world).z), "{}", feet(&world));
-    assert!(world.order(0, MoverOrder::GoTo(1)));
+    assert!(world.order(MoverId(0), MoverOrder::GoTo(StopIdx(1))));
     run(&mut world, STAND, 13);
-    assert_eq!(world.movers()[0].at(), Some(1));
+    assert_eq!(world.movers()[0].at(), Some(StopIdx(1)));
     assert!(nearest(&world) > 25.0);
     run(&mut world, FORWARD, 12);
     assert!(feet(&world).z > 25.0);
@@ -82,7 +85,7 @@ fn a_closed_door_stops_a_body_and_rays_and_an_open_one_does_neither() {
 fn a_door_does_not_crush_who_stands_in_it_and_goes_on_once_they_are_gone() {
     let (low, high) = (Vec3::new(10.0, GROUND, 19.0), Vec3::new(20.0, 5.0, 21.0));
     let mut door = mover(MoverKind::Door, low, high, &[Vec3::X * 10.0]);
-    door.start = 1;
+    door.start = StopIdx(1);
     // The body cannot be pushed out of the way: the door closes against a post.
     let post = cuboid(Vec3::new(9.0, GROUND, 19.0), Vec3::new(10.1, 5.0, 21.0));
     let triangles: Vec<Triangle> =
@@ -91,28 +94,28 @@ fn a_door_does_not_crush_who_stands_in_it_and_goes_on_once_they_are_gone() {
     let map = Arc::new(map.with_movers(vec![door]).unwrap());
     let mut world = World::new(map, CharacterProfile::default(), TaskConfig::default());
     world.spawn(Vec3::new(10.6, GROUND, 20.1), 0.0);
-    assert!(world.order(0, MoverOrder::GoTo(0)));
+    assert!(world.order(MoverId(0), MoverOrder::GoTo(StopIdx(0))));
     run(&mut world, STAND, 20);
     let state = world.movers()[0];
     assert!(state.at().is_none() && state.blocked > 10, "{state:?}");
     assert!(world.npc(NPC).unwrap().harm.is_none());
     assert!((feet(&world) - Vec3::new(10.6, GROUND, 20.1)).length() < 0.3, "{}", feet(&world));
     run(&mut world, FORWARD, 15);
-    assert_eq!(world.movers()[0].at(), Some(0));
+    assert_eq!(world.movers()[0].at(), Some(StopIdx(0)));
 }
 
 #[test]
 fn a_door_that_is_told_otherwise_turns_round_on_the_way() {
     let mut world = world(vec![door()]);
-    world.order(0, MoverOrder::GoTo(1));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(1)));
     (0..30).for_each(|_| world.tick());
     let opening = world.movers()[0];
     assert!((opening.progress - 0.25).abs() < 1.0e-4, "{opening:?}");
-    world.order(0, MoverOrder::GoTo(0));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(0)));
     (0..29).for_each(|_| world.tick());
     assert_eq!(world.movers()[0].at(), None);
     (0..2).for_each(|_| world.tick());
-    assert_eq!(world.movers()[0].at(), Some(0));
+    assert_eq!(world.movers()[0].at(), Some(StopIdx(0)));
 }
 
 #[test]
@@ -147,7 +150,7 @@ fn who_jumps_off_a_platform_keeps_its_speed() {
     let platform = mover(MoverKind::Platform, low, low + Vec3::new(3.0, 0.2, 3.0), &[Vec3::new(0.0, 0.0, 10.0)]);
     let mut world = world(vec![platform]);
     world.spawn(Vec3::new(15.5, GROUND + 0.2, 5.5), 0.0);
-    world.order(0, MoverOrder::GoTo(1));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(1)));
     run(&mut world, STAND, 4);
     let (before, grounded) = (feet(&world), world.npc(NPC).unwrap().body.is_grounded());
     assert!(grounded && (before.z - 5.5 - 5.0 * 40.0 / 60.0).abs() < 0.2, "carried: {before}");
@@ -166,15 +169,15 @@ fn a_floor_that_vanishes_drops_who_stands_on_it_and_waits_until_its_place_is_fre
     world.spawn(Vec3::new(15.5, 6.3, 15.5), 0.0);
     run(&mut world, STAND, 5);
     assert!((feet(&world).y - 6.3).abs() < 0.01);
-    world.order(0, MoverOrder::GoTo(1));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(1)));
     run(&mut world, STAND, 11);
     assert!((feet(&world).y - 6.3).abs() < 0.01, "it is there until it is gone");
     run(&mut world, STAND, 15);
     assert!((feet(&world).y - GROUND).abs() < 0.05);
-    world.order(0, MoverOrder::GoTo(0));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(0)));
     run(&mut world, STAND, 14);
     let sky = world.sight(NPC).ends.iter().map(|(end, _)| end.y).fold(0.0, f32::max);
-    assert!(sky > 10.0 && world.movers()[0].at() == Some(0));
+    assert!(sky > 10.0 && world.movers()[0].at() == Some(StopIdx(0)));
 }
 
 #[test]
@@ -186,7 +189,7 @@ fn a_conveyor_carries_what_stands_on_it_and_stops_with_its_pace() {
     world.spawn(Vec3::new(12.0, GROUND + 0.1, 6.0), 0.0);
     run(&mut world, STAND, 12);
     assert!((feet(&world).z - 12.0).abs() < 0.2, "{}", feet(&world));
-    assert!(world.order(0, MoverOrder::Pace(0.0)));
+    assert!(world.order(MoverId(0), MoverOrder::Pace(0.0)));
     let stopped = feet(&world);
     run(&mut world, STAND, 12);
     assert!(feet(&world).distance(stopped) < 0.1);
@@ -198,12 +201,12 @@ fn a_lift_stops_above_who_stands_under_it() {
     let lift = mover(MoverKind::Lift, low, low + Vec3::new(3.0, 0.2, 3.0), &[Vec3::new(0.0, -6.9, 0.0)]);
     let mut world = world(vec![lift]);
     world.spawn(Vec3::new(15.5, GROUND, 15.5), 0.0);
-    world.order(0, MoverOrder::GoTo(1));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(1)));
     run(&mut world, STAND, 30);
     assert!(feet(&world).y > GROUND - 0.1 && world.movers()[0].blocked > 0, "{}", feet(&world));
     run(&mut world, FORWARD, 10);
     run(&mut world, STAND, 10);
-    assert_eq!(world.movers()[0].at(), Some(1));
+    assert_eq!(world.movers()[0].at(), Some(StopIdx(1)));
 }
 
 /// A world with one mover of each kind, and four NPCs that move about on them.
@@ -234,8 +237,8 @@ fn wander(world: &mut World, decisions: std::ops::Range<u32>) {
             world.decide(slot, Action { forward: 0.4, strafe: 0.1, turn, jump: turn - 0.5 });
         }
         if decision % 40 == 20 {
-            world.order(2, MoverOrder::GoTo((decision / 40 % 2) as u8));
-            world.order(0, MoverOrder::Pace(2.0));
+            world.order(MoverId(2), MoverOrder::GoTo(StopIdx((decision / 40 % 2) as u8)));
+            world.order(MoverId(0), MoverOrder::Pace(2.0));
         }
         world.tick_decision();
     }
@@ -263,13 +266,13 @@ fn orders_that_no_mover_can_follow_change_nothing() {
     let mut world = busy();
     let before = world.movers().to_vec();
     for (mover, order) in [
-        (9, MoverOrder::GoTo(0)),
-        (0, MoverOrder::GoTo(2)),
+        (9, MoverOrder::GoTo(StopIdx(0))),
+        (0, MoverOrder::GoTo(StopIdx(2))),
         (1, MoverOrder::Cycle),
         (0, MoverOrder::Pace(-1.0)),
         (0, MoverOrder::Pace(f32::NAN)),
     ] {
-        assert!(!world.order(mover, order), "{mover} {order:?}");
+        assert!(!world.order(MoverId(mover), order), "{mover} {order:?}");
     }
     assert_eq!(world.movers(), before);
 }
@@ -282,7 +285,7 @@ fn movers_that_cannot_be_are_refused_with_their_names() {
     let cases: [(Spoil, &str); 7] = [
         (|it| it.name.clear(), "needs a name"),
         (|it| it.stops.truncate(1), "2 to 16 stops"),
-        (|it| it.start = 7, "a start that is one of its stops"),
+        (|it| it.start = StopIdx(7), "a start that is one of its stops"),
         (|it| it.stops[1].offset.y = f32::NAN, "out of range"),
         (|it| it.travel_s = -1.0, "out of range"),
         (|it| it.travel_s = 0.01, "at most 10 m/s"),
@@ -344,7 +347,7 @@ fn names_of_nodes_and_the_sidecar_make_movers() {
     ]}"#;
     let imported = exchange::import_obj(text.as_bytes(), Some(sidecar), &ImportOptions::default()).expect("a level");
     let map = imported.map;
-    let found: Vec<_> = map.movers().iter().map(|it| (it.name.as_str(), it.kind, it.stops.len(), it.start)).collect();
+    let found: Vec<_> = map.movers().iter().map(|it| (it.name.as_str(), it.kind, it.stops.len(), it.start.0)).collect();
     assert_eq!(
         found,
         [
@@ -416,7 +419,7 @@ fn an_exported_map_is_imported_with_the_same_movers() {
     let mut floor = mover(MoverKind::Floor, low * 1.5, low * 1.5 + Vec3::splat(2.0), &[Vec3::ZERO]);
     (floor.stops[1].is_there, floor.cycles) = (false, true);
     let mut gate = door();
-    (gate.start, gate.dwell_s) = (1, 2.5);
+    (gate.start, gate.dwell_s) = (StopIdx(1), 2.5);
     let mut movers = vec![swing, lift, belt, floor, gate];
     (0..).zip(&mut movers).for_each(|(idx, mover): (u8, _)| mover.name = format!("it {idx}"));
     let map = world(movers).map().clone();
@@ -453,16 +456,19 @@ fn a_lift_may_have_sixteen_stops() {
     let lift = mover(MoverKind::Lift, low, low + Vec3::new(3.0, 0.2, 3.0), &floors);
     let mut world = world(vec![lift]);
     world.spawn(Vec3::new(15.5, GROUND + 0.1, 15.5), 0.0);
-    assert!(world.order(0, MoverOrder::GoTo(15)) && !world.order(0, MoverOrder::GoTo(16)));
+    assert!(
+        world.order(MoverId(0), MoverOrder::GoTo(StopIdx(15)))
+            && !world.order(MoverId(0), MoverOrder::GoTo(StopIdx(16)))
+    );
     (0..15 * 120 + 15).for_each(|_| world.tick());
-    assert_eq!(world.movers()[0].at(), Some(15));
+    assert_eq!(world.movers()[0].at(), Some(StopIdx(15)));
     assert!((feet(&world).y - 16.1).abs() < 0.01, "{}", feet(&world));
     let npc = world.npc(NPC).unwrap();
     let mut needs = Vec::new();
     let reliance = surefoot_world::reliance::Reliance::on(world.map());
     reliance
         .of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| needs.push((mover, stops)));
-    assert_eq!(needs, [(0, 1 << 15)]);
+    assert_eq!(needs, [(MoverId(0), StopSet::only(StopIdx(15)))]);
 }
 
 #[test]
@@ -481,7 +487,7 @@ fn a_body_relies_on_the_lift_beneath_it_among_a_hundred() {
         let mut body = Body::at(aboard, 0.0);
         body.support = Support::Ground;
         reliance.of(world.map(), world.movers(), &profile, &body, |mover, stops| noted.push((mover, stops)));
-        assert_eq!(noted, [(idx as u16, 1)]);
+        assert_eq!(noted, [(MoverId(idx as u16), StopSet::only(StopIdx(0)))]);
         let is_swept = |feet: Vec3| reliance.is_swept(&profile, feet, 0.4);
         assert!(is_swept(aboard + Vec3::Y * 4.0) && is_swept(aboard + Vec3::new(1.6, 4.0, 0.0)), "lift {idx}");
         assert!(!is_swept(aboard + Vec3::Y * 8.0) && !is_swept(aboard + Vec3::new(2.0, 4.0, 2.0)), "lift {idx}");
@@ -494,8 +500,8 @@ fn no_pace_makes_a_mover_so_fast_that_bodies_slip_through() {
     let wall = mover(MoverKind::Door, gate, gate + Vec3::new(40.0, 4.0, 0.3), &[Vec3::Z * 18.0]);
     let mut world = world(vec![wall]);
     world.spawn(Vec3::new(15.0, GROUND, 20.0), 0.0);
-    world.order(0, MoverOrder::Pace(4.0));
-    world.order(0, MoverOrder::GoTo(1));
+    world.order(MoverId(0), MoverOrder::Pace(4.0));
+    world.order(MoverId(0), MoverOrder::GoTo(StopIdx(1)));
     (0..60).for_each(|_| world.tick());
     // 9 m/s at the usual pace, 10 m/s at most.
     assert!((world.movers()[0].progress - 10.0 / 18.0).abs() < 0.01, "{:?}", world.movers()[0]);

@@ -5,7 +5,7 @@ use crate::ids::WorldId;
 use std::collections::BTreeSet;
 use surefoot_world::map::{Mover, MoverKind};
 use surefoot_world::player::MAX_PLAYERS;
-use surefoot_world::{MoverOrder, MoverState, PACE_RANGE, Player, PlayerSlot, Vec3};
+use surefoot_world::{MoverId, MoverOrder, MoverState, PACE_RANGE, Player, PlayerSlot, StopIdx, Vec3};
 
 /// Why a mover or a player cannot be changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -78,7 +78,7 @@ impl HostedWorld {
         let order = destination.map(|destination| order_of(&self.movers()[idx], destination)).transpose()?;
         for order in order.into_iter().chain(pace.map(MoverOrder::Pace)) {
             // It was checked.
-            self.world.order(idx as u16, order);
+            self.world.order(MoverId(idx as u16), order);
         }
         Ok((idx, self.mover_states()[idx]))
     }
@@ -129,14 +129,14 @@ impl HostedWorld {
 fn order_of(mover: &Mover, destination: Destination) -> Result<MoverOrder, LivingError> {
     let count = mover.stops.len();
     match destination {
-        Destination::Stop(stop) if (stop as usize) < count => Ok(MoverOrder::GoTo(stop as u8)),
+        Destination::Stop(stop) if (stop as usize) < count => Ok(MoverOrder::GoTo(StopIdx(stop as u8))),
         Destination::Stop(stop) => {
             let message = format!("`{}` has the stops 0 to {}, but no stop {stop}", mover.name, count - 1);
             Err(LivingError::Order { field: "stop", message })
         }
         // A floor is there at stop 0.
-        Destination::Open(open) if mover.kind == MoverKind::Door => Ok(MoverOrder::GoTo(u8::from(open))),
-        Destination::Open(open) if mover.kind == MoverKind::Floor => Ok(MoverOrder::GoTo(u8::from(!open))),
+        Destination::Open(open) if mover.kind == MoverKind::Door => Ok(MoverOrder::GoTo(StopIdx(u8::from(open)))),
+        Destination::Open(open) if mover.kind == MoverKind::Floor => Ok(MoverOrder::GoTo(StopIdx(u8::from(!open)))),
         Destination::Open(_) => {
             let message = format!("`{}` is neither a door nor a floor: give a stop", mover.name);
             Err(LivingError::Order { field: "open", message })

@@ -137,8 +137,8 @@ impl HostedWorld {
             self.counters.answered += 1;
             self.world.decide(record.slot, action);
         }
-        for (mover, stop) in answer.mover_calls {
-            self.world.call(mover, stop);
+        for call in answer.mover_calls {
+            self.world.call(call);
         }
         for (id, attempt, plan) in answer.plans {
             if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {

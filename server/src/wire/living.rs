@@ -46,10 +46,10 @@ fn stop_to_wire(stop: MoverStop) -> wire::MoverStop {
 pub fn mover_state_to_wire(idx: usize, state: &MoverState, pose: MoverStop) -> wire::MoverState {
     wire::MoverState {
         mover: idx as u32,
-        from_stop: state.from.into(),
-        to_stop: state.to.into(),
+        from_stop: state.from.0.into(),
+        to_stop: state.to.0.into(),
         progress: state.progress,
-        told_stop: state.ordered_stop.map(u32::from),
+        told_stop: state.ordered_stop.map(|stop| stop.0.into()),
         pace: state.pace,
         blocked: state.blocked > 0,
         pose: Some(stop_to_wire(pose)),

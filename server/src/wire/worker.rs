@@ -12,7 +12,8 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use surefoot_world::{
-    Action, Chance, End, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Seconds, Tick, Vec3,
+    Action, Chance, End, MoverAt, MoverId, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Seconds,
+    StopIdx, Tick, Vec3,
 };
 use tonic::Status;
 
@@ -56,7 +57,10 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
         }
     }
     // Calls of what does not exist come to nothing.
-    let call = |call: wire::MoverCall| Some((u16::try_from(call.mover).ok()?, u8::try_from(call.stop).ok()?));
+    let call = |call: wire::MoverCall| {
+        let (mover, stop) = (MoverId(u16::try_from(call.mover).ok()?), StopIdx(u8::try_from(call.stop).ok()?));
+        Some(MoverAt { mover, stop })
+    };
     answer.mover_calls = batch.mover_calls.into_iter().filter_map(call).collect();
     let end = |unreachable: bool| if unreachable { End::Unreachable } else { End::NoProgress };
     answer.gave_up = batch.gave_up.into_iter().map(|it| (NpcId(it.npc_id), it.attempt, end(it.unreachable))).collect();

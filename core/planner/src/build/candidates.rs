@@ -6,10 +6,9 @@
 
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
-use crate::needs::MoverAt;
 use std::collections::{BTreeMap, BTreeSet};
 use surefoot_world::float::hypot;
-use surefoot_world::{CharacterProfile, Map, Vec3};
+use surefoot_world::{CharacterProfile, Map, MoverAt, MoverId, Vec3};
 
 /// A candidate edge: an ordered pair of vertices.
 pub type Candidate = EdgeKey;
@@ -118,7 +117,7 @@ pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], kno
 /// that are no ride_stops. `ride_stops` has the ride_stop of each vertex, as [`RideStops::of_vertices`](crate::RideStops::of_vertices) returns them.
 pub fn by_ride_stops(ride_stops: &[Option<MoverAt>], vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
     let mut found = BTreeSet::new();
-    let mut stops: BTreeMap<u16, Vec<u32>> = BTreeMap::new();
+    let mut stops: BTreeMap<MoverId, Vec<u32>> = BTreeMap::new();
     let (mut on_movers, mut others) = (Vec::new(), Vec::new());
     for (vertex, ride_stop) in (0..).zip(ride_stops) {
         match ride_stop {
@@ -178,6 +177,7 @@ mod tests {
     use super::*;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
+    use surefoot_world::StopIdx;
 
     /// Vertices of several densities: on a plane, stacked, in a line, in two crowds, and many at the same places.
     fn vertices(kind: u32, count: usize) -> Vec<Vec3> {
@@ -219,7 +219,10 @@ mod tests {
         vertices.extend([0.0, 4.0, 8.0].map(|height| Vec3::new(100.0, height, 100.0)));
         vertices.push(Vec3::new(103.0, 0.0, 100.0));
         let mut ride_stops = vec![None; 200];
-        ride_stops.extend([(3, 0), (3, 1), (3, 2), (9, 0)].map(|(mover, stop)| Some(MoverAt { mover, stop })));
+        ride_stops.extend(
+            [(3, 0), (3, 1), (3, 2), (9, 0)]
+                .map(|(mover, stop)| Some(MoverAt { mover: MoverId(mover), stop: StopIdx(stop) })),
+        );
         let found = by_ride_stops(&ride_stops, &vertices, &[EdgeKey::new(200, 202)]);
         let rides: Vec<Candidate> = found.iter().copied().filter(|key| key.from.0.min(key.to.0) >= 200).collect();
         let expected = [(200, 201), (201, 200), (201, 202), (202, 200), (202, 201)];

@@ -23,7 +23,7 @@ use crate::build::prove::ProbeRun;
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::grid::GrowingGrid;
-use crate::needs::{MoverAt, Ride};
+use crate::needs::Ride;
 use crate::ride_stops::RideStops;
 use crate::settings::Site;
 use crate::settings::{BuildError, BuildSettings, MAX_VERTICES, Placement, Probing};
@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
-use surefoot_world::Vec3;
+use surefoot_world::{MoverAt, Vec3};
 
 /// A finished build.
 #[derive(Debug, Clone)]

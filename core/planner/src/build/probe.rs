@@ -1,8 +1,8 @@
 //! Probes of candidate edges: their inputs, their outcomes, and the trait of those who run the policy, [`ProbeExecutor`].
 
-use crate::needs::{MoverAt, Needs, Ride};
+use crate::needs::{Needs, Ride};
 use serde::{Deserialize, Serialize};
-use surefoot_world::{Ability, Vec3};
+use surefoot_world::{Ability, MoverAt, Vec3};
 
 /// The input of one probe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -18,7 +18,7 @@ use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::{LegModel, death_share};
-use crate::needs::{MoverAt, Ride};
+use crate::needs::Ride;
 use crate::price::{Caution, price};
 use crate::search::csr::Csr;
 use crate::search::frontier::Frontier;
@@ -28,7 +28,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
-use surefoot_world::{Ability, Chance, Map, Vec3};
+use surefoot_world::{Ability, Chance, Map, MoverAt, Vec3};
 
 /// Inputs for probing candidate edges.
 pub struct ProbeRun<'a> {

@@ -136,6 +136,7 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::BTreeSet;
     use surefoot_world::{Ability, Vec3};
+    use surefoot_world::{MoverId, StopSet};
 
     const COUNT: u32 = 30;
 
@@ -148,7 +149,7 @@ mod tests {
             let mut evidence = Evidence::default();
             evidence.note(TryEnd::Arrived, 9, ability);
             let mut needs = Needs::default();
-            needs.add(Need { mover: 0, stops });
+            needs.add(Need { mover: MoverId(0), stops: StopSet(stops) });
             evidence.needs = if stops == 0 { Needs::default() } else { needs };
             Edge { key: EdgeKey::new(from, to), evidence }
         });
@@ -175,7 +176,7 @@ mod tests {
             let graph = router.graph();
             let query = Query {
                 without: [Ability::Jump].into_iter().filter(|_| is_without).collect(),
-                stops: if stops == 0 { Vec::new() } else { vec![stops] },
+                stops: if stops == 0 { Vec::new() } else { vec![StopSet(stops)] },
                 ..Query::new(Vec3::ZERO, Vec3::new(f32::from(goal.0), 0.0, f32::from(goal.1)))
             };
             let is_open = |edge: &Edge| {

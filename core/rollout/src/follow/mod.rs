@@ -13,12 +13,12 @@ use crate::style::Style;
 use detour::Detour;
 use failures::Failures;
 use movers::MoverWatch;
-use scene::{Call, MoverResponse};
+use scene::MoverResponse;
 use serde::{Deserialize, Serialize};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{Attach, LegKey, Plan, Query, Traffic};
-use surefoot_world::{Ability, End, Vec3};
+use surefoot_world::{Ability, End, MoverAt, Vec3};
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
@@ -321,7 +321,7 @@ impl Follower {
     }
 
     /// The lift or platform that the NPC calls, if it waits for one.
-    pub fn call(&self) -> Option<Call> {
+    pub fn call(&self) -> Option<MoverAt> {
         self.movers.call
     }
 

@@ -1,10 +1,10 @@
 //! What a follower does about movers: it waits before a leg, rides, calls lifts, and waits where movers bar all ways.
 
-use super::scene::{Call, MoverResponse, Scene};
+use super::scene::{MoverResponse, Scene};
 use super::{Follower, Step};
 use surefoot_planner::needs::{Needs, Ride};
 use surefoot_planner::{LegKey, Stop};
-use surefoot_world::{End, TICKS_PER_SECOND, Vec3};
+use surefoot_world::{End, MoverAt, StopSet, TICKS_PER_SECOND, Vec3};
 
 /// Decisions for which an NPC waits for a mover before the leg counts as failed: 40 s.
 const MAX_STAY: u32 = 240;
@@ -21,9 +21,9 @@ const UNHURRIED_M_PER_S: f32 = 5.0;
 #[derive(Debug, Clone)]
 pub(super) struct MoverWatch {
     /// The stops at which each mover stands sooner or later, as seen last.
-    pub stops: Vec<u16>,
+    pub stops: Vec<StopSet>,
     pub response: MoverResponse,
-    pub call: Option<Call>,
+    pub call: Option<MoverAt>,
     /// Decisions for which the NPC has stayed on this leg.
     stayed: u32,
     /// Whether movers bar all ways.

@@ -3,7 +3,7 @@
 use surefoot_planner::needs::{Need, Needs, Ride, all_stops_ahead};
 use surefoot_world::float::hypot;
 use surefoot_world::map::Mover;
-use surefoot_world::{Map, MoverState, TICKS_PER_DECISION, Vec3};
+use surefoot_world::{Map, MoverAt, MoverId, MoverState, StopSet, TICKS_PER_DECISION, Vec3};
 
 /// Distance from its waiting place within which an NPC waits for a mover, m.
 const WAIT_WITHIN_M: f32 = 0.8;
@@ -53,22 +53,13 @@ impl MoverResponse {
     }
 }
 
-/// A lift or platform that an NPC calls to a stop.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Call {
-    /// Index of the mover on the map.
-    pub mover: u16,
-    /// Index of the stop.
-    pub stop: u8,
-}
-
 impl Scene<'_> {
-    fn mover(&self, idx: u16) -> Option<(&Mover, &MoverState)> {
-        self.map.movers().get(usize::from(idx)).zip(self.states.get(usize::from(idx)))
+    fn mover(&self, id: MoverId) -> Option<(&Mover, &MoverState)> {
+        self.map.movers().get(id.idx()).zip(self.states.get(id.idx()))
     }
 
     /// The stops at which each mover stands sooner or later, see [`Query::stops`](surefoot_planner::Query::stops).
-    pub(super) fn stops_ahead(&self) -> Vec<u16> {
+    pub(super) fn stops_ahead(&self) -> Vec<StopSet> {
         all_stops_ahead(self.map, self.states)
     }
 
@@ -76,7 +67,7 @@ impl Scene<'_> {
     pub(super) fn ride(&self, ride: Ride, feet: Vec3, end: Vec3) -> MoverResponse {
         // A plan may name movers that the map does not have; it is followed like any other.
         let Some((mover, state)) = self.mover(ride.mover) else { return MoverResponse::Go };
-        let Some(last) = mover.stops.get(usize::from(ride.to)) else { return MoverResponse::Go };
+        let Some(last) = mover.stops.get(ride.to.idx()) else { return MoverResponse::Go };
         let middle = end - last.offset + state.pose(mover).offset;
         if state.at() == Some(ride.to) && feet.distance(end) < BOARDED_M {
             return MoverResponse::Go;
@@ -96,11 +87,11 @@ impl Scene<'_> {
     }
 
     /// The call of an NPC that rides, once it stands on the mover.
-    pub(super) fn call_of_ride(&self, ride: Ride, feet: Vec3, end: Vec3) -> Option<Call> {
+    pub(super) fn call_of_ride(&self, ride: Ride, feet: Vec3, end: Vec3) -> Option<MoverAt> {
         let MoverResponse::Stay { at, .. } = self.ride(ride, feet, end) else { return None };
         let (_, state) = self.mover(ride.mover)?;
         (state.at() != Some(ride.to) && feet.distance(at) < BOARDED_M)
-            .then_some(Call { mover: ride.mover, stop: ride.to })
+            .then_some(MoverAt { mover: ride.mover, stop: ride.to })
     }
 
     /// What an NPC at `feet`, m, does before a leg that is expected to take `leg_ticks`.
@@ -114,16 +105,16 @@ impl Scene<'_> {
     }
 
     /// The call of an NPC that waits for a lift or platform.
-    pub(super) fn call_before_leg(&self, needs: &Needs) -> Option<Call> {
+    pub(super) fn call_before_leg(&self, needs: &Needs) -> Option<MoverAt> {
         let is_missing = |need: &Need| !self.is_met(*need, 0);
         let calls = |need: &Need| self.mover(need.mover).is_some_and(|(mover, _)| mover.kind.is_ridden());
         let need = needs.iter().filter(calls).find(is_missing)?;
-        Some(Call { mover: need.mover, stop: need.stops.trailing_zeros() as u8 })
+        Some(MoverAt { mover: need.mover, stop: need.stops.lowest()? })
     }
 
     fn is_met(&self, need: Need, leg_ticks: u32) -> bool {
         let Some((mover, state)) = self.mover(need.mover) else { return true };
-        let Some(at) = state.at().filter(|at| need.stops & 1 << at != 0) else { return false };
+        let Some(at) = state.at().filter(|at| need.stops.contains(*at)) else { return false };
         // A mover about to depart counts as gone.
         match state.ordered_stop {
             Some(ordered) => ordered == at,

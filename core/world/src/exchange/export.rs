@@ -97,7 +97,7 @@ fn add_movers(scene: &mut SceneWriter, map: &Map) {
             "seconds": f64::from(mover.travel_s),
             "dwell": f64::from(mover.dwell_s),
             "loop": mover.cycles,
-            "open": mover.start > 0,
+            "open": mover.start.0 > 0,
             "velocity": numbers(mover.belt),
         });
         if let Some(turned) = further.first().filter(|stop| stop.yaw != 0.0) {

@@ -14,10 +14,10 @@ use super::faults::ImportError;
 use super::inspect;
 use super::scene::{Bounds, Frame, Node};
 use super::sides;
-use crate::Vec3;
 use crate::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
 use crate::map::{Mover, MoverKind, MoverStop, mover};
 use crate::mesh::{Surface, Triangle};
+use crate::{StopIdx, Vec3};
 use serde::Deserialize;
 use std::collections::HashMap;
 
@@ -177,7 +177,7 @@ struct Motion {
     dwell: Option<f64>,
     cycles: Option<bool>,
     velocity: Option<Vec3>,
-    start: u8,
+    start: StopIdx,
 }
 
 /// How the animation of a node moves a mover.
@@ -240,7 +240,7 @@ pub(super) fn from_node(
         dwell: extras.number("dwell")?.or(timing.1.map(f64::from)),
         cycles: extras.flag("loop")?,
         velocity: extras.vector("velocity")?.map(metres),
-        start: u8::from(extras.flag("open")? == Some(true)),
+        start: StopIdx(u8::from(extras.flag("open")? == Some(true))),
     };
     Ok(Some(assemble(node.name.clone(), kind, solid(triangles), bounds, Some(node.origin), motion)))
 }
@@ -380,7 +380,7 @@ impl MoverEntry {
             dwell: self.dwell,
             cycles: self.cycles,
             velocity: self.velocity.map(metres),
-            start: u8::from(self.open),
+            start: StopIdx(u8::from(self.open)),
         };
         has_volume.then(|| assemble(self.name, self.kind, mover::cuboid(bounds.low, bounds.high), bounds, None, motion))
     }

@@ -6,11 +6,11 @@
 use super::mover::{MAX_MOVERS, Mover, MoverKind, MoverStop, cuboid};
 use super::stage::count_on;
 use super::{Map, MapSpec};
-use crate::Vec3;
 use crate::character::{CharacterProfile, MoveScratch};
 use crate::float::turned;
 use crate::mesh::Surface;
 use crate::navigable::{self, DOWN};
+use crate::{StopIdx, Vec3};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::{PI, TAU};
@@ -161,7 +161,7 @@ impl<'a> Furnisher<'a> {
         let high = Vec3::new(right + 0.05, DOOR_HEIGHT_M, DOOR_HALF_THICK_M);
         let open = MoverStop { offset: Vec3::Y * (DOOR_HEIGHT_M + 0.1), ..HERE };
         let mut door = mover(MoverKind::Door, feet, (low, high), yaw, vec![HERE, open]);
-        (door.start, door.travel_s, door.dwell_s) = (1, 1.5, DWELL_S + self.rng.random_range(0.0..4.0f32));
+        (door.start, door.travel_s, door.dwell_s) = (StopIdx(1), 1.5, DWELL_S + self.rng.random_range(0.0..4.0f32));
         Some(door)
     }
 
@@ -340,7 +340,7 @@ fn mover(kind: MoverKind, origin: Vec3, (low, high): (Vec3, Vec3), yaw: f32, sto
         pivot: origin,
         cycles: stops.len() > 1,
         stops,
-        start: 0,
+        start: StopIdx(0),
         travel_s: 1.0,
         dwell_s: DWELL_S,
         belt: Vec3::ZERO,

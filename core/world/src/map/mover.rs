@@ -5,7 +5,7 @@
 
 use crate::float::turned;
 use crate::mesh::{Surface, Triangle};
-use crate::{TICKS_PER_SECOND, Vec3};
+use crate::{StopIdx, StopSet, TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -96,7 +96,7 @@ pub struct Mover {
     /// Where it stands, in the order in which it travels: 1 to 16.
     pub stops: Vec<MoverStop>,
     /// Index of the stop at which it begins.
-    pub start: u8,
+    pub start: StopIdx,
     /// Duration of the journey from each stop to the next, s.
     pub travel_s: f32,
     /// How long it stays at each stop while it cycles, s.
@@ -123,14 +123,14 @@ pub enum MoverError {
     #[error("the mover `{0}` has no triangle with an area")]
     Empty(String),
     /// The stops are too few, too many, or not those of its kind.
-    #[error("the mover `{name}` has {count} stops from number {start} on, but must have {expected}")]
+    #[error("the mover `{name}` has {count} stops from number {} on, but must have {expected}", .start.0)]
     Stops {
         /// Name of the mover.
         name: String,
         /// Number of its stops.
         count: usize,
         /// Stop at which it begins.
-        start: u8,
+        start: StopIdx,
         /// What would be allowed.
         expected: &'static str,
     },
@@ -160,9 +160,9 @@ impl Mover {
         (self.dwell_s * TICKS_PER_SECOND as f32) as u32
     }
 
-    /// The set of all its stops, as bits.
-    pub fn all_stops(&self) -> u16 {
-        ((1u32 << self.stops.len()) - 1) as u16
+    /// The set of all its stops.
+    pub fn all_stops(&self) -> StopSet {
+        StopSet::first(self.stops.len())
     }
 
     /// Least and greatest coordinates at one stop, m.
@@ -186,8 +186,8 @@ impl Mover {
     }
 
     /// The pose at a share of the way from one stop to another.
-    pub(crate) fn between(&self, from: u8, to: u8, share: f32) -> MoverStop {
-        let (from, to) = (self.stops[usize::from(from)], self.stops[usize::from(to)]);
+    pub(crate) fn between(&self, from: StopIdx, to: StopIdx, share: f32) -> MoverStop {
+        let (from, to) = (self.stops[from.idx()], self.stops[to.idx()]);
         MoverStop {
             offset: from.offset + (to.offset - from.offset) * share,
             yaw: from.yaw + (to.yaw - from.yaw) * share,
@@ -221,7 +221,7 @@ impl Mover {
             MoverKind::Lift | MoverKind::Platform if !(2..=MAX_STOPS).contains(&self.stops.len()) => {
                 Some("2 to 16 stops")
             }
-            _ if usize::from(self.start) >= self.stops.len() => Some("a start that is one of its stops"),
+            _ if self.start.idx() >= self.stops.len() => Some("a start that is one of its stops"),
             _ => None,
         };
         if let Some(expected) = expected {

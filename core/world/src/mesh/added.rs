@@ -4,6 +4,7 @@ use super::columns::Columns;
 use super::ray::{RayHit, stretch_within};
 use super::triangle::Triangle;
 use crate::Vec3;
+use crate::cells::{CellLists, Cells};
 
 /// Side of a cell, m.
 const CELL_M: f32 = 16.0;
@@ -15,10 +16,8 @@ pub(super) struct Added {
     pub triangles: Vec<Triangle>,
     low: Vec3,
     high: Vec3,
-    columns: usize,
-    rows: usize,
     /// Indices of the triangles that may be in each cell, ascending.
-    cells: Vec<Vec<u32>>,
+    lists: CellLists<u32>,
     /// The index for cones of rays.
     pub cones: Columns,
 }
@@ -29,22 +28,14 @@ impl Added {
         let corners = triangles.iter().map(Triangle::bounds);
         let (low, high) = corners.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)))?;
         let (low, high) = (low - Vec3::splat(SLACK_M), high + Vec3::splat(SLACK_M));
-        let [columns, rows] = [high.x - low.x, high.z - low.z].map(|side| (side / CELL_M) as usize + 1);
+        let cells = Cells::over(low, high, CELL_M);
+        let lists = CellLists::new(cells, triangles.iter().map(Triangle::bounds).zip(0..));
         let cones = Columns::new(&triangles);
-        let mut added = Self { triangles, low, high, columns, rows, cells: vec![Vec::new(); columns * rows], cones };
-        for idx in 0..added.triangles.len() {
-            let (low, high) = added.triangles[idx].bounds();
-            for cell in added.cells_of(low, high) {
-                added.cells[cell].push(idx as u32);
-            }
-        }
-        Some(added)
+        Some(Self { triangles, low, high, lists, cones })
     }
 
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(self.triangles.as_slice())
-            + self.cells.iter().map(|cell| size_of_val(cell.as_slice()) + size_of::<Vec<u32>>()).sum::<usize>()
-            + self.cones.memory_bytes()
+        size_of_val(self.triangles.as_slice()) + self.lists.memory_bytes() + self.cones.memory_bytes()
     }
 
     /// Whether anything of it may lie within `reach` metres of `point`.
@@ -53,24 +44,14 @@ impl Added {
         (point + reach).cmpge(self.low).all() && (point - reach).cmple(self.high).all()
     }
 
-    fn cells_of(&self, low: Vec3, high: Vec3) -> impl Iterator<Item = usize> + use<> {
-        let (from, to, columns) = (self.cell(low), self.cell(high), self.columns);
-        (from[1]..=to[1]).flat_map(move |row| (from[0]..=to[0]).map(move |column| row * columns + column))
-    }
-
-    /// The cell of a point, or the one nearest to it.
-    fn cell(&self, point: Vec3) -> [usize; 2] {
-        let number = |metres: f32, count: usize| ((metres / CELL_M).max(0.0) as usize).min(count - 1);
-        [number(point.x - self.low.x, self.columns), number(point.z - self.low.z, self.rows)]
-    }
-
     /// Finds the first triangle along the ray within `most` metres.
     pub fn cast_ray(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<RayHit> {
         let (mut at, end) = stretch_within(origin, direction, most, (self.low, self.high))?;
         let mut best: Option<RayHit> = None;
-        let mut cell = self.cell(origin + direction * at).map(|number| number as i32);
+        let cells = self.lists.cells();
+        let mut place = cells.place_of(origin + direction * at);
         loop {
-            for &triangle_idx in &self.cells[cell[1] as usize * self.columns + cell[0] as usize] {
+            for &triangle_idx in self.lists.of(cells.idx(place)) {
                 let triangle = &self.triangles[triangle_idx as usize];
                 let far = best.map_or(most, |hit| hit.distance);
                 if let Some(distance) = triangle.ray(origin, direction, 0.0, far).filter(|distance| *distance < far) {
@@ -83,18 +64,18 @@ impl Added {
                 let border = self.low[axis] + (number + i32::from(ahead)) as f32 * CELL_M;
                 if direction[axis] == 0.0 { f32::INFINITY } else { (border - origin[axis]) / direction[axis] }
             };
-            let (x, z) = (leave(0, cell[0]), leave(2, cell[1]));
+            let (x, z) = (leave(0, place[0]), leave(2, place[1]));
             at = x.min(z).max(at);
             if at > end.min(best.map_or(end, |hit| hit.distance)) {
                 return best;
             }
             let step = |axis: usize| if direction[axis] > 0.0 { 1 } else { -1 };
             if x <= z {
-                cell[0] += step(0)
+                place[0] += step(0)
             } else {
-                cell[1] += step(2)
+                place[1] += step(2)
             }
-            if cell[0] < 0 || cell[1] < 0 || cell[0] as usize >= self.columns || cell[1] as usize >= self.rows {
+            if !cells.contains(place) {
                 return best;
             }
         }
@@ -106,9 +87,10 @@ impl Added {
             return;
         }
         let begin = found.len();
-        for cell in self.cells_of(low, high) {
+        let cells = self.lists.cells();
+        for cell in cells.in_span(cells.span(low, high)) {
             let is_met = |idx: &&u32| self.triangles[**idx as usize].is_solid_in(low, high);
-            found.extend(self.cells[cell].iter().filter(is_met).map(|idx| first + idx));
+            found.extend(self.lists.of(cell).iter().filter(is_met).map(|idx| first + idx));
         }
         // `found` holds other triangles as well: indices are only compared where each names one triangle of the whole mesh.
         found[begin..].sort_unstable();

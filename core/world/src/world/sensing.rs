@@ -3,9 +3,8 @@
 use super::World;
 use crate::character::Body;
 use crate::npc::NpcSlot;
-use crate::others::{self, Other};
 use crate::player::Player;
-use crate::sense::{self, SenseContext, Sight};
+use crate::sense::{self, Other, SenseContext, Sight};
 use crate::slot::BodySlot;
 
 impl World {
@@ -34,7 +33,7 @@ impl World {
 
     /// The bodies that an NPC may see, in no order.
     fn others(&self, slot: NpcSlot, body: &Body) -> impl Iterator<Item = (BodySlot, Other)> {
-        let near = self.neighbours.around(body.feet, others::REACH_M, self.bodies());
+        let near = self.neighbours.around(body.feet, sense::REACH_M, self.bodies());
         near.filter(move |(body, _)| *body != BodySlot::Npc(slot))
     }
 
@@ -168,7 +167,7 @@ mod tests {
         world.observe(slot, &mut row);
         let (own, social) = row.split_at_mut(crate::OBSERVATION_LEN);
         let scene = (&*world.map, &world.movers);
-        others::observe(&world.cone, scene, (eye, &npc.body), all, &own[..crate::RAY_COUNT], social);
+        sense::observe_others(&world.cone, scene, (eye, &npc.body), all, &own[..crate::RAY_COUNT], social);
         row.iter().map(|value| value.to_bits()).collect()
     }
 

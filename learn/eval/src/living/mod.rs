@@ -21,8 +21,8 @@ use surefoot_rollout::goals::Goal;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::probe::ProbeContext;
 use surefoot_world::{
-    Body, CharacterProfile, DECISION_SECONDS, End, Map, MapSpec, MoverOrder, Player, PlayerContact, TaskConfig, Vec3,
-    World, navigable,
+    Body, CharacterProfile, DECISION_SECONDS, End, Map, MapSpec, MoverId, MoverOrder, Player, PlayerContact, StopIdx,
+    TaskConfig, Vec3, World, navigable,
 };
 
 /// Seed of the validation map on which crowds head for random goals.
@@ -258,8 +258,8 @@ impl Suite<'_> {
                 for door in (0..door_count).filter(|door| restless[*door]) {
                     if decision >= due[door] {
                         due[door] = decision + rng.random_range(DOOR_DECISIONS);
-                        let opens = world.movers()[door].bound_for() == 0;
-                        world.order(door as u16, MoverOrder::GoTo(u8::from(opens)));
+                        let opens = world.movers()[door].bound_for() == StopIdx(0);
+                        world.order(MoverId(door as u16), MoverOrder::GoTo(StopIdx(u8::from(opens))));
                     }
                 }
             };

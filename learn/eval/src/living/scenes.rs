@@ -3,10 +3,10 @@
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use surefoot_rollout::goals::{Goal, random_yaw};
-use surefoot_world::Vec3;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{Map, MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{StopIdx, Vec3};
 
 /// Height of all floors, m: what falls below 0 has left the map.
 const FLOOR: f32 = 10.0;
@@ -51,7 +51,7 @@ impl Blocks {
             triangles: cuboid(up(low), up(high)),
             pivot: up(low),
             stops: std::iter::once(here).chain(stops).collect(),
-            start: 0,
+            start: StopIdx(0),
             travel_s,
             dwell_s: 4.0,
             cycles: false,
@@ -159,10 +159,10 @@ pub fn rooms() -> Map {
             let aside = right - left;
             blocks
                 .mover(MoverKind::Door, [left, 0.0, at - 0.1], [right, WALL, at + 0.1], &[Vec3::X * aside], 0.8)
-                .start = 1;
+                .start = StopIdx(1);
             blocks
                 .mover(MoverKind::Door, [at - 0.1, 0.0, left], [at + 0.1, WALL, right], &[Vec3::Z * aside], 0.8)
-                .start = 1;
+                .start = StopIdx(1);
         }
     }
     blocks.map(44, 44)

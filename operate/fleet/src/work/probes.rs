@@ -8,13 +8,13 @@ use crate::blobs::Blobs;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, PoisonError};
 use surefoot_net::levels::BaseMap;
-use surefoot_planner::needs::{MoverAt, Need, Needs};
+use surefoot_planner::needs::{Need, Needs};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner_service::provers::{BuildProbes, Embedded, ProbeWork, Provers};
 use surefoot_policy::Policy;
 use surefoot_rollout::probe::{MAX_CHUNK, ProbeContext, chunks, in_order};
 use surefoot_world::map::Mover;
-use surefoot_world::{Ability, CharacterProfile, Map, Vec3};
+use surefoot_world::{Ability, CharacterProfile, Map, MoverAt, MoverId, StopIdx, Vec3};
 use tracing::warn;
 
 /// How far outside a map positions of trials may lie, m: bodies fall out of maps.
@@ -60,8 +60,8 @@ impl Leg {
     fn checked(self, trial: &Trial, map: &Map) -> Option<Outcome> {
         let Self { reached, died, decisions, ability, bounds, track, needs } = self;
         let is_known = |need: Need| {
-            let mover = map.movers().get(usize::from(need.mover));
-            mover.is_some_and(|mover| need.stops & !mover.all_stops() == 0)
+            let mover = map.movers().get(need.mover.idx());
+            mover.is_some_and(|mover| need.stops.difference(mover.all_stops()).is_empty())
         };
         let is_possible = bounds.iter().chain(track.iter().flatten()).all(|corner| corner.is_finite())
             && bounds[0].cmple(bounds[1]).all()
@@ -130,8 +130,8 @@ impl Probes {
         }
         let (low, high) = (Vec3::splat(-MARGIN_M), map.extent() + MARGIN_M);
         let is_near = |point: Vec3| point.is_finite() && point.cmpge(low).all() && point.cmple(high).all();
-        let mover = |idx: u16| map.movers().get(usize::from(idx));
-        let has = |mover: &Mover, stop: u8| usize::from(stop) < mover.stops.len();
+        let mover = |id: MoverId| map.movers().get(id.idx());
+        let has = |mover: &Mover, stop: StopIdx| stop.idx() < mover.stops.len();
         for (idx, trial) in self.trials.iter().enumerate() {
             let points = [Some(trial.start), trial.via, Some(trial.goal)];
             let is_held = trial
@@ -314,7 +314,7 @@ impl Work for Run<'_> {
 mod tests {
     use super::*;
     use surefoot_planner::Ride;
-    use surefoot_world::MapSpec;
+    use surefoot_world::{MapSpec, StopSet};
 
     fn probes(policy: &Policy, change: impl FnOnce(&mut Probes)) -> Opened {
         let spec = MapSpec::with_side(7, 50).unwrap();
@@ -348,9 +348,11 @@ mod tests {
             ("far away", true, |it| it.trials[2].start.y = 1.0e30),
             ("by a far place", true, |it| it.trials[0].via = Some(Vec3::INFINITY)),
             ("a mover that is not there", true, |it| {
-                it.trials.iter_mut().for_each(|it| it.held = Some(MoverAt { mover: 3, stop: 0 }))
+                it.trials.iter_mut().for_each(|it| it.held = Some(MoverAt { mover: MoverId(3), stop: StopIdx(0) }))
             }),
-            ("a ride on it", true, |it| it.trials[0].ride = Some(Ride { mover: 0, from: 0, to: 1 })),
+            ("a ride on it", true, |it| {
+                it.trials[0].ride = Some(Ride { mover: MoverId(0), from: StopIdx(0), to: StopIdx(1) })
+            }),
         ];
         for (what, is_final, change) in changes {
             let refusal = prove(&probes(&policy, change), &policy, &maps).unwrap_err();
@@ -377,7 +379,7 @@ mod tests {
             |it| it.bounds[0].y = f32::NAN,
             |it| it.bounds[0].x = it.bounds[1].x + 1.0,
             |it| it.track.push(None),
-            |it| it.needs.add(Need { mover: 0, stops: 1 }),
+            |it| it.needs.add(Need { mover: MoverId(0), stops: StopSet(1) }),
         ];
         for change in wrong {
             let mut changed = outcome.clone();

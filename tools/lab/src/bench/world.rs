@@ -14,7 +14,8 @@ use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop};
 use surefoot_world::sense::{RAY_COUNT, RayCone};
 use surefoot_world::{
-    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig, exchange, navigable,
+    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, StopIdx, TaskConfig, Vec3, World, WorldConfig, exchange,
+    navigable,
 };
 
 /// Number of NPCs in the benchmark world.
@@ -261,7 +262,7 @@ fn movers(map: &Arc<Map>) -> anyhow::Result<Figure> {
         triangles: cuboid(*place - Vec3::new(1.5, 0.1, 1.5), *place + Vec3::new(1.5, 0.1, 1.5)),
         pivot: *place,
         stops: [0.0, 4.0].map(|up| MoverStop { offset: Vec3::Y * up, yaw: 0.0, is_there: true }).to_vec(),
-        start: 0,
+        start: StopIdx(0),
         travel_s: 4.0,
         dwell_s: 0.0,
         cycles: true,

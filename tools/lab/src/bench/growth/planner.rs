@@ -17,7 +17,7 @@ use surefoot_planner::{
 };
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{Mover, MoverKind, MoverStop, Piece, PieceShape};
-use surefoot_world::{Ability, Map, Vec3};
+use surefoot_world::{Ability, Map, StopIdx, Vec3};
 
 /// Ground for each vertex, m2.
 const AREA_M2: f32 = 60.0;
@@ -115,7 +115,7 @@ fn lifts(count: usize) -> anyhow::Result<Map> {
             triangles: cuboid(place - Vec3::new(1.5, 0.1, 1.5), place + Vec3::new(1.5, 0.1, 1.5)),
             pivot: place,
             stops: (0..STOPS).map(stop).collect(),
-            start: 0,
+            start: StopIdx(0),
             travel_s: 4.0,
             dwell_s: 0.0,
             cycles: true,

@@ -9,22 +9,32 @@
 //! | 128..192 | 1 where the ray ended on lava |
 //! | 192..256 | 1 where the ray ended on a jump pad |
 //! | 256..320 | where the ray ended on another device: 1 zip line, 0.7 teleporter, 0.4 jetpack |
-//! | 320..369 | the state vector, see [`state_vector`] |
+//! | 320..369 | the state vector, see [`FIELDS`] |
 //! | 369..433 | proximity of each ray that ends on another body, 0 where it ends on none |
-//! | 433..461 | the four nearest bodies within 12 m that are in sight, 7 values each: 0..3 where its feet are from one's own / 12 m; 3..6 its velocity less one's own / 12 m/s; 6 proximity `1 - d / 12 m`, 0 if there is none |
+//! | 433..461 | the four nearest bodies in sight within 12 m, 7 values each; zeros where there are fewer |
+//!
+//! The values of a body are 0..3 the position of its feet from the observer's / 12 m, 3..6 its velocity less the observer's / 12 m/s,
+//! and 6 its proximity `1 - d / 12 m`.
 //!
 //! Rays are ordered row by row from the lowest elevation, each row from left to right. Vectors are in the body's frame (x right, y up,
-//! z forward). The last two parts are there for whoever asks for [`OBSERVATION_WITH_OTHERS_LEN`] values instead of [`OBSERVATION_LEN`]; they
-//! are zeros where nothing but the map gets in an NPC's way. Bodies are upright cylinders to rays.
+//! z forward). Rows of [`OBSERVATION_LEN`] values lack the last two parts, rows of [`OBSERVATION_WITH_OTHERS_LEN`] values have them.
+//! They are zeros where only the map obstructs an NPC. To rays, bodies are upright cylinders.
 
-pub use crate::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
-pub use crate::others::OTHERS_LEN;
+mod cone;
+mod fields;
+mod others;
 
-use crate::character::{Body, CharacterProfile, RawCharacterProfile};
-use crate::map::{DEVICE_RANGE_M, Map, Placed};
+pub use cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
+pub use fields::{FIELDS, Field, field_idx, state_vector};
+pub use others::OTHERS_LEN;
+#[cfg(test)]
+pub(crate) use others::observe as observe_others;
+pub(crate) use others::{Other, REACH_M};
+
+use crate::character::{Body, CharacterProfile};
+use crate::map::{Map, Placed};
 use crate::mesh::Surface;
 use crate::movers::Movers;
-use crate::others::{self, Other};
 use crate::slot::BodySlot;
 use crate::task::TaskConfig;
 use crate::{Episode, Vec3};
@@ -32,12 +42,12 @@ use serde::{Deserialize, Serialize};
 
 /// Values per ray.
 pub const RAY_CHANNELS: usize = 5;
+/// Index of the first value of the state vector in an observation.
+pub const STATE_BEGIN: usize = RAY_COUNT * RAY_CHANNELS;
 /// Length of the state vector.
-pub const STATE_LEN: usize = 35 + BODY_LEN;
-/// Values of the state vector that tell what body the NPC has.
-pub const BODY_LEN: usize = 14;
+pub const STATE_LEN: usize = FIELDS.len();
 /// Length of an observation without others.
-pub const OBSERVATION_LEN: usize = RAY_COUNT * RAY_CHANNELS + STATE_LEN;
+pub const OBSERVATION_LEN: usize = STATE_BEGIN + STATE_LEN;
 /// Length of an observation with what it tells of others.
 pub const OBSERVATION_WITH_OTHERS_LEN: usize = OBSERVATION_LEN + OTHERS_LEN;
 /// Length of an observation, with what it tells of others or without.
@@ -172,7 +182,7 @@ pub fn observe_found(
 fn parts(row: &mut [f32]) -> (&mut [f32], &mut [f32], &mut [f32]) {
     assert!([OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN].contains(&row.len()), "a row of an observation");
     let (own, social) = row.split_at_mut(OBSERVATION_LEN);
-    let (rays, state) = own.split_at_mut(RAY_COUNT * RAY_CHANNELS);
+    let (rays, state) = own.split_at_mut(STATE_BEGIN);
     rays.fill(0.0);
     (rays, state, social)
 }
@@ -207,118 +217,11 @@ pub fn ray_surface(observation: &[f32], ray: usize) -> Surface {
     Surface::ALL.into_iter().find(shows).unwrap_or(Surface::Ground)
 }
 
-/// Computes the non-visual part of an observation. Vectors are in the body's frame (x right, y up, z forward).
-///
-/// 0 goal distance / 50 m; 1..4 unit direction to the goal; 4 horizontal goal distance and 5 height of the
-/// goal, each / 8 m and clamped; 6..9 velocity / 12 m/s; 9..12 change of velocity over the last decision /
-/// 12 m/s; 12..16 previous action; 16 grounded; 17 can jump (again); 18 share of the patience used; 19 share
-/// of the breath used; 20..23 unit direction to the nearest pad; 23 its proximity `1 - d / 50 m`; 24..27 unit
-/// direction to the entrance of the zip line or teleporter that brings the goal nearest; 27 its proximity; 28 the
-/// proximity of its exit to the goal; 29..32 and 32 direction and proximity of the nearest jetpack; 33 jetpack fuel /
-/// 5 s; 34 hanging on a zip line; 35..49 the body, see [`body_features`].
-pub fn state_vector(
-    context: SenseContext<'_>,
-    body: &Body,
-    episode: &Episode,
-    last: &LastDecision,
-) -> [f32; STATE_LEN] {
-    let goal = body.to_local(episode.goal - body.feet);
-    let goal_distance = goal.length();
-    let goal_direction = goal / goal_distance.max(1.0e-3);
-    let horizontal = (goal.x * goal.x + goal.z * goal.z).sqrt();
-    let velocity = body.to_local(body.velocity) / 12.0;
-    let acceleration = body.to_local(body.velocity - last.velocity) / 12.0;
-    let proximity = |distance: f32| (1.0 - distance / DEVICE_RANGE_M).max(0.0);
-    let bearing = |place: Option<Vec3>| {
-        place.map_or((Vec3::ZERO, 0.0), |place| {
-            let local = body.to_local(place - body.feet);
-            let distance = local.length();
-            (local / distance.max(1.0e-3), proximity(distance))
-        })
-    };
-    let (pad_direction, pad_proximity) = bearing(context.placed.nearest_pad(body.feet).map(|pad| pad.centre));
-    let transport = context.placed.best_transport(body.feet, episode.goal);
-    let (entrance_direction, entrance_proximity) = bearing(transport.map(|(entrance, _)| entrance));
-    let exit_proximity = transport.map_or(0.0, |(_, exit)| proximity(exit.distance(episode.goal)));
-    let jetpack = context.placed.nearest_jetpack(body.feet).map(|jetpack| jetpack.centre);
-    let (jetpack_direction, jetpack_proximity) = bearing(jetpack);
-    let flag = |on: bool| if on { 1.0 } else { 0.0 };
-    let [forward, strafe, turn, jump] = last.action;
-    let own: [f32; STATE_LEN - BODY_LEN] = [
-        (goal_distance / 50.0).min(4.0),
-        goal_direction.x,
-        goal_direction.y,
-        goal_direction.z,
-        (horizontal / 8.0).min(1.5),
-        (goal.y / 8.0).clamp(-1.5, 1.5),
-        velocity.x,
-        velocity.y,
-        velocity.z,
-        acceleration.x,
-        acceleration.y,
-        acceleration.z,
-        forward,
-        strafe,
-        turn,
-        jump,
-        flag(body.is_grounded()),
-        flag(body.can_jump(context.profile)),
-        episode.patience_used(context.task),
-        (last.ticks_in_water as f32 / context.task.drown_ticks as f32).min(1.0),
-        pad_direction.x,
-        pad_direction.y,
-        pad_direction.z,
-        pad_proximity,
-        entrance_direction.x,
-        entrance_direction.y,
-        entrance_direction.z,
-        entrance_proximity,
-        exit_proximity,
-        jetpack_direction.x,
-        jetpack_direction.y,
-        jetpack_direction.z,
-        jetpack_proximity,
-        (body.fuel / 5.0).min(1.0),
-        flag(body.ride.is_some()),
-    ];
-    let mut state = [0.0; STATE_LEN];
-    state[..own.len()].copy_from_slice(&own);
-    state[own.len()..].copy_from_slice(&body_features(context.profile));
-    state
-}
-
-/// Tells what body an NPC has, relative to the default one, whose features are all 0.
-///
-/// Logarithms of the ratios of 0 height, 1 radius, 2 forward speed, 4 turning speed, 6 gravity and 10 acceleration on the ground;
-/// differences of 3 the share of speed sideways, 5 the height of the first jump / 2.5 m, 7 jumps in the air, 8 the steepest slope /
-/// 35 degrees, 9 the highest step / 0.3 m, 11 acceleration in the air / 25 m/s2; -1 if the body cannot use 12 zip lines,
-/// 13 jetpacks.
-pub fn body_features(profile: &CharacterProfile) -> [f32; BODY_LEN] {
-    let usual = RawCharacterProfile::default();
-    let ratio = |value: f32, usual: f32| libm::logf(value / usual);
-    let jump_m = |profile: &RawCharacterProfile| 0.5 * profile.jump_speed * profile.jump_speed / profile.gravity;
-    let lack = |can: bool| if can { 0.0 } else { -1.0 };
-    [
-        ratio(profile.height, usual.height),
-        ratio(profile.radius, usual.radius),
-        ratio(profile.forward_speed, usual.forward_speed),
-        profile.side_speed_share - usual.side_speed_share,
-        ratio(profile.turn_speed, usual.turn_speed),
-        ((jump_m(profile) - jump_m(&usual)) / 2.5).min(4.0),
-        ratio(profile.gravity, usual.gravity),
-        f32::from(profile.extra_jumps.min(4)) - f32::from(usual.extra_jumps),
-        (profile.max_slope - usual.max_slope) / usual.max_slope,
-        (profile.step_height - usual.step_height) / 0.3,
-        ratio(profile.ground_acceleration, usual.ground_acceleration),
-        ((profile.air_acceleration - usual.air_acceleration) / 25.0).min(4.0),
-        lack(profile.uses_zip_lines),
-        lack(profile.uses_jetpacks),
-    ]
-}
-
-/// Makes an observation one of an NPC that is not told where zip lines and teleporters are, as if none were near.
+/// Hides zip lines and teleporters from an observation, as if none were near.
 pub fn hide_transports(row: &mut [f32]) {
-    row[RAY_COUNT * RAY_CHANNELS + 24..RAY_COUNT * RAY_CHANNELS + 29].fill(0.0);
+    const FIRST: usize = STATE_BEGIN + field_idx("entrance_x");
+    const LAST: usize = STATE_BEGIN + field_idx("exit_proximity");
+    row[FIRST..=LAST].fill(0.0);
 }
 
 /// Mirrors an observation left to right, in place; its own inverse.
@@ -327,13 +230,12 @@ pub fn mirror_observation(row: &mut [f32]) {
     if !social.is_empty() {
         others::mirror(social);
     }
-    let (rays, state) = own.split_at_mut(RAY_COUNT * RAY_CHANNELS);
+    let (rays, state) = own.split_at_mut(STATE_BEGIN);
     for ray_row in rays.chunks_mut(RAY_SIDE) {
         ray_row.reverse();
     }
-    // goal x, velocity x, acceleration x, strafe, turn, pad x, entrance x, jetpack x
-    for idx in [1, 6, 9, 13, 14, 20, 24, 29] {
-        state[idx] = -state[idx];
+    for (value, _) in state.iter_mut().zip(&FIELDS).filter(|(_, field)| field.flips) {
+        *value = -*value;
     }
 }
 

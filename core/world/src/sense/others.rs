@@ -1,8 +1,8 @@
 //! What an NPC sees of other bodies: NPCs that get in its way, and players.
 
+use super::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
 use crate::Vec3;
 use crate::character::Body;
-use crate::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
 use crate::map::Map;
 use crate::movers::Movers;
 use crate::slot::BodySlot;
