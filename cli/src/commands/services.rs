@@ -414,16 +414,24 @@ async fn with_provers(config: PlannerConfig, _: &PlanArgs, _: &Policy) -> anyhow
 /// How NPCs move.
 #[derive(clap::Args)]
 pub struct StyleArg {
-    /// Let NPCs that rehearse face where they go and jump only where a leg needs it (composed), or move exactly as their policy
-    /// wants (free)
-    #[arg(long, default_value = "composed", value_parser = ["composed", "free"])]
-    style: String,
+    /// How NPCs that rehearse move
+    #[arg(long, default_value = "composed")]
+    style: Style,
+}
+
+/// A style of motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Style {
+    /// Face the direction of travel, and jump only where a leg needs it
+    Composed,
+    /// Move exactly as the policy decides
+    Free,
 }
 
 impl StyleArg {
     /// Whether NPCs that rehearse move in the composed style.
     pub fn composes(&self) -> bool {
-        self.style == "composed"
+        self.style == Style::Composed
     }
 }
 

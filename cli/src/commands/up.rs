@@ -98,7 +98,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     let credentials = args.credentials.credentials()?;
-    run_until_signal(|shutdown| scene(args, (maps, body), endpoints, credentials, shutdown))
+    let setup = Setup { maps, body, endpoints, credentials };
+    run_until_signal(|shutdown| scene(args, setup, shutdown))
 }
 
 /// The map of a world of the scene.
@@ -123,83 +124,37 @@ impl Args {
     }
 }
 
-async fn scene(
-    args: &Args,
-    (maps, body): (Vec<SceneMap>, CharacterProfile),
+/// What the scene runs with, after the flags have been checked.
+struct Setup {
+    maps: Vec<SceneMap>,
+    body: CharacterProfile,
     endpoints: EndpointConfig,
     credentials: Credentials,
-    shutdown: Shutdown,
-) -> anyhow::Result<()> {
+}
+
+/// The tasks of the scene; the first that fails ends it.
+type Parts = JoinSet<anyhow::Result<()>>;
+
+async fn scene(args: &Args, setup: Setup, shutdown: Shutdown) -> anyhow::Result<()> {
     let started = Instant::now();
-    let plans = Endpoint::open(args.planner_listen, endpoints.clone())?;
-    let planner_address = PlannerAddress::Port(plans.address().port());
-    let pages = surefoot_studio::pages(args.studio.settings(planner_address, args.listen));
-    let server = Endpoint::open(args.listen, endpoints)?.with_pages(pages);
-    let (server_uri, planner_uri) = (server.uri(), plans.uri());
-    let policy = load_policy(args.model.as_deref())?;
-    let store = args.cache.open()?;
-    eprintln!("world server  {server_uri}  (gRPC, Connect, GET /metrics)");
-    eprintln!("planner       {planner_uri}");
-    match surefoot_studio::missing() {
-        None => eprintln!("Studio        {server_uri}/"),
-        Some(reason) => eprintln!("Studio        not in this build: {reason}"),
-    }
-    let mut parts: JoinSet<anyhow::Result<()>> = JoinSet::new();
-    let (limits, stop) = (args.limits.config(), shutdown.clone());
-    // The planner proves and workers rehearse on the maps of the server: no map is generated or held twice.
-    let maps_in_use = limits.maps.clone();
-    parts.spawn(async move { Ok(surefoot_server::serve(server, limits, stop).await?) });
-    let (config, prober, stop) = (
-        PlannerConfig { threads: core_count(), maps: maps_in_use.clone(), ..PlannerConfig::default() },
-        policy.clone(),
-        shutdown.clone(),
-    );
-    parts.spawn(async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) });
-    for idx in 0..args.workers {
-        let config = WorkConfig {
-            servers: vec![server_uri.clone()],
-            is_of_fleet: false,
-            planners: vec![planner_uri.clone()],
-            credentials: credentials.clone(),
-            capacity: (args.npcs as u32).max(1),
-            name: format!("up-{idx}"),
-            graph: args.graph.settings()?,
-            noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
-            rehearses: true,
-            composes: true,
-            maps: maps_in_use.clone(),
-        };
-        let (policy, stop) = (policy.clone(), shutdown.clone());
-        parts.spawn(async move { Ok(work(config, policy, stop).await?) });
-    }
-    let link = credentials.dial(&server_uri)?.connect().await.context("cannot connect to the world server")?;
+    let mut parts = Parts::new();
+    let server_uri = start_services(args, &setup, &shutdown, &mut parts)?;
+    let link = setup.credentials.dial(&server_uri)?.connect().await.context("cannot connect to the world server")?;
     drop_former_scene(&link).await.context("cannot prepare the world server")?;
-    let mut watches = Vec::new();
-    let map_count = maps.len();
-    for (idx, map) in maps.into_iter().enumerate() {
-        let share = args.npcs / map_count + usize::from(idx < args.npcs % map_count);
-        let mut request = wire::CreateWorldRequest {
-            body: Some(body_to_wire(&body)),
-            solid_npcs: Some(!args.ghosts),
-            ..Default::default()
-        };
-        match map {
-            SceneMap::Generated(spec) => request.map = Some(map_spec_to_wire(&spec)),
-            SceneMap::Level(name, file) => {
-                request.map_hash =
-                    import(&link, &name, &file).await.with_context(|| format!("cannot import {name}"))?;
-                drop_worlds(&link, |world| world.map_hash == request.map_hash).await?;
-            }
-        }
-        let crowd = Crowd::start(link.clone(), request, share, FIRST_SEED + idx as u64)
+    let map_count = setup.maps.len();
+    let mut watches = Vec::with_capacity(map_count);
+    for (idx, map) in setup.maps.into_iter().enumerate() {
+        let npcs = args.npcs / map_count + usize::from(idx < args.npcs % map_count);
+        let request = world_request(&link, map, &setup.body, !args.ghosts).await?;
+        let crowd = Crowd::start(link.clone(), request, npcs, FIRST_SEED + idx as u64)
             .await
             .context("cannot populate a world")?;
-        let (latest, watching) = watch::channel(WatchStatsResponse::default());
-        watches.push(Watched { world_id: crowd.world().world_id, npcs: share, latest: watching });
+        let (stats, latest) = watch::channel(WatchStatsResponse::default());
+        watches.push(Watched { world_id: crowd.world().world_id, npcs, latest });
         let stop = shutdown.clone();
         parts.spawn(async move {
             tokio::select! {
-                result = crowd.keep_busy(latest) => result.context("a crowd stopped"),
+                result = crowd.keep_busy(stats) => result.context("a crowd stopped"),
                 () = stop.wait() => Ok(()),
             }
         });
@@ -214,6 +169,67 @@ async fn scene(
     }
     failure?;
     summarise(args, started, &watches)
+}
+
+/// Starts the world server, the planner and the workers, and returns the URI of the server.
+fn start_services(args: &Args, setup: &Setup, shutdown: &Shutdown, parts: &mut Parts) -> anyhow::Result<String> {
+    let plans = Endpoint::open(args.planner_listen, setup.endpoints.clone())?;
+    let planner_address = PlannerAddress::Port(plans.address().port());
+    let pages = surefoot_studio::pages(args.studio.settings(planner_address, args.listen));
+    let server = Endpoint::open(args.listen, setup.endpoints.clone())?.with_pages(pages);
+    let (server_uri, planner_uri) = (server.uri(), plans.uri());
+    let policy = load_policy(args.model.as_deref())?;
+    let store = args.cache.open()?;
+    eprintln!("world server  {server_uri}  (gRPC, Connect, GET /metrics)");
+    eprintln!("planner       {planner_uri}");
+    match surefoot_studio::missing() {
+        None => eprintln!("Studio        {server_uri}/"),
+        Some(reason) => eprintln!("Studio        not in this build: {reason}"),
+    }
+    let (limits, stop) = (args.limits.config(), shutdown.clone());
+    // The planner proves and the workers rehearse on the server's maps, so that no map is generated or held twice.
+    let maps = limits.maps.clone();
+    parts.spawn(async move { Ok(surefoot_server::serve(server, limits, stop).await?) });
+    let (prober, stop) = (policy.clone(), shutdown.clone());
+    let config = PlannerConfig { threads: core_count(), maps: maps.clone(), ..PlannerConfig::default() };
+    parts.spawn(async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) });
+    for idx in 0..args.workers {
+        let config = WorkConfig {
+            servers: vec![server_uri.clone()],
+            is_of_fleet: false,
+            planners: vec![planner_uri.clone()],
+            credentials: setup.credentials.clone(),
+            capacity: (args.npcs as u32).max(1),
+            name: format!("up-{idx}"),
+            graph: args.graph.settings()?,
+            noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
+            rehearses: true,
+            composes: true,
+            maps: maps.clone(),
+        };
+        let (policy, stop) = (policy.clone(), shutdown.clone());
+        parts.spawn(async move { Ok(work(config, policy, stop).await?) });
+    }
+    Ok(server_uri)
+}
+
+/// The request for a world on a map. A level is imported first, and its worlds of an earlier scene are dropped.
+async fn world_request(
+    link: &Link,
+    map: SceneMap,
+    body: &CharacterProfile,
+    solid_npcs: bool,
+) -> anyhow::Result<wire::CreateWorldRequest> {
+    let body = Some(body_to_wire(body));
+    let mut request = wire::CreateWorldRequest { body, solid_npcs: Some(solid_npcs), ..Default::default() };
+    match map {
+        SceneMap::Generated(spec) => request.map = Some(map_spec_to_wire(&spec)),
+        SceneMap::Level(name, file) => {
+            request.map_hash = import(link, &name, &file).await.with_context(|| format!("cannot import {name}"))?;
+            drop_worlds(link, |world| world.map_hash == request.map_hash).await?;
+        }
+    }
+    Ok(request)
 }
 
 /// Waits until the server has restored saved worlds, then drops those of an earlier scene: they would pile up.
@@ -274,7 +290,7 @@ async fn watch_scene(
     args: &Args,
     started: Instant,
     watches: &[Watched],
-    parts: &mut JoinSet<anyhow::Result<()>>,
+    parts: &mut Parts,
     shutdown: &Shutdown,
 ) -> anyhow::Result<()> {
     let period = Duration::from_secs(if is_interactive() { 1 } else { 10 });

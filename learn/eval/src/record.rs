@@ -5,12 +5,12 @@ use super::unit::{Batch, Unit};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
+use parking_lot::{Mutex, MutexGuard};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::sync::{Mutex, MutexGuard};
 use surefoot_policy::Policy;
 use surefoot_rollout::AttemptResult;
 use surefoot_world::End;
@@ -150,7 +150,7 @@ impl Record {
 
     /// What was made again so far.
     pub fn comparison(&self) -> Comparison {
-        self.comparison.lock().expect("nobody panics with it").clone()
+        self.comparison.lock().clone()
     }
 
     /// Number of units.
@@ -170,12 +170,12 @@ impl Record {
 
     /// The models that units were added of, in the order of their names.
     pub fn models(&self) -> Vec<Model> {
-        self.models.lock().expect("nobody panics with it").iter().cloned().collect()
+        self.models.lock().iter().cloned().collect()
     }
 
     pub(super) fn add(&self, policy: &Policy, key: &str, unit: &Unit) {
         let model = Model { name: policy.manifest().name.clone(), weights: policy.weights_hash().to_owned() };
-        self.models.lock().expect("nobody panics with it").insert(model);
+        self.models.lock().insert(model);
         self.units().insert(key.to_owned(), unit.clone());
     }
 
@@ -186,7 +186,7 @@ impl Record {
         let hash = blake3::hash(format!("{seed} {key}").as_bytes());
         let mut rng = ChaCha8Rng::from_seed(*hash.as_bytes());
         let batches = Batch::all(unit.attempts.len()).filter(|_| rng.random_bool(share)).collect();
-        self.comparison.lock().expect("nobody panics with it").units += 1;
+        self.comparison.lock().units += 1;
         Ok((unit, batches))
     }
 
@@ -196,11 +196,11 @@ impl Record {
         // Through the same text as those on record.
         let text = serde_json::to_vec(again).expect("attempts are plain data");
         let again: Vec<AttemptResult> = serde_json::from_slice(&text).expect("it was written as such");
-        self.comparison.lock().expect("nobody panics with it").add(&recorded, &again);
+        self.comparison.lock().add(&recorded, &again);
     }
 
     fn units(&self) -> MutexGuard<'_, BTreeMap<String, Unit>> {
-        self.units.lock().expect("nobody panics with it")
+        self.units.lock()
     }
 }
 

@@ -1,6 +1,7 @@
 //! `surefoot train`.
 
 use anyhow::Context;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::net::SocketAddr;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
@@ -25,7 +26,7 @@ use surefoot_train::{self, Launch, Processor, TrainConfig};
 use surefoot_world::exchange;
 use surefoot_world::map::{Features, MapKind, MoverDensities};
 
-/// Places for actors unless the command line says otherwise.
+/// Default number of actors that can connect.
 const USUAL_ACTORS: usize = 2;
 
 /// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues exactly.
@@ -48,8 +49,8 @@ pub struct Args {
     /// Start from the weights of this model or run; a recurrent agent may start from a reactive one
     #[arg(long, value_name = "FOLDER")]
     from: Option<PathBuf>,
-    /// Seeds of the maps to train on, such as 0..128, or files (.sfmap, .glb, .gltf, .obj), which are copied to the run's folder; a single
-    /// map trains a policy for it alone
+    /// Seeds of the maps to train on, such as 0..128, or files (.sfmap, .glb, .gltf, .obj), which are copied to the run's folder. With a
+    /// single map, the policy specialises in it
     #[arg(long, value_name = "SEEDS|FILE,...")]
     maps: Option<String>,
     /// Side of the training maps in metres
@@ -73,17 +74,17 @@ pub struct Args {
     /// Name of the model
     #[arg(long)]
     name: Option<String>,
-    /// Processor that the learner computes on
-    #[arg(long, value_parser = ["cpu", "cuda"])]
-    processor: Option<String>,
+    /// Processor of the learner
+    #[arg(long, value_parser = PossibleValuesParser::new(["cpu", "cuda"]).map(processor))]
+    processor: Option<Processor>,
     /// Stop after N updates
     #[arg(long, value_name = "N")]
     updates: Option<u64>,
     /// Seed of weights, noise, maps and goals
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
-    /// Let NPCs collect experience in the worlds at these addresses instead of this process: servers of ours, or games, which run the level
-    /// of --maps; one level is for all of them, several are one for each. With --resume: the addresses from now on
+    /// Collect experience in the worlds at these addresses instead of this process: Surefoot's servers, or games, which run the level of
+    /// --maps. One level is for all worlds; of several, each world runs one. With --resume, the new addresses
     #[arg(long, visible_alias = "world", value_name = "URI,...", value_delimiter = ',', env = "SUREFOOT_WORLDS")]
     worlds: Vec<String>,
     /// Environments at a time in each world
@@ -92,16 +93,16 @@ pub struct Args {
     /// NPCs on each map, or in each environment of --worlds
     #[arg(long, value_name = "N")]
     npcs: Option<usize>,
-    /// Let actors feed the run (`surefoot act`), which connect to this address, instead of collecting experience in this process
+    /// Let actors (`surefoot act`) collect the experience instead of this process; they connect to this address
     #[arg(long, value_name = "ADDRESS", conflicts_with = "worlds")]
     listen: Option<SocketAddr>,
-    /// Number of actors for which there are places; each has as many NPCs as the run would have in this process
+    /// Most actors that can connect; each has as many NPCs as the run would have in this process [default: 2]
     #[arg(long, value_name = "N", requires = "listen")]
     actors: Option<usize>,
-    /// Shortest time between two versions of weights that an actor is sent
+    /// Shortest time between two versions of weights that the learner sends to an actor
     #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = parse_seconds)]
     weights_every: f64,
-    /// Print what is in the replay buffers of the run in the folder, as JSON, and exit
+    /// Print the contents of the run's replay buffers as JSON, and exit
     #[arg(long, conflicts_with_all = ["resume", "worlds", "listen"])]
     inspect: bool,
     #[command(flatten)]
@@ -115,60 +116,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         println!("{}", serde_json::to_string_pretty(&surefoot_train::census_of(&args.folder)?)?);
         return Ok(());
     }
-    let mut config = match &args.config {
-        Some(path) => {
-            let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-            serde_json::from_slice(&text)
-                .with_context(|| format!("{} is not a training configuration", path.display()))?
-        }
-        None if args.recurrent => TrainConfig::recurrent(),
-        None => TrainConfig::default(),
-    };
-    if let Some(updates) = args.updates {
-        config.total_updates = updates;
-        config.sac.decay_updates = NonZeroU64::new(updates);
-        config.stop_after = NonZeroU64::new(updates / 5);
-    }
-    config.envs_per_world = args.envs.unwrap_or(config.envs_per_world);
-    config.seed = args.seed.unwrap_or(config.seed);
-    config.start_from = args.from.or(config.start_from);
-    config.name = args.name.unwrap_or(config.name);
-    config.collector.map_side = args.size.unwrap_or(config.collector.map_side);
-    config.collector.map_height = args.height.unwrap_or(config.collector.map_height);
-    config.collector.map_features = args.features.unwrap_or(config.collector.map_features);
-    config.collector.map_movers = args.movers.unwrap_or(config.collector.map_movers);
-    if !args.kind.is_empty() {
-        config.collector.map_kinds = args.kind;
-    }
-    if let Some(body) = &args.body {
-        (config.collector.body, config.collector.random_bodies) = (load_body(body)?, 0.0);
-    }
-    match args.maps.as_deref().map(|maps| (maps, level_files(maps))) {
-        Some((_, Some(files))) => config.train_on_levels(copy_levels(&files, &args.folder)?),
-        Some((seeds, None)) => config.train_on(parse_seeds(seeds).context("--maps")?),
-        None => {}
-    }
-    config.collector.npcs_per_world = args.npcs.unwrap_or(config.collector.npcs_per_world);
-    if !args.worlds.is_empty() && config.start_from.is_some() && args.config.is_none() {
-        // Weights that know what to do need no random actions first.
-        config.collector.random_decisions = 0;
-    }
-    if !args.worlds.is_empty() {
-        config.worlds.clone_from(&args.worlds);
-    }
-    if let Some(processor) = &args.processor {
-        config.processor = if processor == "cuda" { Processor::Cuda } else { Processor::Cpu };
-    }
+    let config = args.config()?;
     let stop = Arc::new(AtomicBool::new(false));
     stop_on_signal(stop.clone())?;
-    let credentials = args.credentials.credentials()?;
-    let connect = connector(credentials);
+    let connect = connector(args.credentials.credentials()?);
     if !args.resume {
-        // A wrong address is told before anything is written.
+        // A wrong address is reported before anything is written.
         config.worlds.iter().try_for_each(|uri| connect(uri).map(drop))?;
-    }
-    if args.listen.is_some() {
-        config.actors = args.actors.unwrap_or(USUAL_ACTORS);
     }
     let listener = args.listen.map(|address| listen(address, &args.endpoint, args.weights_every)).transpose()?;
     if let Some(listener) = &listener {
@@ -180,12 +134,77 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What connects training to its worlds, with these credentials.
+impl Args {
+    /// The configuration of the run: that of the file or the defaults, changed by the flags.
+    fn config(&self) -> anyhow::Result<TrainConfig> {
+        let mut config = match &self.config {
+            Some(path) => {
+                let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+                serde_json::from_slice(&text)
+                    .with_context(|| format!("{} is not a training configuration", path.display()))?
+            }
+            None if self.recurrent => TrainConfig::recurrent(),
+            None => TrainConfig::default(),
+        };
+        if let Some(updates) = self.updates {
+            config.total_updates = updates;
+            config.sac.decay_updates = NonZeroU64::new(updates);
+            config.stop_after = NonZeroU64::new(updates / 5);
+        }
+        config.envs_per_world = self.envs.unwrap_or(config.envs_per_world);
+        config.seed = self.seed.unwrap_or(config.seed);
+        config.start_from = self.from.clone().or(config.start_from);
+        config.name = self.name.clone().unwrap_or(config.name);
+        self.configure_maps(&mut config)?;
+        config.collector.npcs_per_world = self.npcs.unwrap_or(config.collector.npcs_per_world);
+        if !self.worlds.is_empty() {
+            if config.start_from.is_some() && self.config.is_none() {
+                // A trained policy needs no random actions first.
+                config.collector.random_decisions = 0;
+            }
+            config.worlds.clone_from(&self.worlds);
+        }
+        if let Some(processor) = self.processor {
+            config.processor = processor;
+        }
+        if self.listen.is_some() {
+            config.actors = self.actors.unwrap_or(USUAL_ACTORS);
+        }
+        Ok(config)
+    }
+
+    /// Applies the flags about maps and bodies. Levels are copied into the folder of the run.
+    fn configure_maps(&self, config: &mut TrainConfig) -> anyhow::Result<()> {
+        let collector = &mut config.collector;
+        collector.map_side = self.size.unwrap_or(collector.map_side);
+        collector.map_height = self.height.unwrap_or(collector.map_height);
+        collector.map_features = self.features.unwrap_or(collector.map_features);
+        collector.map_movers = self.movers.unwrap_or(collector.map_movers);
+        if !self.kind.is_empty() {
+            collector.map_kinds.clone_from(&self.kind);
+        }
+        if let Some(body) = &self.body {
+            (collector.body, collector.random_bodies) = (load_body(body)?, 0.0);
+        }
+        match self.maps.as_deref().map(|maps| (maps, level_files(maps))) {
+            Some((_, Some(files))) => config.train_on_levels(copy_levels(&files, &self.folder)?),
+            Some((seeds, None)) => config.train_on(parse_seeds(seeds).context("--maps")?),
+            None => {}
+        }
+        Ok(())
+    }
+}
+
+/// Connects training to its worlds with these credentials.
 pub fn connector(credentials: Credentials) -> Connect {
     Arc::new(move |uri| {
         let unreachable = |error: BridgeError| GameError::Unreachable { uri: uri.into(), reason: error.to_string() };
         resolve(uri).map_err(unreachable)?.connect(&credentials)
     })
+}
+
+fn processor(name: String) -> Processor {
+    if name == "cuda" { Processor::Cuda } else { Processor::Cpu }
 }
 
 /// Binds the address at which actors connect.

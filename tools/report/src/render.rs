@@ -99,17 +99,11 @@ impl Picture {
         }
         let (width, height) = ((width * pixels_per_m) as u32, (height * pixels_per_m) as u32);
         let mut picture = Self { width, height, projection, rgb: vec![0; (width * height * 3) as usize] };
-        let thread_count = std::thread::available_parallelism().map_or(1, usize::from);
-        let rows_each = (height as usize).div_ceil(thread_count).max(1);
-        std::thread::scope(|scope| {
-            for (chunk_idx, chunk) in picture.rgb.chunks_mut(rows_each * width as usize * 3).enumerate() {
-                scope.spawn(move || {
-                    for (pixel_idx, pixel) in chunk.chunks_exact_mut(3).enumerate() {
-                        let idx = (chunk_idx * rows_each * width as usize + pixel_idx) as u32;
-                        let point = projection.point(idx % width, idx / width);
-                        pixel.copy_from_slice(&colour_at(map, view, &projection, point, islands));
-                    }
-                });
+        let row_bytes = (width as usize * 3).max(1);
+        picture.rgb.par_chunks_exact_mut(row_bytes).enumerate().for_each(|(y, row)| {
+            for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
+                let point = projection.point(x as u32, y as u32);
+                pixel.copy_from_slice(&colour_at(map, view, &projection, point, islands));
             }
         });
         for line in &map.placed().zip_lines {

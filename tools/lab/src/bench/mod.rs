@@ -16,6 +16,7 @@ mod soak;
 mod tiles;
 mod world;
 
+use clap::ValueEnum;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::time::Instant;
@@ -28,37 +29,63 @@ use surefoot_cli::terminal::print_json;
     after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3\n  surefoot bench floods\n  surefoot bench feed\n  surefoot bench scale --out docs/results/scale\n  surefoot bench queue --json\n  surefoot bench growth"
 )]
 pub struct Args {
-    /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
-    /// soak: all services under a mixed load for long; floods: tick times while strangers flood the server; feed: a learner that more and
-    /// more worlds, or actors, feed; scale: the load of a fleet's parts, and fleets of 1, 4 and 16 servers that are simulated with it; queue:
-    /// probes by 1 to 4 provers over NATS (nats-server must be installed); growth: how the time of builds, edits, queries, spawns and events grows
-    /// with their size, as the exponent of a power law
-    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed", "scale", "queue", "growth"])]
-    what: String,
-    /// serve, soak, floods: Number of NPCs, on 8 worlds; default: 1024, 256 and 256
+    /// What to measure
+    what: Bench,
+    /// serve, soak, floods: number of NPCs, on 8 worlds; default: 1024, 256 and 256
     #[arg(long, value_name = "N")]
     npcs: Option<usize>,
-    /// serve, soak: Duration of the measurement, above 0
+    /// serve, soak: duration of the measurement, above 0
     #[arg(long, default_value_t = 10.0, value_name = "MINUTES", value_parser = parse_minutes)]
     minutes: f64,
-    /// world: Levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj)
+    /// world: levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj)
     #[arg(long, value_name = "FILE,...", value_delimiter = ',')]
     maps: Vec<std::path::PathBuf>,
-    /// serve: Folder for the plot of tick time over the number of NPCs; scale: for the recorded load, `load.json`
+    /// serve: folder for the plot of tick time over the number of NPCs; scale: folder for the recorded load, `load.json`
     #[arg(long, value_name = "FOLDER")]
     out: Option<std::path::PathBuf>,
-    /// scale: Simulate with this recorded load instead of recording one
+    /// scale: simulate with this recorded load instead of recording one
     #[arg(long, value_name = "FILE")]
     load: Option<std::path::PathBuf>,
-    /// scale: Measure with this PostgreSQL database of this machine, too: what the record of a fleet takes. Needs a build with --features fleet
+    /// scale: also measure the load on this PostgreSQL database, which must run on this machine. Needs a build with --features fleet
     #[arg(long, value_name = "URL", hide_env_values = true, requires = "blobs", conflicts_with = "load")]
     store: Option<String>,
-    /// scale: The object store of the same fleet
+    /// scale: the object store that belongs to --store
     #[arg(long, value_name = "URI", requires = "store")]
     blobs: Option<String>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
+}
+
+/// A bench.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Bench {
+    /// Simulation and maps
+    World,
+    /// SAC updates and inference
+    Learn,
+    /// Graphs and path queries
+    Plan,
+    /// The world server under load
+    Serve,
+    /// All services under a mixed load for a long time
+    Soak,
+    /// Tick times while unauthenticated clients flood the server
+    Floods,
+    /// A learner that a growing number of worlds or actors feed
+    Feed,
+    /// The load of a fleet's parts, and simulated fleets of 1, 4 and 16 servers
+    Scale,
+    /// Probes by 1 to 4 provers over NATS; nats-server must be installed
+    Queue,
+    /// How the time of builds, edits, queries, spawns and events grows with their size: the exponent of a power law
+    Growth,
+}
+
+impl Bench {
+    fn name(self) -> String {
+        self.to_possible_value().expect("no bench is hidden").get_name().to_owned()
+    }
 }
 
 impl Args {
@@ -136,22 +163,22 @@ impl Figure {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let figures = match args.what.as_str() {
-        "world" if args.maps.is_empty() => world::figures()?,
-        "world" => world::figures_on(&args.maps)?,
-        _ if !args.maps.is_empty() => anyhow::bail!("--maps goes with `bench world` alone"),
-        "learn" => learn::figures()?,
-        "feed" => feed::figures()?,
-        "scale" => scale::figures(args)?,
-        "queue" => queue::figures()?,
-        "growth" => growth::figures()?,
-        "serve" => serve::figures(args)?,
-        "soak" => soak::figures(args)?,
-        "floods" => floods::figures(args)?,
-        _ => plan::figures()?,
+    let figures = match args.what {
+        Bench::World if args.maps.is_empty() => world::figures()?,
+        Bench::World => world::figures_on(&args.maps)?,
+        _ if !args.maps.is_empty() => anyhow::bail!("--maps is only for `bench world`"),
+        Bench::Learn => learn::figures()?,
+        Bench::Plan => plan::figures()?,
+        Bench::Serve => serve::figures(args)?,
+        Bench::Soak => soak::figures(args)?,
+        Bench::Floods => floods::figures(args)?,
+        Bench::Feed => feed::figures()?,
+        Bench::Scale => scale::figures(args)?,
+        Bench::Queue => queue::figures()?,
+        Bench::Growth => growth::figures()?,
     };
     if args.json {
-        print_json(&serde_json::json!({ "bench": args.what, "machine": machine(), "figures": figures }))?;
+        print_json(&serde_json::json!({ "bench": args.what.name(), "machine": machine(), "figures": figures }))?;
         return check_targets(args, &figures);
     }
     println!("{}", machine());
@@ -176,7 +203,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// Fails if a service missed a target. Speed depends on the machine, so the other benches only print.
 fn check_targets(args: &Args, figures: &[Figure]) -> anyhow::Result<()> {
     let missed: Vec<&str> = figures.iter().filter(|it| it.met == Some(false)).map(|it| &*it.name).collect();
-    if !missed.is_empty() && ["serve", "soak", "floods"].contains(&args.what.as_str()) {
+    if !missed.is_empty() && matches!(args.what, Bench::Serve | Bench::Soak | Bench::Floods) {
         anyhow::bail!("targets missed: {}", missed.join(", "));
     }
     Ok(())

@@ -7,6 +7,7 @@ use anyhow::Context;
 use petgraph::algo::{astar, dijkstra};
 use petgraph::graph::{DiGraph, NodeIndex};
 use rand::rngs::ChaCha8Rng;
+use rayon::prelude::*;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
 use std::sync::Arc;
@@ -232,18 +233,8 @@ fn least_times(router: &Router, queries: &[Query]) -> Vec<f64> {
 
 /// Plans per second on all cores.
 fn batch(router: &Router, queries: &[Query]) -> Figure {
-    let threads = core_count();
-    let seconds = timed(|| {
-        std::thread::scope(|scope| {
-            for thread in 0..threads {
-                scope.spawn(move || {
-                    for idx in (thread..BATCH).step_by(threads) {
-                        black_box(router.find_path(&queries[idx % queries.len()]));
-                    }
-                });
-            }
-        });
-    });
+    let find = |idx: usize| drop(black_box(router.find_path(&queries[idx % queries.len()])));
+    let seconds = timed(|| (0..BATCH).into_par_iter().for_each(find));
     Figure::new("plan_batch_s", BATCH as f64 / seconds, "plans/s").at_least(200_000.0)
 }
 
@@ -270,12 +261,7 @@ async fn over_grpc(
         settings: Some(settings_to_wire(settings)),
         ..Default::default()
     };
-    let build = client.start_build(request.clone()).await?.into_inner().build.unwrap_or_default();
-    let mut progress = client.watch_build(wire::WatchBuildRequest { build_id: build.build_id }).await?.into_inner();
-    let mut graph_id = String::new();
-    while let Some(message) = progress.message().await? {
-        graph_id = message.build.unwrap_or_default().graph_id;
-    }
+    let graph_id = build_over_grpc(&mut client, request.clone()).await?;
     let inside = 10.0..TILE_M - 10.0;
     let is_inside = |place: &Vec3| inside.contains(&place.x) && inside.contains(&place.z);
     let places: Vec<Vec3> = queries.iter().map(|query| query.goal).filter(is_inside).collect();
@@ -296,34 +282,11 @@ async fn over_grpc(
         black_box(client.find_paths(batch.clone()).await?);
     }
     let batch_rate = 5.0 * WIRE_BATCH as f64 / started.elapsed().as_secs_f64();
-    let period = Duration::from_secs(CLIENTS as u64) / REQUESTS_PER_S;
-    let begin = tokio::time::Instant::now() + Duration::from_millis(200);
     let mut clients = Vec::new();
-    for idx in 0..CLIENTS {
-        let mut client = connect().await?;
-        let (graph_id, queries) = (graph_id.clone(), wire_queries.clone());
-        clients.push(tokio::spawn(async move {
-            let count = LOAD_S * REQUESTS_PER_S / CLIENTS as u32;
-            let mut times = Vec::with_capacity(count as usize);
-            for turn in 0..count {
-                // The clients' requests are spread over the period, and each client keeps its own schedule.
-                tokio::time::sleep_until(begin + period * turn + period * idx as u32 / CLIENTS as u32).await;
-                let query = queries[(turn as usize * CLIENTS + idx) % queries.len()].clone();
-                let request = wire::FindPathRequest { graph_id: graph_id.clone(), query: Some(query) };
-                let sent = Instant::now();
-                client.find_path(request).await?;
-                times.push(sent.elapsed().as_secs_f64() * 1.0e3);
-            }
-            anyhow::Ok((times, begin.elapsed().as_secs_f64()))
-        }));
+    for _ in 0..CLIENTS {
+        clients.push(connect().await?);
     }
-    let mut times = Vec::new();
-    let mut seconds: f64 = 0.0;
-    for client in clients {
-        let (own, ended) = client.await??;
-        times.extend(own);
-        seconds = seconds.max(ended);
-    }
+    let (mut times, seconds) = query_at_rate(clients, &graph_id, &wire_queries).await?;
     shutdown.trigger();
     serving.await??;
     times.sort_unstable_by(f64::total_cmp);
@@ -336,4 +299,54 @@ async fn over_grpc(
     ];
     figures.extend(edited);
     Ok(figures)
+}
+
+/// Builds a graph on the service, and returns its id.
+async fn build_over_grpc(
+    client: &mut PlannerServiceClient<Channel>,
+    request: wire::StartBuildRequest,
+) -> anyhow::Result<String> {
+    let build = client.start_build(request).await?.into_inner().build.unwrap_or_default();
+    let mut progress = client.watch_build(wire::WatchBuildRequest { build_id: build.build_id }).await?.into_inner();
+    let mut graph_id = String::new();
+    while let Some(message) = progress.message().await? {
+        graph_id = message.build.unwrap_or_default().graph_id;
+    }
+    Ok(graph_id)
+}
+
+/// Lets clients query at [`REQUESTS_PER_S`] together. Returns the duration of each query, ms, and that of the whole, s.
+async fn query_at_rate(
+    clients: Vec<PlannerServiceClient<Channel>>,
+    graph_id: &str,
+    queries: &[wire::PathQuery],
+) -> anyhow::Result<(Vec<f64>, f64)> {
+    let period = Duration::from_secs(CLIENTS as u64) / REQUESTS_PER_S;
+    let begin = tokio::time::Instant::now() + Duration::from_millis(200);
+    let mut running = Vec::with_capacity(clients.len());
+    for (idx, mut client) in clients.into_iter().enumerate() {
+        let (graph_id, queries) = (graph_id.to_owned(), queries.to_vec());
+        running.push(tokio::spawn(async move {
+            let count = LOAD_S * REQUESTS_PER_S / CLIENTS as u32;
+            let mut times = Vec::with_capacity(count as usize);
+            for turn in 0..count {
+                // The requests of all clients are spread over the period, and each client keeps its own schedule.
+                tokio::time::sleep_until(begin + period * turn + period * idx as u32 / CLIENTS as u32).await;
+                let query = queries[(turn as usize * CLIENTS + idx) % queries.len()].clone();
+                let request = wire::FindPathRequest { graph_id: graph_id.clone(), query: Some(query) };
+                let sent = Instant::now();
+                client.find_path(request).await?;
+                times.push(sent.elapsed().as_secs_f64() * 1.0e3);
+            }
+            anyhow::Ok((times, begin.elapsed().as_secs_f64()))
+        }));
+    }
+    let mut times = Vec::new();
+    let mut seconds: f64 = 0.0;
+    for client in running {
+        let (own, ended) = client.await??;
+        times.extend(own);
+        seconds = seconds.max(ended);
+    }
+    Ok((times, seconds))
 }

@@ -1,6 +1,7 @@
 //! Arguments of `surefoot eval`, and the configuration that they stand for.
 
 use anyhow::{Context, bail};
+use clap::ValueEnum;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,32 +26,28 @@ const UNITS: &str = "units";
     after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  surefoot eval --maps level.obj --world tcp://127.0.0.1:7701\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out runs/paper\n  surefoot eval --suite sweep --goals 500 --out runs/sweep\n  surefoot eval --suite big-map --goals 10000 --out runs/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out runs/kinds\n  surefoot eval --suite kinds --out kinds --shard 0/8\n  surefoot eval --check docs/results/kinds\n  surefoot eval --check docs/results/benchmark-plan --maps 5002..5064"
 )]
 pub struct Args {
-    /// Run a whole table instead: the paper's rows for which --models has weights (paper); what each of our choices adds to the paper's
-    /// method, and to the others of ours (ablation); graphs of
-    /// growing size on the validation maps (sweep); the 1 km map with and without graphs (big-map); crowds, doors, lifts, platforms,
-    /// floors that vanish and players (living); the training seeds in the folder seeds of --models on the benchmark maps (seeds); maps with
-    /// fewer and more devices, with and without repair (dial); or all kinds of maps, features, heights and bodies (kinds)
-    #[arg(long, value_parser = ["paper", "ablation", "sweep", "big-map", "living", "seeds", "dial", "kinds"], conflicts_with_all = ["method", "distance"])]
-    pub(super) suite: Option<String>,
+    /// Run a whole table instead of one evaluation
+    #[arg(long, conflicts_with_all = ["method", "distance"])]
+    pub(super) suite: Option<Suite>,
     /// Folder with the models of the suite
     #[arg(long, value_name = "FOLDER", default_value = "models")]
     pub(super) models: PathBuf,
-    /// Save finished maps and seeds in this folder and reuse them, and write figures, table and plots, every attempt, and what all of it was
-    /// made with
+    /// Write figures, table, plots, every attempt and their provenance into this folder. Finished maps and seeds are saved in it, and a
+    /// later run reuses them
     #[arg(long, value_name = "FOLDER")]
     pub(super) out: Option<PathBuf>,
-    /// Run only the maps and seeds of part I of N, and save them in the folder of --out, where a run without --shard finds those of all parts.
-    /// Parts may run on any machines, in any order, more than once
+    /// Run only the maps and seeds of part I of N and save them in the folder of --out. A run without --shard then uses those of all parts.
+    /// Parts may run on any machine, in any order, and more than once
     #[arg(long, value_name = "I/N", value_parser = parse_shard, conflicts_with = "check")]
     pub(super) shard: Option<Shard>,
-    /// Check what --out wrote into this folder: derive the figures again from the attempts on record, and make a share of these again. With
-    /// --maps, print the figures of these maps alone, and make no attempt again
+    /// Check a folder that --out wrote: derive the figures again from its attempts, and repeat a share of the attempts. With --maps, only
+    /// print the figures of these maps
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["suite", "out", "method"])]
     pub(super) check: Option<PathBuf>,
-    /// Share of the attempts that --check makes again, 0 to 1
+    /// Share of the attempts that --check repeats, 0 to 1
     #[arg(long, default_value_t = 0.02, value_name = "SHARE", requires = "check")]
     pub(super) share: f64,
-    /// Seed of the choice of these
+    /// Seed for the choice of the attempts that --check repeats
     #[arg(long, default_value_t = 0, value_name = "SEED", requires = "check")]
     pub(super) check_seed: u64,
     /// Maps to evaluate on: training, validation, test, benchmark, seeds such as 7 or 1000,1001 or 0..4, or files (.sfmap, .glb, .gltf, .obj)
@@ -64,9 +61,9 @@ pub struct Args {
     /// Goals per map and seed
     #[arg(long, default_value_t = 200, value_name = "N")]
     pub(super) goals: usize,
-    /// Head straight for goals (policy), or follow plans on a graph built with the options below (graph)
-    #[arg(long, default_value = "graph", value_parser = ["policy", "graph"])]
-    pub(super) method: String,
+    /// How NPCs approach goals
+    #[arg(long, default_value = "graph")]
+    pub(super) method: Approach,
     #[command(flatten)]
     pub(super) graph: GraphArgs,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
@@ -75,7 +72,7 @@ pub struct Args {
     /// Straight-line distance to goals in metres; default: any
     #[arg(long, value_name = "MIN..MAX")]
     pub(super) distance: Option<String>,
-    /// Seeds of goals, graphs and noise, such as 0 or 0..3; each runs one whole evaluation
+    /// Seeds of goals, graphs and noise, such as 0 or 0..3; each seed runs a whole evaluation
     #[arg(long, default_value = "0", value_name = "SEED")]
     pub(super) seed: String,
     #[command(flatten)]
@@ -83,7 +80,7 @@ pub struct Args {
     /// Share of the policy's exploration noise to add to actions, 0 to 1
     #[arg(long, default_value_t = DEFAULT_NOISE_SHARE, value_name = "SHARE")]
     pub(super) noise: f32,
-    /// Let NPCs follow their plans without rehearsing what lies ahead, as in the suites paper and sweep
+    /// Let NPCs follow their plans without rehearsing the next legs, as in the suites paper and sweep
     #[arg(long)]
     pub(super) no_rehearsals: bool,
     /// Runs of each scene of the suite living, each with another seed
@@ -111,12 +108,60 @@ pub struct Args {
     pub(super) blobs: BlobsArg,
 }
 
-/// Rules of attempts, where the paper's differ from ours.
+/// A table of several evaluations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Suite {
+    /// The rows of the paper's table for which --models has weights
+    Paper,
+    /// What each of our choices adds to the paper's method, and to our other choices
+    Ablation,
+    /// Graphs of growing size on the validation maps
+    Sweep,
+    /// The 1 km map with and without graphs
+    BigMap,
+    /// Crowds, doors, lifts, platforms, floors that vanish, and players
+    Living,
+    /// The models in the folder seeds of --models, which differ in their training seed, on the benchmark maps
+    Seeds,
+    /// Maps with fewer and more devices, with and without repair
+    Dial,
+    /// All kinds of maps, features, heights and bodies
+    Kinds,
+}
+
+/// How NPCs approach goals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Approach {
+    /// Head straight for the goal
+    Policy,
+    /// Follow plans on a graph
+    Graph,
+}
+
+/// The vertices that start and goal are joined to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Joined {
+    /// To several near vertices
+    Several,
+    /// To the nearest vertex
+    Nearest,
+}
+
+/// What edges cost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Cost {
+    /// Decisions, and the price of the risks of failing and of dying
+    Risk,
+    /// The mean number of decisions
+    Steps,
+}
+
+/// Rules of attempts in which the paper differs from ours.
 #[derive(clap::Args)]
 pub(super) struct Rules {
-    /// Follow the paper: start and goal snap to the nearest vertex, edges cost their steps, failed legs are not remembered, re-plans have no
-    /// limit, nothing is rehearsed or composed, NPCs are not told where zip lines and teleporters are, no vertices or candidates at devices,
-    /// all probes are run; the default model is general-lstm. Limits are those of --patience and --replan-after
+    /// Follow the paper. Start and goal snap to the nearest vertex, edges cost their steps, failed legs are not remembered, and re-plans
+    /// have no limit. Nothing is rehearsed or composed, NPCs do not sense zip lines and teleporters, devices get no vertices or candidates,
+    /// and all probes are run. The default model is general-lstm. --patience and --replan-after still apply
     #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "no_transports"])]
     pub(super) faithful: bool,
     /// Decisions without progress that end an attempt
@@ -128,16 +173,16 @@ pub(super) struct Rules {
     /// Most re-plans of an attempt
     #[arg(long, default_value_t = FollowConfig::default().max_replans, value_name = "N")]
     max_replans: u32,
-    /// Join start and goal to several near vertices, or to the nearest one
-    #[arg(long, default_value = "several", value_parser = ["several", "nearest"])]
-    attach: String,
-    /// What edges cost: what their risks are worth besides (risk), or their mean number of decisions (steps)
-    #[arg(long, default_value = "risk", value_parser = ["risk", "steps"])]
-    price: String,
-    /// Let plans use legs again that failed in the same attempt
+    /// How start and goal are joined to the graph
+    #[arg(long, default_value = "several")]
+    attach: Joined,
+    /// What edges cost in plans
+    #[arg(long, default_value = "risk")]
+    price: Cost,
+    /// Let plans use legs again that failed earlier in the same attempt
     #[arg(long)]
     forget: bool,
-    /// Do not tell NPCs where zip lines and teleporters are
+    /// Hide zip lines and teleporters from the NPCs' observations
     #[arg(long)]
     no_transports: bool,
 }
@@ -149,12 +194,12 @@ impl Rules {
         if self.faithful {
             return limits;
         }
-        let attach = if self.attach == "nearest" { Attach::Nearest } else { Attach::Several };
+        let attach = if self.attach == Joined::Nearest { Attach::Nearest } else { Attach::Several };
         FollowConfig { max_replans: self.max_replans, remembers: !self.forget, attach, composes, ..limits }
     }
 
     fn price(&self) -> Price {
-        if self.faithful || self.price == "steps" { Price::Steps } else { Price::Risk }
+        if self.faithful || self.price == Cost::Steps { Price::Steps } else { Price::Risk }
     }
 
     /// The policy as these rules let it sense.
@@ -186,31 +231,12 @@ impl Args {
     }
 
     pub(super) fn config(&self) -> anyhow::Result<EvalConfig> {
-        if !(1..=100_000).contains(&self.goals) {
-            bail!("--goals is {}, allowed are 1 to 100000", self.goals);
-        }
-        if !(0.0..=1.0).contains(&self.noise) {
-            bail!("--noise is {}, allowed are 0 to 1", self.noise);
-        }
+        self.check_ranges()?;
         let (game, graph) = (self.world.connect()?, self.graph_file.as_deref().map(read_graph).transpose()?);
-        if game.is_some() && (self.suite.is_some() || self.out.is_some()) {
-            bail!("--world cannot be combined with --suite or --out: what a game does is not on record");
-        }
-        if self.shard.is_some() && self.out.is_none() {
-            bail!("--shard needs --out: the folder in which the units of all shards come together");
-        }
-        self.nats.check()?;
-        let is_whole = self.suite.is_none() && self.shard.is_none() && game.is_none() && graph.is_none();
-        if self.nats.nats.is_some() && !is_whole {
-            bail!(
-                "--nats cannot be combined with --suite, --shard, --world or --graph: provers run whole evaluations on one model"
-            );
-        }
-        if graph.is_some() && self.method == "policy" {
-            bail!("--graph has no use with --method policy");
-        }
+        self.check_combinations(game.is_some())?;
         let settings = self.rules.graph(self.graph.settings()?)?;
-        let method = if self.method == "policy" { Method::Policy } else { Method::Graph(settings) };
+        let method = if self.method == Approach::Policy { Method::Policy } else { Method::Graph(settings) };
+        let is_of_paper = self.rules.faithful || matches!(self.suite, Some(Suite::Paper | Suite::Sweep));
         Ok(EvalConfig {
             maps: self.maps()?,
             goals: self.goals,
@@ -219,9 +245,7 @@ impl Args {
             method,
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,
-            rehearses: !self.no_rehearsals
-                && !self.rules.faithful
-                && !matches!(self.suite.as_deref(), Some("paper" | "sweep")),
+            rehearses: !self.no_rehearsals && !is_of_paper,
             follow: self.rules.follow(self.style.composes()),
             price: self.rules.price(),
             game,
@@ -231,6 +255,37 @@ impl Args {
             record: None,
             thread_count: self.threads.unwrap_or_else(core_count),
         })
+    }
+
+    fn check_ranges(&self) -> anyhow::Result<()> {
+        if !(1..=100_000).contains(&self.goals) {
+            bail!("--goals is {}, allowed are 1 to 100000", self.goals);
+        }
+        if !(0.0..=1.0).contains(&self.noise) {
+            bail!("--noise is {}, allowed are 0 to 1", self.noise);
+        }
+        Ok(())
+    }
+
+    fn check_combinations(&self, has_game: bool) -> anyhow::Result<()> {
+        if has_game && (self.suite.is_some() || self.out.is_some()) {
+            bail!("--world cannot be combined with --suite or --out: attempts in a game are not recorded");
+        }
+        if self.shard.is_some() && self.out.is_none() {
+            bail!("--shard needs --out: the folder that collects the units of all shards");
+        }
+        self.nats.check()?;
+        let is_whole = self.suite.is_none() && self.shard.is_none() && !has_game && self.graph_file.is_none();
+        if self.nats.nats.is_some() && !is_whole {
+            bail!(
+                "--nats cannot be combined with --suite, --shard, --world or --graph: \
+                 provers run evaluations of one model on graphs that they build"
+            );
+        }
+        if self.graph_file.is_some() && self.method == Approach::Policy {
+            bail!("--graph has no effect with --method policy");
+        }
+        Ok(())
     }
 }
 

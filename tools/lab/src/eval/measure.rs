@@ -1,6 +1,6 @@
 //! Runs an evaluation or a suite.
 
-use super::args::Args;
+use super::args::{Args, Suite};
 use super::results::Results;
 use super::{suites, tables};
 use anyhow::bail;
@@ -11,7 +11,7 @@ use surefoot_eval::record::Record;
 use surefoot_eval::{EvalConfig, evaluate};
 use surefoot_policy::Policy;
 
-/// Has provers run the units, if there is a queue. They are saved in the folder of the configuration, or in one that ends with what is
+/// With `--nats`, lets provers run the units. They are saved in the folder of the configuration, or in the temporary folder that is
 /// returned.
 #[cfg(feature = "fleet")]
 fn share(args: &Args, policy: &Policy, config: EvalConfig) -> anyhow::Result<(EvalConfig, Option<tempfile::TempDir>)> {
@@ -33,29 +33,28 @@ fn share(args: &Args, policy: &Policy, config: EvalConfig) -> anyhow::Result<(Ev
     Ok((config, folder))
 }
 
-/// There is no queue in this build.
+/// This build has no queue.
 #[cfg(not(feature = "fleet"))]
 fn share(args: &Args, _: &Policy, config: EvalConfig) -> anyhow::Result<(EvalConfig, Option<tempfile::TempDir>)> {
     let _ = &args.blobs.blobs;
     Ok((config, None))
 }
 
-/// Runs what the arguments say. Attempts go to the record, or come from it if it is one to check.
+/// Runs the evaluation or suite. Attempts are added to the record; if the record is being checked, they are read from it.
 pub fn measure(args: &Args, record: Option<Arc<Record>>) -> anyhow::Result<Results> {
     let config = EvalConfig { record, ..args.config()? };
-    if args.model.is_some() && !matches!(args.suite.as_deref(), None | Some("dial" | "kinds")) {
+    if args.model.is_some() && !matches!(args.suite, None | Some(Suite::Dial | Suite::Kinds)) {
         bail!("this suite takes its models from --models, not from --model");
     }
-    match args.suite.as_deref() {
-        Some("paper") => suites::paper(args, &config),
-        Some("ablation") => suites::ablation(args, &config),
-        Some("sweep") => suites::sweep(args, &config),
-        Some("big-map") => suites::big_map(args, &config),
-        Some("living") => suites::living(args, &config),
-        Some("seeds") => tables::seeds(args, &config),
-        Some("dial") => tables::dial(args, &config),
-        Some("kinds") => tables::kinds(args, &config),
-        Some(suite) => bail!("there is no suite {suite}"),
+    match args.suite {
+        Some(Suite::Paper) => suites::paper(args, &config),
+        Some(Suite::Ablation) => suites::ablation(args, &config),
+        Some(Suite::Sweep) => suites::sweep(args, &config),
+        Some(Suite::BigMap) => suites::big_map(args, &config),
+        Some(Suite::Living) => suites::living(args, &config),
+        Some(Suite::Seeds) => tables::seeds(args, &config),
+        Some(Suite::Dial) => tables::dial(args, &config),
+        Some(Suite::Kinds) => tables::kinds(args, &config),
         None => {
             let model = args.model.clone().or_else(|| args.rules.faithful.then(|| args.models.join("general-lstm")));
             let policy = args.rules.apply(load_policy(model.as_deref())?);
