@@ -1,9 +1,10 @@
-//! Builds the page with npm and writes a table of its files for the crate to embed. If npm is missing or fails, the table is
-//! empty and gives the reason: the rest of Surefoot works without the page.
+//! Builds the page with npm and writes a table of its files for the crate to embed. If npm is missing or fails, the
+//! table is empty and gives the reason: the rest of Surefoot works without the page.
 //!
-//! The environment variable `SUREFOOT_STUDIO` selects what happens. `require`: the build fails without the page. `off`: the page
-//! is left out. A folder, relative to the repository: the page was already built there. Unset: the page is built if possible,
-//! otherwise Cargo prints a warning. Cargo runs this script again when the sources of the page or the variable change.
+//! The environment variable `SUREFOOT_STUDIO` selects what happens. `require`: the build fails without the page. `off`:
+//! the page is left out. A folder, relative to the repository: the page was already built there. Unset: the page is
+//! built if possible, otherwise Cargo prints a warning. Cargo runs this script again when the sources of the page or
+//! the variable change.
 
 use std::error::Error;
 use std::fmt::Write as _;

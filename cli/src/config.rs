@@ -1,8 +1,8 @@
 //! Sources of flag values, each overriding the one before: defaults, one TOML file, the environment, the command line.
 //!
-//! For `serve`, `plan`, `work`, `prove` and `up`, a value in the file becomes the flag's default and every flag gets a variable
-//! before clap parses. So clap itself applies the precedence, checks types, and shows the effective values in `--help`. This
-//! module does not know what the flags mean.
+//! For `serve`, `plan`, `work`, `prove` and `up`, a value in the file becomes the flag's default and every flag gets a
+//! variable before clap parses. So clap itself applies the precedence, checks types, and shows the effective values in
+//! `--help`. This module does not know what the flags mean.
 
 use anyhow::{Context, anyhow, bail};
 use clap::builder::PossibleValue;

@@ -16,7 +16,11 @@ use surefoot_cli::{config, programs, terminal};
     version,
     propagate_version = true,
     max_term_width = 110,
-    after_help = "Examples:\n  surefoot                                  # the same as surefoot up\n  surefoot up --maps level.glb --body unity\n  surefoot graph reach level.glb\n  surefoot eval --help"
+    after_help = "Examples:\n  \
+        surefoot                                  # the same as surefoot up\n  \
+        surefoot up --maps level.glb --body unity\n  \
+        surefoot graph reach level.glb\n  \
+        surefoot eval --help"
 )]
 struct Cli {
     #[command(subcommand)]
@@ -40,7 +44,10 @@ enum Command {
     /// Build, show, check, edit and export graphs.
     #[command(
         subcommand,
-        after_help = "Examples:\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph reach level.glb --body unity\n  surefoot graph export level.glb --format json --out graph.json"
+        after_help = "Examples:\n  \
+            surefoot graph show 2000 --png graph.png --tracks 24\n  \
+            surefoot graph reach level.glb --body unity\n  \
+            surefoot graph export level.glb --format json --out graph.json"
     )]
     Graph(graph::Command),
     /// Ask a service whether it is serving.
@@ -52,7 +59,10 @@ enum Command {
     /// Generate, show, exchange and replay maps.
     #[command(
         subcommand,
-        after_help = "Examples:\n  surefoot map show 7 --features all --stats\n  surefoot map import level.glb --out level.sfmap\n  surefoot map export 7 --out seven.glb"
+        after_help = "Examples:\n  \
+            surefoot map show 7 --features all --stats\n  \
+            surefoot map import level.glb --out level.sfmap\n  \
+            surefoot map export 7 --out seven.glb"
     )]
     Map(map::Command),
     #[command(flatten)]

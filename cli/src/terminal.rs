@@ -27,7 +27,8 @@ pub struct LogArgs {
     otlp: Option<String>,
 }
 
-/// State of logging for the lifetime of the process; call [`finish`](Self::finish) at the end to send the remaining spans.
+/// State of logging for the lifetime of the process; call [`finish`](Self::finish) at the end to send the remaining
+/// spans.
 pub struct Logging {
     #[cfg(feature = "otel")]
     spans: Option<crate::otel::Spans>,

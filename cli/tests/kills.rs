@@ -134,7 +134,8 @@ async fn every_edit_that_was_acknowledged_is_there_after_any_kill_and_the_graph_
         assert_eq!(last.stage(), BuildStage::Done, "{last:?}");
         let graph_id = last.graph_id;
         let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
-        // Repeated with its id, the edit that was under way at the kill is there once, whether or not it had been stored.
+        // Repeated with its id, the edit that was under way at the kill is there once, whether or not it had been
+        // stored.
         if let Some(request) = unanswered.take() {
             let name = request.layer.clone();
             client.append_edits(request).await.unwrap();

@@ -1,5 +1,5 @@
-//! What requests can grow is paid for from the memory budget: one test for each kind drives a server to its budget, and compares the
-//! peak of the process's resident memory with it.
+//! What requests can grow is paid for from the memory budget: one test for each kind drives a server to its budget, and
+//! compares the peak of the process's resident memory with it.
 #![cfg(target_os = "linux")]
 
 use std::io::{Read, Write};
@@ -19,8 +19,8 @@ use tonic::transport::Channel;
 
 /// The budget of the servers, MB.
 const BUDGET_MB: u64 = 96;
-/// What a server may take beside its budget and what it took when it had started, MB: threads, buffers of connections, and what
-/// the allocator keeps for later.
+/// What a server may take beside its budget and what it took when it had started, MB: threads, buffers of connections,
+/// and what the allocator keeps for later.
 const ALLOWANCE_MB: u64 = 160;
 const MB: u64 = 1_000_000;
 

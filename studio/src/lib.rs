@@ -1,5 +1,5 @@
-//! Studio: a page for browsers, built from `page/` and embedded here. It talks to the services over Connect; this crate only
-//! hands its files out and knows nothing of worlds or plans.
+//! Studio: a page for browsers, built from `page/` and embedded here. It talks to the services over Connect; this crate
+//! only hands its files out and knows nothing of worlds or plans.
 
 mod policy;
 
@@ -25,8 +25,8 @@ pub fn missing() -> Option<&'static str> {
     FILES.is_empty().then_some(MISSING)
 }
 
-/// The page's files, and `studio.json`, which tells the page where the planner is: a URL, or `:7601` for that port of the
-/// host that the page comes from. In a build without the page a text that says how to get it.
+/// The page's files, and `studio.json`, which tells the page where the planner is: a URL, or `:7601` for that port of
+/// the host that the page comes from. In a build without the page a text that says how to get it.
 pub fn pages(settings: Settings) -> Router {
     let told = serde_json::json!({ "planner": settings.planner.to_string() }).to_string();
     let told = ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], told);

@@ -22,8 +22,8 @@ pub struct EndpointArgs {
     /// Most open streams per connection
     #[arg(long, default_value_t = Limits::default().max_streams, value_name = "N")]
     max_streams: u32,
-    /// Most connections at a time; a further one takes the place of the oldest one that has made no authorized request, and is
-    /// closed if there is none
+    /// Most connections at a time; a further one takes the place of the oldest one that has made no authorized request,
+    /// and is closed if there is none
     #[arg(long, default_value_t = Limits::default().max_connections, value_name = "N")]
     max_connections: usize,
     /// Close a new connection that sends nothing for this long
@@ -56,8 +56,8 @@ pub struct EndpointArgs {
     /// Allow serving other machines without TLS
     #[arg(long)]
     insecure: bool,
-    /// TOML file of [[token]] entries with name, role (client, worker, designer or admin) and secret; every call then requires
-    /// a token
+    /// TOML file of [[token]] entries with name, role (client, worker, designer or admin) and secret; every call then
+    /// requires a token
     #[arg(long, value_name = "FILE")]
     tokens: Option<PathBuf>,
     /// Origins of web pages on other hosts that may call, such as https://studio.example, separated by commas

@@ -8,8 +8,8 @@ use surefoot_net::client::Credentials;
 /// A game that serves environments.
 #[derive(clap::Args, Clone)]
 pub struct WorldArgs {
-    /// Run NPCs in the physics of a game instead of ours, which runs the level, read here for its geometry. The game serves EnvService at
-    /// http:// or https://, or speaks the batch protocol at tcp://HOST:PORT or unix:PATH
+    /// Run NPCs in the physics of a game instead of ours, which runs the level, read here for its geometry. The game
+    /// serves EnvService at http:// or https://, or speaks the batch protocol at tcp://HOST:PORT or unix:PATH
     #[arg(long, value_name = "URI", env = "SUREFOOT_WORLD")]
     world: Option<String>,
     #[command(flatten)]
@@ -33,7 +33,8 @@ pub struct Resolved {
     bridge: Option<Bridge>,
 }
 
-/// Finds out who serves the environments of the game at `uri`. If the game speaks the batch protocol, a bridge in this process does.
+/// Finds out who serves the environments of the game at `uri`. If the game speaks the batch protocol, a bridge in this
+/// process does.
 ///
 /// # Errors
 /// If a game that speaks the batch protocol does not answer.

@@ -48,7 +48,8 @@ pub struct Source {
 /// The body of the characters.
 #[derive(clap::Args, Clone)]
 pub struct BodyArg {
-    /// Body of the characters: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of a profile
+    /// Body of the characters: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields
+    /// of a profile
     #[arg(long, default_value = "surefoot", value_name = "NAME|FILE")]
     body: String,
 }
@@ -140,8 +141,8 @@ pub fn load_level(path: &Path) -> anyhow::Result<Map> {
     Ok(load_with_origin(path)?.0)
 }
 
-/// Loads a saved map, or imports a level as it is, with the place where the level's own origin lies on the map, m. Saved maps that were
-/// imported do not say it.
+/// Loads a saved map, or imports a level as it is, with the place where the level's own origin lies on the map, m.
+/// Saved maps that were imported do not say it.
 fn load_with_origin(path: &Path) -> anyhow::Result<(Map, Option<Vec3>)> {
     let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
     if matches!(extension.as_deref(), Some("glb" | "gltf" | "obj")) {
@@ -203,13 +204,15 @@ impl Source {
 
 /// Generate a map and save it.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot map generate 7 --features all --out seven.sfmap\n  surefoot map generate 0..64 --features all --out maps\n  surefoot map generate 0..64 --nats nats://127.0.0.1:4222 --blobs file:///srv/blobs --out maps"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot map generate 7 --features all --out seven.sfmap\n  \
+        surefoot map generate 0..64 --features all --out maps\n  \
+        surefoot map generate 0..64 --nats nats://127.0.0.1:4222 --blobs file:///srv/blobs --out maps")]
 pub struct GenerateArgs {
     #[command(flatten)]
     source: Source,
-    /// File to write the map to; of several seeds, such as 0..8 or 3,5: the folder, in which files are named after seeds
+    /// File to write the map to; of several seeds, such as 0..8 or 3,5: the folder, in which files are named after
+    /// seeds
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     #[command(flatten)]
@@ -220,9 +223,12 @@ pub struct GenerateArgs {
 
 /// Describe a map, measure how it is connected, or draw it.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot map show 2000\n  surefoot map show 7 --features all --stats\n  surefoot map show 7 --png map.png --iso\n  surefoot map show 7 --png floor.png --section 31.5\n  surefoot map show 3000 --size 1000 --height 200 --json"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot map show 2000\n  \
+        surefoot map show 7 --features all --stats\n  \
+        surefoot map show 7 --png map.png --iso\n  \
+        surefoot map show 7 --png floor.png --section 31.5\n  \
+        surefoot map show 3000 --size 1000 --height 200 --json")]
 pub struct ShowArgs {
     #[command(flatten)]
     source: Source,
@@ -257,7 +263,11 @@ pub struct ShowArgs {
 /// Import a level as a map.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Nodes named lava*, water*, pad*, zip_line*:from, zip_line*:to, teleporter*:from, teleporter*:to and jetpack* become\nfeatures; a sidecar file can list them instead.\n\nExamples:\n  surefoot map import level.glb --out level.sfmap\n  surefoot map import level.obj --up z --scale 0.01 --out level.sfmap"
+    after_help = "Nodes named lava*, water*, pad*, zip_line*:from, zip_line*:to, teleporter*:from, teleporter*:to and jetpack* become\n\
+        features; a sidecar file can list them instead.\n\n\
+        Examples:\n  \
+        surefoot map import level.glb --out level.sfmap\n  \
+        surefoot map import level.obj --up z --scale 0.01 --out level.sfmap"
 )]
 pub struct ImportArgs {
     /// The level: .glb, .gltf or .obj

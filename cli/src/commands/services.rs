@@ -23,9 +23,11 @@ use tracing::info;
 
 /// Run the world server until Ctrl-C or SIGTERM.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot serve\n  surefoot serve --listen 0.0.0.0:7600 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  surefoot serve --config surefoot.toml\n  curl http://127.0.0.1:7600/metrics"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot serve\n  \
+        surefoot serve --listen 0.0.0.0:7600 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  \
+        surefoot serve --config surefoot.toml\n  \
+        curl http://127.0.0.1:7600/metrics")]
 pub struct ServeArgs {
     /// Address for gRPC, Connect, Studio's page and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7600", env = "SUREFOOT_LISTEN")]
@@ -59,8 +61,8 @@ impl ServeArgs {
 /// What Studio's page may call.
 #[derive(clap::Args)]
 pub struct StudioArgs {
-    /// Further origins that Studio's page may call once its user agrees, such as https://plans.example:7601; several are
-    /// divided by commas
+    /// Further origins that Studio's page may call once its user agrees, such as https://plans.example:7601; several
+    /// are divided by commas
     #[arg(long, value_name = "ORIGIN", value_delimiter = ',')]
     studio_connect: Vec<Origin>,
 }
@@ -144,9 +146,9 @@ impl ServerLimits {
 
 /// Run the planner service until Ctrl-C or SIGTERM.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot plan\n  surefoot plan --listen 0.0.0.0:7601 --insecure --cache /var/lib/surefoot"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot plan\n  \
+        surefoot plan --listen 0.0.0.0:7601 --insecure --cache /var/lib/surefoot")]
 pub struct PlanArgs {
     /// Address for gRPC, Connect and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7601", env = "SUREFOOT_LISTEN")]
@@ -223,9 +225,10 @@ impl CacheArgs {
 
 /// Decide for NPCs of a world server with the policy, along plans of a planner.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot work\n  surefoot work --server http://server:7600 --planner http://planner:7601 --npcs 512\n  surefoot work --no-planner"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot work\n  \
+        surefoot work --server http://server:7600 --planner http://planner:7601 --npcs 512\n  \
+        surefoot work --no-planner")]
 pub struct WorkArgs {
     /// URI of the world server; those of several are divided by commas
     #[arg(

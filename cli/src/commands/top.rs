@@ -14,9 +14,10 @@ use tonic::Status;
 
 /// Watch a running world server.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot top\n  surefoot top http://server:7600 --every 5\n  surefoot top --count 1   # once, for scripts"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot top\n  \
+        surefoot top http://server:7600 --every 5\n  \
+        surefoot top --count 1   # once, for scripts")]
 pub struct Args {
     /// URI of the world server
     #[arg(default_value = "http://127.0.0.1:7600", value_name = "URI", env = "SUREFOOT_SERVER")]

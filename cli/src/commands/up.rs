@@ -35,9 +35,12 @@ const START_PAUSE: Duration = Duration::from_millis(200);
 
 /// Run everything in one process: world server, planner, NPC workers and a crowd with random goals.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot up\n  surefoot up --for 120 --json\n  surefoot up --maps 4 --npcs 512\n  surefoot up --kind islands --body unity\n  surefoot up --maps level.glb,other.obj"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot up\n  \
+        surefoot up --for 120 --json\n  \
+        surefoot up --maps 4 --npcs 512\n  \
+        surefoot up --kind islands --body unity\n  \
+        surefoot up --maps level.glb,other.obj")]
 pub struct Args {
     /// Address of the world server; port 0 picks a free port
     #[arg(long, default_value = "127.0.0.1:7600")]

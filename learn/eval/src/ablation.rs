@@ -1,7 +1,7 @@
 //! What each of our choices adds: from the paper's method to ours, one factor at a time.
 //!
-//! Every factor is changed alone twice: added to the paper's method, and taken from ours. All cases run on the same maps with the same
-//! goals, so differences are paired by map.
+//! Every factor is changed alone twice: added to the paper's method, and taken from ours. All cases run on the same
+//! maps with the same goals, so differences are paired by map.
 
 use super::config::{EvalConfig, EvalError, Method, Price};
 use super::intervals::Interval;
@@ -25,7 +25,8 @@ pub enum Factor {
     Transports,
     /// Vertices and candidates at devices and ledges.
     SpecialMoves,
-    /// Frugal probing at a lower threshold, proofs on the run, parts that are joined; instead of all probes of every candidate.
+    /// Frugal probing at a lower threshold, proofs on the run, parts that are joined; instead of all probes of every
+    /// candidate.
     Probing,
     /// Start and goal are joined to several vertices.
     Attach,
@@ -102,7 +103,8 @@ pub struct AblationReport {
     pub paper: CaseReport,
     /// Ours.
     pub ours: CaseReport,
-    /// For each factor: the paper's method with it, and what it adds in points; ours without it, and what it adds there.
+    /// For each factor: the paper's method with it, and what it adds in points; ours without it, and what it adds
+    /// there.
     pub factors: Vec<FactorReport>,
 }
 
@@ -121,7 +123,8 @@ pub struct FactorReport {
     pub adds_to_ours: Interval,
 }
 
-/// The policy and the configuration in which these factors are ours. Patience and the pace of re-plans are those of `base`.
+/// The policy and the configuration in which these factors are ours. Patience and the pace of re-plans are those of
+/// `base`.
 fn case(policies: &Policies, base: &EvalConfig, settings: BuildSettings, ours: &[Factor]) -> (Policy, EvalConfig) {
     let is = |factor: Factor| ours.contains(&factor);
     let policy = if is(Factor::Policy) { &policies.reactive } else { &policies.recurrent }.clone();
@@ -151,7 +154,8 @@ fn case(policies: &Policies, base: &EvalConfig, settings: BuildSettings, ours: &
     (policy, config)
 }
 
-/// Runs all cases on the maps of `base`, map by map, so that cases share graphs. `progress` gets the numbers of finished and of all units.
+/// Runs all cases on the maps of `base`, map by map, so that cases share graphs. `progress` gets the numbers of
+/// finished and of all units.
 ///
 /// # Errors
 /// As for [`super::evaluate`], and if there are fewer than two maps.

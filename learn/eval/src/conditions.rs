@@ -1,4 +1,5 @@
-//! Tables of conditions: success by policy and by plan while one thing is varied, such as the map's devices, its kind, or the training seed.
+//! Tables of conditions: success by policy and by plan while one thing is varied, such as the map's devices, its kind,
+//! or the training seed.
 
 use super::config::{EvalConfig, EvalError, Method};
 use super::intervals::Interval;
@@ -81,8 +82,8 @@ pub struct ConditionReport {
     pub rows: Vec<ConditionRow>,
 }
 
-/// Runs every condition by policy, and by plan on graphs with these settings. `base` gives the rest. `progress` gets the numbers of
-/// finished and of all units.
+/// Runs every condition by policy, and by plan on graphs with these settings. `base` gives the rest. `progress` gets
+/// the numbers of finished and of all units.
 ///
 /// # Errors
 /// As for [`super::evaluate`], and if a condition has fewer than two maps.

@@ -72,14 +72,15 @@ pub struct EvalConfig {
     pub thread_count: usize,
     /// Folder to save finished units in and to load them from; `None` to run every unit and save none.
     pub keep_in: Option<PathBuf>,
-    /// The part of the units to run, if others are run elsewhere; `None` for all. Reports over a part mean nothing: only the units that
-    /// are saved do.
+    /// The part of the units to run, if others are run elsewhere; `None` for all. Reports over a part mean nothing:
+    /// only the units that are saved do.
     pub shard: Option<Shard>,
     /// Where the attempts are recorded, or the record that is checked instead of running them; `None` to do neither.
     pub record: Option<Arc<Record>>,
 }
 
-/// One of several parts into which the units of an evaluation are divided, by map and seed, wherever and in whatever order they run.
+/// One of several parts into which the units of an evaluation are divided, by map and seed, wherever and in whatever
+/// order they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     /// Index of the part.

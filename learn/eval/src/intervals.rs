@@ -1,7 +1,7 @@
 //! Intervals over maps and models.
 //!
-//! Goals of one map are no independent draws: what makes a map hard makes all its goals hard. So maps are resampled, not goals, and
-//! with several models of different training seeds the models as well.
+//! Goals of one map are no independent draws: what makes a map hard makes all its goals hard. So maps are resampled,
+//! not goals, and with several models of different training seeds the models as well.
 
 use super::maps::MapName;
 use super::unit::Unit;

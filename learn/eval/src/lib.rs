@@ -1,9 +1,10 @@
 //! The paper's evaluation protocol: random goals on whole maps, success by difficulty, failures by outcome.
 //!
-//! An evaluation is a list of [units](mod@unit), one for each map and seed, which can be saved and resumed. A [`report`]
-//! summarises them. [`suite`] runs the rows of the paper's table, [`living`] scenes in which things move, [`variants`] many graphs on one
-//! split, [`ablation`] what each of our choices adds, [`conditions`] success while one thing is varied. [`intervals`] tells how sure all of that
-//! is, and a [`record`] keeps the attempts for those who check it.
+//! An evaluation is a list of [units](mod@unit), one for each map and seed, which can be saved and resumed. A
+//! [`report`] summarises them. [`suite`] runs the rows of the paper's table, [`living`] scenes in which things move,
+//! [`variants`] many graphs on one split, [`ablation`] what each of our choices adds, [`conditions`] success while one
+//! thing is varied. [`intervals`] tells how sure all of that is, and a [`record`] keeps the attempts for those who
+//! check it.
 
 pub mod ablation;
 pub mod challenge;

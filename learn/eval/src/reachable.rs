@@ -1,7 +1,7 @@
 //! Which goals a character can get to: the truth that attempts are measured against.
 //!
-//! The survey knows islands of ground on a grid, and leaps between them; the graph's edges are proved. Places that the grid misses,
-//! such as narrow ledges, are joined to what is near them by leaps of the same scripted body.
+//! The survey knows islands of ground on a grid, and leaps between them; the graph's edges are proved. Places that the
+//! grid misses, such as narrow ledges, are joined to what is near them by leaps of the same scripted body.
 
 use std::collections::HashMap;
 use surefoot_planner::Router;

@@ -1,5 +1,5 @@
-//! Records: the attempts behind a table, one line for each unit, kept so that anyone can derive the table from them again and make parts of
-//! them again.
+//! Records: the attempts behind a table, one line for each unit, kept so that anyone can derive the table from them
+//! again and make parts of them again.
 
 use super::unit::{Batch, Unit};
 use flate2::Compression;
@@ -64,8 +64,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Probability of a difference in success as large as this one or larger, if either outcome of attempts that differ was equally likely
-    /// (the exact test of McNemar).
+    /// Probability of a difference in success as large as this one or larger, if either outcome of attempts that differ
+    /// was equally likely (the exact test of McNemar).
     pub fn chance(&self) -> f64 {
         let (few, n) = (self.lost.min(self.gained), self.lost + self.gained);
         // Sum of the binomial coefficients up to `few`, over 2^n.
@@ -78,7 +78,8 @@ impl Comparison {
         (2.0 * sum).min(1.0)
     }
 
-    /// Whether what was made again agrees with the record: the same attempts, or others by chance, as on a processor that rounds otherwise.
+    /// Whether what was made again agrees with the record: the same attempts, or others by chance, as on a processor
+    /// that rounds otherwise.
     pub fn agrees(&self) -> bool {
         self.chance() >= SIGNIFICANT
     }

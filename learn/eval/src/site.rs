@@ -275,7 +275,8 @@ impl<'a> Site<'a> {
         })
     }
 
-    /// Attempts the goals of these batches, distributed over threads, and returns the results in the order of the batches.
+    /// Attempts the goals of these batches, distributed over threads, and returns the results in the order of the
+    /// batches.
     fn attempt(&self, batches: &[Batch]) -> Result<Vec<(Vec<AttemptResult>, Figures)>, EvalError> {
         let results = map_indices(batches.len(), self.config.thread_count, |idx| {
             let batch = batches[idx];

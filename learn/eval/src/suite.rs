@@ -85,8 +85,8 @@ pub struct Row {
     /// Mean figures of the graphs; absent without graphs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub graph: Option<GraphFigures>,
-    /// Path efficiency: mean over all goals of success times the length of the shortest path that any row found, divided by the
-    /// length of the path taken.
+    /// Path efficiency: mean over all goals of success times the length of the shortest path that any row found,
+    /// divided by the length of the path taken.
     pub efficiency: f64,
     /// Mean duration of successful attempts, s.
     pub seconds_to_goal: f64,
@@ -124,8 +124,8 @@ struct Outcome<'e> {
     units: Vec<Unit>,
 }
 
-/// Runs every entry. `base` gives everything but maps and method. `progress` gets the name of the row or split and the numbers
-/// of its finished and of all its attempts.
+/// Runs every entry. `base` gives everything but maps and method. `progress` gets the name of the row or split and the
+/// numbers of its finished and of all its attempts.
 ///
 /// # Errors
 /// As for [`super::evaluate`].

@@ -55,8 +55,8 @@ pub fn sweep(policy: &Policy) -> Vec<Variant> {
         .collect()
 }
 
-/// Runs every variant on the maps of `base`. `progress` gets the variant's name and the numbers of its finished and of all its
-/// attempts.
+/// Runs every variant on the maps of `base`. `progress` gets the variant's name and the numbers of its finished and of
+/// all its attempts.
 ///
 /// # Errors
 /// As for [`super::evaluate`].

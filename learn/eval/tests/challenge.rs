@@ -1,4 +1,5 @@
-//! The challenge: sets that stay what they are, runs that are believed in nothing but what they do, and a plain controller.
+//! The challenge: sets that stay what they are, runs that are believed in nothing but what they do, and a plain
+//! controller.
 
 use std::path::Path;
 use surefoot_eval::EvalMap;

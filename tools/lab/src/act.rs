@@ -8,17 +8,18 @@ use surefoot_cli::commands::endpoint::CredentialArgs;
 use surefoot_cli::commands::map::level_files;
 use surefoot_train::actors::actor::{ActorConfig, act};
 
-/// Let NPCs act with the weights of a learner that runs elsewhere (`surefoot train --listen`), and feed it with what they do. Takes less of
-/// a thin connection than `train --worlds`. While the learner is away, waits for it.
+/// Let NPCs act with the weights of a learner that runs elsewhere (`surefoot train --listen`), and feed it with what
+/// they do. Takes less of a thin connection than `train --worlds`. While the learner is away, waits for it.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot act --learner http://127.0.0.1:7610\n  surefoot act --learner https://learner.example:7610 --token-file token --maps level.glb --world http://127.0.0.1:7700"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot act --learner http://127.0.0.1:7610\n  \
+        surefoot act --learner https://learner.example:7610 --token-file token --maps level.glb --world http://127.0.0.1:7700")]
 pub struct Args {
     /// Address of the learner
     #[arg(long, value_name = "URI", env = "SUREFOOT_LEARNER")]
     learner: String,
-    /// Let the NPCs move in the game that serves environments at this address instead of this process; it runs the level of --maps
+    /// Let the NPCs move in the game that serves environments at this address instead of this process; it runs the
+    /// level of --maps
     #[arg(long, value_name = "URI")]
     world: Option<String>,
     /// Levels to act on instead of the learner's maps: files (.sfmap, .glb, .gltf, .obj)

@@ -42,9 +42,9 @@ pub enum Command {
 
 /// Write a set: its goals, and its maps as .glb and .sfmap.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot challenge set paper-like --out sets/paper-like\n  surefoot challenge set custom --maps level.glb,other.obj --goals 100 --body unity --out sets/mine"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot challenge set paper-like --out sets/paper-like\n  \
+        surefoot challenge set custom --maps level.glb,other.obj --goals 100 --body unity --out sets/mine")]
 pub struct SetArgs {
     /// Name of the set: paper-like, kinds or benchmark; or custom for one of your own
     name: String,
@@ -66,9 +66,9 @@ pub struct SetArgs {
 
 /// Record what our own NPCs do about a set, as a run.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot challenge record paper-like --out surefoot.json.gz\n  surefoot challenge record sets/mine --straight --model general-lstm --out straight.json.gz"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot challenge record paper-like --out surefoot.json.gz\n  \
+        surefoot challenge record sets/mine --straight --model general-lstm --out straight.json.gz")]
 pub struct RecordArgs {
     /// Name of a set, or its folder
     #[arg(value_name = "SET|FOLDER")]
@@ -94,9 +94,9 @@ pub struct RecordArgs {
 
 /// Score a run: drive its paths, do its actions again, and see where the body gets.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot challenge score run.json\n  surefoot challenge score run.json.gz --set sets/mine --json"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot challenge score run.json\n  \
+        surefoot challenge score run.json.gz --set sets/mine --json")]
 pub struct ScoreArgs {
     /// The run (.json, or packed .json.gz); several are put into one table
     #[arg(value_name = "FILE", required = true)]
@@ -114,9 +114,10 @@ pub struct ScoreArgs {
 
 /// Send NPCs of a world server to the goals of a set, while its workers decide, and score what the server tells.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot challenge host benchmark:8x128                 # our own server, planner and worker, at 60 Hz\n  surefoot challenge host benchmark:8x128 --lockstep\n  surefoot challenge host kinds --server http://127.0.0.1:7600 --name \"my workers\""
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot challenge host benchmark:8x128                 # our own server, planner and worker, at 60 Hz\n  \
+        surefoot challenge host benchmark:8x128 --lockstep\n  \
+        surefoot challenge host kinds --server http://127.0.0.1:7600 --name \"my workers\"")]
 pub struct HostArgs {
     /// Name of a set, or a part of it such as benchmark:8x128
     set: String,

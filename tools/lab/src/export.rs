@@ -13,9 +13,9 @@ use surefoot_world::{Map, MapSpec};
 
 /// Write a model for other programs: ONNX for the runtimes of game engines, safetensors for Python.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot export --onnx policy.onnx\n  surefoot export --model models/general-lstm --onnx lstm.onnx --safetensors lstm.safetensors"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot export --onnx policy.onnx\n  \
+        surefoot export --model models/general-lstm --onnx lstm.onnx --safetensors lstm.safetensors")]
 pub struct ExportArgs {
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "MODEL")]
@@ -26,8 +26,8 @@ pub struct ExportArgs {
     /// Write the weights as safetensors
     #[arg(long, value_name = "FILE")]
     safetensors: Option<PathBuf>,
-    /// Print N observations from a walk over a map with their decisions as JSON, to check another runtime against; they come
-    /// in ten successive steps, across which a recurrent policy keeps its memory
+    /// Print N observations from a walk over a map with their decisions as JSON, to check another runtime against; they
+    /// come in ten successive steps, across which a recurrent policy keeps its memory
     #[arg(long, value_name = "N")]
     check: Option<usize>,
     /// Accepted for uniformity: --check always prints JSON

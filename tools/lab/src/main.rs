@@ -41,7 +41,9 @@ enum Command {
     /// Compare agents and planners of any origin on the same goals.
     #[command(
         subcommand,
-        after_help = "Examples:\n  surefoot challenge record paper-like --out surefoot.json.gz\n  surefoot challenge score surefoot.json.gz"
+        after_help = "Examples:\n  \
+            surefoot challenge record paper-like --out surefoot.json.gz\n  \
+            surefoot challenge score surefoot.json.gz"
     )]
     Challenge(challenge::Command),
     /// Write a model as ONNX or safetensors.

@@ -35,7 +35,8 @@ impl Process {
 /// CPU time of a process so far, of all threads, s; `pid` may be `self`.
 pub fn cpu_s(pid: &str) -> anyhow::Result<f64> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).context("no CPU times of a process")?;
-    // The name of the program, in parentheses, may hold anything. User and system time follow, in hundredths of a second.
+    // The name of the program, in parentheses, may hold anything. User and system time follow, in hundredths of a
+    // second.
     let after_name = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();
     let times: Vec<f64> = after_name.skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
     anyhow::ensure!(times.len() == 2, "the system reports no CPU times of a process");

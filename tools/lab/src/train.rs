@@ -29,11 +29,19 @@ use surefoot_world::map::{Features, MapKind, MoverDensities};
 /// Default number of actors that can connect.
 const USUAL_ACTORS: usize = 2;
 
-/// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues exactly.
+/// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues
+/// exactly.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  surefoot train runs/game --from models/general-reactive --maps level.glb --worlds http://10.0.0.7:7700,http://10.0.0.8:7700\n  surefoot train runs/fed --listen 0.0.0.0:7610 --actors 8 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  tensorboard --logdir runs"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot train runs/first\n  \
+        surefoot train runs/first --resume\n  \
+        surefoot train runs/lstm --recurrent --from models/general-reactive\n  \
+        surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  \
+        surefoot train runs/mine --config my.json --updates 50000\n  \
+        surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  \
+        surefoot train runs/game --from models/general-reactive --maps level.glb --worlds http://10.0.0.7:7700,http://10.0.0.8:7700\n  \
+        surefoot train runs/fed --listen 0.0.0.0:7610 --actors 8 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  \
+        tensorboard --logdir runs")]
 pub struct Args {
     /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
     folder: PathBuf,
@@ -49,8 +57,8 @@ pub struct Args {
     /// Start from the weights of this model or run; a recurrent agent may start from a reactive one
     #[arg(long, value_name = "FOLDER")]
     from: Option<PathBuf>,
-    /// Seeds of the maps to train on, such as 0..128, or files (.sfmap, .glb, .gltf, .obj), which are copied to the run's folder. With a
-    /// single map, the policy specialises in it
+    /// Seeds of the maps to train on, such as 0..128, or files (.sfmap, .glb, .gltf, .obj), which are copied to the
+    /// run's folder. With a single map, the policy specialises in it
     #[arg(long, value_name = "SEEDS|FILE,...")]
     maps: Option<String>,
     /// Side of the training maps in metres
@@ -68,7 +76,8 @@ pub struct Args {
     /// Kinds of the training maps: terrain, islands, interior, arena, tower, open; several take turns by seed
     #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = parse_kind)]
     kind: Vec<MapKind>,
-    /// Body to train: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of a profile
+    /// Body to train: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of a
+    /// profile
     #[arg(long, value_name = "NAME|FILE")]
     body: Option<String>,
     /// Name of the model
@@ -83,7 +92,8 @@ pub struct Args {
     /// Seed of weights, noise, maps and goals
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
-    /// Collect experience in the worlds at these addresses instead of this process: Surefoot's servers, or games, which run the level of
+    /// Collect experience in the worlds at these addresses instead of this process: Surefoot's servers, or games, which
+    /// run the level of
     /// --maps. One level is for all worlds; of several, each world runs one. With --resume, the new addresses
     #[arg(long, visible_alias = "world", value_name = "URI,...", value_delimiter = ',', env = "SUREFOOT_WORLDS")]
     worlds: Vec<String>,

@@ -1,4 +1,5 @@
-//! The challenge as a stranger meets it: a set of their own levels, a run written by hand, a score, and a server that hosts.
+//! The challenge as a stranger meets it: a set of their own levels, a run written by hand, a score, and a server that
+//! hosts.
 
 use std::path::Path;
 use std::process::Output;

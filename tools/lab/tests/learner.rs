@@ -1,5 +1,5 @@
-//! A learner that is fed from elsewhere, with real processes: by environments of servers, and by actors. Each part is killed again and
-//! again; training goes on, and no transition is stored twice.
+//! A learner that is fed from elsewhere, with real processes: by environments of servers, and by actors. Each part is
+//! killed again and again; training goes on, and no transition is stored twice.
 
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};

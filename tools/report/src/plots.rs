@@ -33,8 +33,8 @@ pub struct DistanceBin {
     pub count: usize,
 }
 
-/// Plots success by straight-line distance, with one line for each named list of bins. A point is `middle_m` metres below the
-/// upper end of its bin, with its interval as a vertical bar; bins of fewer than 30 attempts are left out.
+/// Plots success by straight-line distance, with one line for each named list of bins. A point is `middle_m` metres
+/// below the upper end of its bin, with its interval as a vertical bar; bins of fewer than 30 attempts are left out.
 ///
 /// # Errors
 /// If the file cannot be written.

@@ -2,6 +2,7 @@
 
 use crate::ReportError;
 use font8x8::legacy::BASIC_LEGACY;
+use rayon::prelude::*;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use surefoot_world::mesh::{RayHit, Surface};

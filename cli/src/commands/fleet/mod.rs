@@ -1,5 +1,5 @@
-//! Flags of what the processes of a fleet share, and what is built of them. Builds without the feature `fleet` have the flags, and say so
-//! where one is used.
+//! Flags of what the processes of a fleet share, and what is built of them. Builds without the feature `fleet` have the
+//! flags, and say so where one is used.
 
 pub mod prove;
 #[cfg(feature = "fleet")]
@@ -16,7 +16,8 @@ pub use store::StoreArgs;
 #[derive(clap::Args, Clone)]
 #[command(next_help_heading = "Fleet")]
 pub struct NatsArg {
-    /// URL of NATS JetStream, over which provers (surefoot prove) share the work: nats://user:password@host:port; several are divided by commas
+    /// URL of NATS JetStream, over which provers (surefoot prove) share the work: nats://user:password@host:port;
+    /// several are divided by commas
     #[arg(long, value_name = "URL", env = "SUREFOOT_NATS", hide_env_values = true)]
     pub nats: Option<String>,
 }

@@ -5,11 +5,13 @@ use crate::commands::endpoint::EndpointArgs;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// Run a prover until Ctrl-C or SIGTERM: it probes edges, evaluates and generates maps for whoever sends jobs over NATS.
+/// Run a prover until Ctrl-C or SIGTERM: it probes edges, evaluates and generates maps for whoever sends jobs over
+/// NATS.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot prove --nats nats://127.0.0.1:4222\n  surefoot prove --nats nats://nats:4222 --blobs s3://surefoot/blobs --threads 4\n  surefoot prove --print-lane"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot prove --nats nats://127.0.0.1:4222\n  \
+        surefoot prove --nats nats://nats:4222 --blobs s3://surefoot/blobs --threads 4\n  \
+        surefoot prove --print-lane")]
 pub struct Args {
     /// Address for health checks and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7603", env = "SUREFOOT_LISTEN")]
@@ -24,7 +26,8 @@ pub struct Args {
     /// Jobs at a time, each on a thread; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Print the lane and exit: the jobs of the consumer prove-LANE are for provers with this model and processors that compute the same bits
+    /// Print the lane and exit: the jobs of the consumer prove-LANE are for provers with this model and processors that
+    /// compute the same bits
     #[arg(long)]
     print_lane: bool,
     #[command(flatten)]

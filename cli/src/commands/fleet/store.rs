@@ -14,7 +14,8 @@ use surefoot_server::store::WorldStore;
 #[derive(clap::Args)]
 #[command(next_help_heading = "Fleet")]
 pub struct StoreArgs {
-    /// PostgreSQL database that the processes of a fleet share, postgres://user:password@host:port/database; default: this process is alone
+    /// PostgreSQL database that the processes of a fleet share, postgres://user:password@host:port/database; default:
+    /// this process is alone
     #[arg(long, value_name = "URL", env = "SUREFOOT_STORE", hide_env_values = true)]
     store: Option<String>,
     #[command(flatten)]

@@ -9,9 +9,13 @@ use surefoot_world::Vec3;
 
 /// Change a graph by hand, in named layers that outlive rebuilds.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Places are X,Y,Z in metres and refer to the nearest vertex within 3 m.\n\nExamples:\n  surefoot graph edit 2000 --layer night --forbid 31,12,40:45,12,38\n  surefoot graph edit 2000 --layer night --price 31,12,40:45,12,38=4 --add 60,14.5,52\n  surefoot graph edit 2000 --layer night --undo 1\n  surefoot graph edit 2000 --layer night --export night.json\n  surefoot graph edit 2000 --import night.json"
-)]
+#[command(after_help = "Places are X,Y,Z in metres and refer to the nearest vertex within 3 m.\n\n\
+        Examples:\n  \
+        surefoot graph edit 2000 --layer night --forbid 31,12,40:45,12,38\n  \
+        surefoot graph edit 2000 --layer night --price 31,12,40:45,12,38=4 --add 60,14.5,52\n  \
+        surefoot graph edit 2000 --layer night --undo 1\n  \
+        surefoot graph edit 2000 --layer night --export night.json\n  \
+        surefoot graph edit 2000 --import night.json")]
 pub struct Args {
     #[command(flatten)]
     target: Target,

@@ -14,14 +14,16 @@ use surefoot_world::reach::Reach;
 
 /// Write a graph for other programs.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot graph export 2000 --format graphml --out map.graphml\n  surefoot graph export 2000 --format json > map.json   # networkx.node_link_graph(json.load(f), edges=\"edges\")\n  surefoot graph export 2000 --format detour --out links.json\n  surefoot graph export level.glb --format godot --out links.tscn"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot graph export 2000 --format graphml --out map.graphml\n  \
+        surefoot graph export 2000 --format json > map.json   # networkx.node_link_graph(json.load(f), edges=\"edges\")\n  \
+        surefoot graph export 2000 --format detour --out links.json\n  \
+        surefoot graph export level.glb --format godot --out links.tscn")]
 pub struct Args {
     #[command(flatten)]
     target: Target,
-    /// Format of the graph: graphml or json (node-link, for networkx and `graph diff`); or of links for a NavMesh: detour, godot, unity,
-    /// unreal, landmass or links (JSON with all that is known)
+    /// Format of the graph: graphml or json (node-link, for networkx and `graph diff`); or of links for a NavMesh:
+    /// detour, godot, unity, unreal, landmass or links (JSON with all that is known)
     #[arg(long, value_name = "NAME", value_parser = Output::parse)]
     format: Output,
     /// Omit links that other links, or the NavMesh alone, replace in at most RATIO times their time

@@ -107,7 +107,8 @@ impl Target {
         Ok((ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? }, origin))
     }
 
-    /// The level that layers belong to: a generated map's spec, or the name of a file, which outlives changes of the level.
+    /// The level that layers belong to: a generated map's spec, or the name of a file, which outlives changes of the
+    /// level.
     fn level(&self, map: &Map) -> LevelId {
         match map.spec() {
             Some(spec) => LevelId::of_spec(spec),
@@ -118,8 +119,8 @@ impl Target {
         }
     }
 
-    /// Takes the graph from the cache or builds it, starting from the graph of an earlier version of the map if one is given,
-    /// and applies the level's edits.
+    /// Takes the graph from the cache or builds it, starting from the graph of an earlier version of the map if one is
+    /// given, and applies the level's edits.
     fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
         let (context, origin) = self.context_with_origin()?;
         Ok(Loaded { origin, ..self.load_in(context, changed_from)? })

@@ -20,9 +20,10 @@ use surefoot_world::reach::{Means, Reach};
 /// The report has two parts: geometry (a survey of every place to stand, with scripted leaps) and the graph (what the
 /// policy has proved).
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot graph reach 2000\n  surefoot graph reach level.sfmap --png reach.png\n  surefoot graph reach level.sfmap --min-reachable 0.98 --min-connected 0.95 --max-traps 0 --junit reach.xml"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot graph reach 2000\n  \
+        surefoot graph reach level.sfmap --png reach.png\n  \
+        surefoot graph reach level.sfmap --min-reachable 0.98 --min-connected 0.95 --max-traps 0 --junit reach.xml")]
 pub struct Args {
     #[command(flatten)]
     target: Target,
@@ -272,9 +273,9 @@ fn loaded_name(loaded: &Loaded) -> String {
 
 /// Compare what is reachable in two versions of a level.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot graph diff level.sfmap changed.sfmap\n  surefoot graph diff before.json after.json --fail-on-loss   # files of graph export --format json"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot graph diff level.sfmap changed.sfmap\n  \
+        surefoot graph diff before.json after.json --fail-on-loss   # files of graph export --format json")]
 pub struct DiffArgs {
     #[command(flatten)]
     before: Target,

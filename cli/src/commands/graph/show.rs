@@ -15,9 +15,13 @@ use surefoot_world::{Ability, End, TaskConfig, Vec3, navigable};
 
 /// Build the graph of a map, or take it from the cache, and describe or draw it.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot graph build 2000\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph build 7 --vertices 800 --neighbours 20 --json\n  surefoot graph build changed.sfmap --changed-from level.sfmap\n  surefoot graph build level.glb --world http://127.0.0.1:7700 --json\n  surefoot graph build level.obj --world tcp://127.0.0.1:7701"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot graph build 2000\n  \
+        surefoot graph show 2000 --png graph.png --tracks 24\n  \
+        surefoot graph build 7 --vertices 800 --neighbours 20 --json\n  \
+        surefoot graph build changed.sfmap --changed-from level.sfmap\n  \
+        surefoot graph build level.glb --world http://127.0.0.1:7700 --json\n  \
+        surefoot graph build level.obj --world tcp://127.0.0.1:7701")]
 pub struct Args {
     #[command(flatten)]
     target: Target,

@@ -1,5 +1,5 @@
-//! Sends NPCs of a world server to the goals of a set, while workers decide for them: ours, or others' that speak the protocol of `Work`. The
-//! server itself says how each attempt ended.
+//! Sends NPCs of a world server to the goals of a set, while workers decide for them: ours, or others' that speak the
+//! protocol of `Work`. The server itself says how each attempt ended.
 
 use super::set::{GoalSet, SetMap};
 use std::collections::BTreeMap;
@@ -56,8 +56,8 @@ pub struct Stats {
     pub missed: u64,
 }
 
-/// Attempts all goals of a set of generated maps on a server, and returns what happened on each map. `progress` gets the name of each map
-/// when its world begins.
+/// Attempts all goals of a set of generated maps on a server, and returns what happened on each map. `progress` gets
+/// the name of each map when its world begins.
 ///
 /// # Errors
 /// The status of the first call that fails. INVALID_ARGUMENT if a map of the set is not generated.

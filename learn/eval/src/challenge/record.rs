@@ -41,8 +41,8 @@ pub enum RecordError {
     Build(#[from] BuildError),
 }
 
-/// Attempts all goals of the set whose files are in `folder`, and returns every action. `progress` gets the name of each map before its
-/// attempts.
+/// Attempts all goals of the set whose files are in `folder`, and returns every action. `progress` gets the name of
+/// each map before its attempts.
 ///
 /// # Errors
 /// If a map cannot be had, or a graph cannot be built.

@@ -45,7 +45,8 @@ pub struct Score {
     pub not_on_foot: Rate,
     /// Number of attempts by outcome.
     pub ends: BTreeMap<String, usize>,
-    /// Share of the goals that cannot be reached, by the survey and by this run, of which the entrant said so; absent without such goals.
+    /// Share of the goals that cannot be reached, by the survey and by this run, of which the entrant said so; absent
+    /// without such goals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub told: Option<f64>,
     /// Share of the attempts at goals that can be reached that ended in death.
@@ -55,7 +56,8 @@ pub struct Score {
     /// Mean length of the path of successful attempts, m; absent for attempts that were hosted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metres_to_goal: Option<f64>,
-    /// Mean of straight-line distance over distance covered, over successful attempts; absent for attempts that were hosted.
+    /// Mean of straight-line distance over distance covered, over successful attempts; absent for attempts that were
+    /// hosted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directness: Option<f64>,
     /// Mean time that the entrant took to prepare for a map, s, as it says.
@@ -94,7 +96,8 @@ pub enum ScoreError {
     Set(#[from] SetError),
 }
 
-/// Scores a run on the set whose files are in `folder`. `progress` gets the name of each map before its attempts are made.
+/// Scores a run on the set whose files are in `folder`. `progress` gets the name of each map before its attempts are
+/// made.
 ///
 /// # Errors
 /// If the run does not fit the set, or a map cannot be had.
@@ -175,7 +178,8 @@ fn unit(
     }
 }
 
-/// Makes one attempt. A path is driven; actions are done again; an entrant that says that the goal is out of reach is believed.
+/// Makes one attempt. A path is driven; actions are done again; an entrant that says that the goal is out of reach is
+/// believed.
 pub(super) fn attempt(map: &Arc<Map>, body: &CharacterProfile, goal: &SetGoal, approach: &Approach) -> AttemptResult {
     match approach {
         Approach::Unreachable => Trial::new(map, body, goal).ended(End::Unreachable),

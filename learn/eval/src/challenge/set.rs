@@ -116,8 +116,8 @@ pub enum SetError {
 }
 
 impl GoalSet {
-    /// A set of the challenge; the same on every machine. Its maps are generated, which takes about a second for four. A name such as
-    /// `benchmark:8x128` stands for a part: the first 8 maps with 128 goals each, near and far ones.
+    /// A set of the challenge; the same on every machine. Its maps are generated, which takes about a second for four.
+    /// A name such as `benchmark:8x128` stands for a part: the first 8 maps with 128 goals each, near and far ones.
     ///
     /// # Errors
     /// If there is no such set, or no such part.

@@ -1,7 +1,7 @@
 //! The living suite: crowds, doors, lifts, platforms, floors that vanish, and players.
 //!
-//! Every NPC that does not arrive counts as failed, whatever the reason. The levels are made for the suite, and nothing was trained on them;
-//! the graph of each is built as any other.
+//! Every NPC that does not arrive counts as failed, whatever the reason. The levels are made for the suite, and nothing
+//! was trained on them; the graph of each is built as any other.
 
 mod scenes;
 
@@ -83,7 +83,8 @@ pub struct SceneReport {
     pub seconds_last: f64,
     /// Runs in which all NPCs arrived.
     pub runs_complete: u64,
-    /// The same scene without what makes it hard, where there is one: what that is, share of success, and time of the last one, s.
+    /// The same scene without what makes it hard, where there is one: what that is, share of success, and time of the
+    /// last one, s.
     pub reference: Option<(String, f64, f64)>,
 }
 

@@ -188,7 +188,8 @@ pub fn ferry() -> Map {
     blocks.map(94, 34)
 }
 
-/// Two islands over a void with a bridge of three floors, 5 m wide and 4 m long each, that vanish and come back in turn.
+/// Two islands over a void with a bridge of three floors, 5 m wide and 4 m long each, that vanish and come back in
+/// turn.
 pub fn vanishing_bridge() -> Map {
     let mut blocks = Blocks::default();
     blocks.ground([2.0, 2.0], [32.0, 32.0]);

@@ -1,4 +1,5 @@
-//! Edits of a map: from the request to the first plan on the graph without what the edit touches, and to the graph on which that was probed.
+//! Edits of a map: from the request to the first plan on the graph without what the edit touches, and to the graph on
+//! which that was probed.
 
 use super::{Figure, median};
 use anyhow::Context;

@@ -1,7 +1,7 @@
 //! Feeding a learner: how decisions per second grow with the number of worlds, and of actors, whose cost is injected.
 //!
-//! A game that sleeps for a fixed time at every decision stands for a machine of its own, so that many fit on one: what is measured is how
-//! well the learner keeps them busy, not how fast they are.
+//! A game that sleeps for a fixed time at every decision stands for a machine of its own, so that many fit on one: what
+//! is measured is how well the learner keeps them busy, not how fast they are.
 
 use super::Figure;
 use super::link::Link;

@@ -59,7 +59,8 @@ impl Flood {
         }
     }
 
-    /// Names of its figures: 99th percentile of the tick, its ratio to that of the calm, and the longest wait of a client.
+    /// Names of its figures: 99th percentile of the tick, its ratio to that of the calm, and the longest wait of a
+    /// client.
     fn names(self) -> [&'static str; 3] {
         match self {
             Self::IdleSockets => ["idle_sockets_tick_p99_ms", "idle_sockets_p99_ratio", "idle_sockets_answer_ms"],

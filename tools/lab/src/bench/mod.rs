@@ -25,9 +25,17 @@ use surefoot_cli::terminal::print_json;
 
 /// Measure speed.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3\n  surefoot bench floods\n  surefoot bench feed\n  surefoot bench scale --out docs/results/scale\n  surefoot bench queue --json\n  surefoot bench growth"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot bench world\n  \
+        surefoot bench learn --json\n  \
+        surefoot bench plan\n  \
+        surefoot bench serve --minutes 1\n  \
+        surefoot bench soak --minutes 3\n  \
+        surefoot bench floods\n  \
+        surefoot bench feed\n  \
+        surefoot bench scale --out docs/results/scale\n  \
+        surefoot bench queue --json\n  \
+        surefoot bench growth")]
 pub struct Args {
     /// What to measure
     what: Bench,
@@ -40,13 +48,15 @@ pub struct Args {
     /// world: levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj)
     #[arg(long, value_name = "FILE,...", value_delimiter = ',')]
     maps: Vec<std::path::PathBuf>,
-    /// serve: folder for the plot of tick time over the number of NPCs; scale: folder for the recorded load, `load.json`
+    /// serve: folder for the plot of tick time over the number of NPCs; scale: folder for the recorded load,
+    /// `load.json`
     #[arg(long, value_name = "FOLDER")]
     out: Option<std::path::PathBuf>,
     /// scale: simulate with this recorded load instead of recording one
     #[arg(long, value_name = "FILE")]
     load: Option<std::path::PathBuf>,
-    /// scale: also measure the load on this PostgreSQL database, which must run on this machine. Needs a build with --features fleet
+    /// scale: also measure the load on this PostgreSQL database, which must run on this machine. Needs a build with
+    /// --features fleet
     #[arg(long, value_name = "URL", hide_env_values = true, requires = "blobs", conflicts_with = "load")]
     store: Option<String>,
     /// scale: the object store that belongs to --store
@@ -209,7 +219,8 @@ fn check_targets(args: &Args, figures: &[Figure]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A number of a process in `/proc/PID/status`, in the unit of that file; `pid` may be `self`. `None` if the system does not report it.
+/// A number of a process in `/proc/PID/status`, in the unit of that file; `pid` may be `self`. `None` if the system
+/// does not report it.
 pub(super) fn process_status(pid: &str, name: &str) -> Option<f64> {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;

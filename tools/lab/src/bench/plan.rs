@@ -7,8 +7,8 @@ use anyhow::Context;
 use petgraph::algo::{astar, dijkstra};
 use petgraph::graph::{DiGraph, NodeIndex};
 use rand::rngs::ChaCha8Rng;
-use rayon::prelude::*;
 use rand::{RngExt, SeedableRng};
+use rayon::prelude::*;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -106,8 +106,8 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// Builds a graph. Also returns its first interim graph, with the time from the start of the build until there was one, s; `None` if the build
-/// ended before.
+/// Builds a graph. Also returns its first interim graph, with the time from the start of the build until there was one,
+/// s; `None` if the build ended before.
 fn build_watched(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<(Built, Option<(f64, NavGraph)>)> {
     let progress = Progress::default();
     let is_over = AtomicBool::new(false);

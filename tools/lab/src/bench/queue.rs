@@ -1,4 +1,5 @@
-//! Probes over the queue: how many a second 1 to 4 provers run, compared with this process by itself, and what they weigh.
+//! Probes over the queue: how many a second 1 to 4 provers run, compared with this process by itself, and what they
+//! weigh.
 
 use super::Figure;
 

@@ -1,8 +1,8 @@
 //! The cost of rapier3d and parry3d on our maps: the reference for our own simulation.
 //!
-//! One [`TriMesh`] of the map's solid triangles serves all three measurements: parry's rays, rapier's kinematic character
-//! controller and rapier's dynamic bodies. Wherever there is a choice, the reference gets the cheaper option: no autostep, no
-//! continuous collision detection, no contacts between NPCs, merged vertices.
+//! One [`TriMesh`] of the map's solid triangles serves all three measurements: parry's rays, rapier's kinematic
+//! character controller and rapier's dynamic bodies. Wherever there is a choice, the reference gets the cheaper option:
+//! no autostep, no continuous collision detection, no contacts between NPCs, merged vertices.
 
 use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Capsule, SharedShape, TriMesh, TriMeshFlags};

@@ -1,5 +1,5 @@
-//! The world server under load: server, planner and two workers in separate processes, realtime worlds, and a crowd that never
-//! stops seeking goals.
+//! The world server under load: server, planner and two workers in separate processes, realtime worlds, and a crowd
+//! that never stops seeking goals.
 
 use super::link::Link;
 use super::{Args, Figure};
@@ -29,8 +29,8 @@ pub(super) const WORLDS: u64 = 8;
 const FIRST_SEED: u64 = 6000;
 const WORKERS: usize = 2;
 const DEFAULT_NPCS: usize = 1024;
-/// Limits within which a number of NPCs counts as sustained: 99th percentile of the tick time in ms, share of late ticks, and
-/// share of decisions answered in time.
+/// Limits within which a number of NPCs counts as sustained: 99th percentile of the tick time in ms, share of late
+/// ticks, and share of decisions answered in time.
 pub(super) const TARGET_P99_MS: f64 = 12.0;
 pub(super) const TARGET_LATE_SHARE: f64 = 0.001;
 pub(super) const TARGET_ON_TIME: f64 = 0.999;

@@ -1,4 +1,5 @@
-//! All services under a mixed load for long: what leaks, slows down or dies shows in memory, descriptors, threads and tick times.
+//! All services under a mixed load for long: what leaks, slows down or dies shows in memory, descriptors, threads and
+//! tick times.
 //!
 //! Beside the crowds of `serve`, clients come and go: worlds, imports, builds, edits, watchers and remote environments.
 
@@ -38,10 +39,12 @@ const PAUSE: Duration = Duration::from_millis(500);
 /// Targets: growth of memory, MiB per minute, and of the 99th percentile of tick times over the first samples.
 const MAX_SLOPE_MIB: f64 = 1.0;
 const MAX_P99_RATIO: f64 = 1.2;
-/// In a run of less than this, min, event logs and caches still fill: only what grows much faster counts, MiB per minute.
+/// In a run of less than this, min, event logs and caches still fill: only what grows much faster counts, MiB per
+/// minute.
 const LONG_MIN: f64 = 30.0;
 const MAX_SHORT_SLOPE_MIB: f64 = 20.0;
-/// Descriptors and threads that a service may have more of in the last third of the samples than in the first, at the least.
+/// Descriptors and threads that a service may have more of in the last third of the samples than in the first, at the
+/// least.
 const MAX_GROWTH: f64 = 16.0;
 
 /// What the system says of a process.

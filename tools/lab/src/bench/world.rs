@@ -167,7 +167,8 @@ fn decisions_of_threads(map: &Arc<Map>, threads: usize) -> anyhow::Result<f64> {
     Ok((threads * NPCS * (DECISIONS / 3)) as f64 / seconds)
 }
 
-/// Decisions per second on 1, 2, 4, 8 and 16 threads, as far as there are cores, beside as many times those of one thread.
+/// Decisions per second on 1, 2, 4, 8 and 16 threads, as far as there are cores, beside as many times those of one
+/// thread.
 fn scaling(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
     let one = decisions_of_threads(map, 1)?;
     let mut figures =

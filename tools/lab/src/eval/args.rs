@@ -22,9 +22,22 @@ const UNITS: &str = "units";
 
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  surefoot eval --maps level.obj --world tcp://127.0.0.1:7701\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out runs/paper\n  surefoot eval --suite sweep --goals 500 --out runs/sweep\n  surefoot eval --suite big-map --goals 10000 --out runs/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out runs/kinds\n  surefoot eval --suite kinds --out kinds --shard 0/8\n  surefoot eval --check docs/results/kinds\n  surefoot eval --check docs/results/benchmark-plan --maps 5002..5064"
-)]
+#[command(after_help = "Examples:\n  \
+        surefoot eval --maps validation --goals 200 --placement flood\n  \
+        surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  \
+        surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  \
+        surefoot eval --maps level.glb,other.obj --json\n  \
+        surefoot eval --maps validation --kind islands --features all\n  \
+        surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  \
+        surefoot eval --maps level.obj --world tcp://127.0.0.1:7701\n  \
+        surefoot eval --suite paper --goals 2500 --seed 0..3 --out runs/paper\n  \
+        surefoot eval --suite sweep --goals 500 --out runs/sweep\n  \
+        surefoot eval --suite big-map --goals 10000 --out runs/big-map\n  \
+        surefoot eval --suite living --runs 10\n  \
+        surefoot eval --suite kinds --goals 150 --out runs/kinds\n  \
+        surefoot eval --suite kinds --out kinds --shard 0/8\n  \
+        surefoot eval --check docs/results/kinds\n  \
+        surefoot eval --check docs/results/benchmark-plan --maps 5002..5064")]
 pub struct Args {
     /// Run a whole table instead of one evaluation
     #[arg(long, conflicts_with_all = ["method", "distance"])]
@@ -32,16 +45,16 @@ pub struct Args {
     /// Folder with the models of the suite
     #[arg(long, value_name = "FOLDER", default_value = "models")]
     pub(super) models: PathBuf,
-    /// Write figures, table, plots, every attempt and their provenance into this folder. Finished maps and seeds are saved in it, and a
-    /// later run reuses them
+    /// Write figures, table, plots, every attempt and their provenance into this folder. Finished maps and seeds are
+    /// saved in it, and a later run reuses them
     #[arg(long, value_name = "FOLDER")]
     pub(super) out: Option<PathBuf>,
-    /// Run only the maps and seeds of part I of N and save them in the folder of --out. A run without --shard then uses those of all parts.
-    /// Parts may run on any machine, in any order, and more than once
+    /// Run only the maps and seeds of part I of N and save them in the folder of --out. A run without --shard then uses
+    /// those of all parts. Parts may run on any machine, in any order, and more than once
     #[arg(long, value_name = "I/N", value_parser = parse_shard, conflicts_with = "check")]
     pub(super) shard: Option<Shard>,
-    /// Check a folder that --out wrote: derive the figures again from its attempts, and repeat a share of the attempts. With --maps, only
-    /// print the figures of these maps
+    /// Check a folder that --out wrote: derive the figures again from its attempts, and repeat a share of the attempts.
+    /// With --maps, only print the figures of these maps
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["suite", "out", "method"])]
     pub(super) check: Option<PathBuf>,
     /// Share of the attempts that --check repeats, 0 to 1
@@ -50,8 +63,9 @@ pub struct Args {
     /// Seed for the choice of the attempts that --check repeats
     #[arg(long, default_value_t = 0, value_name = "SEED", requires = "check")]
     pub(super) check_seed: u64,
-    /// Maps to evaluate on: training, validation, test, benchmark, seeds such as 7 or 1000,1001 or 0..4, or files (.sfmap, .glb, .gltf, .obj)
-    /// [default: validation; test for --suite paper, benchmark for seeds, its first 16 for dial, its first 8 for kinds]
+    /// Maps to evaluate on: training, validation, test, benchmark, seeds such as 7 or 1000,1001 or 0..4, or files
+    /// (.sfmap, .glb, .gltf, .obj) [default: validation; test for --suite paper, benchmark for seeds, its first 16 for
+    /// dial, its first 8 for kinds]
     #[arg(long)]
     pub(super) maps: Option<String>,
     #[command(flatten)]
@@ -159,9 +173,10 @@ enum Cost {
 /// Rules of attempts in which the paper differs from ours.
 #[derive(clap::Args)]
 pub(super) struct Rules {
-    /// Follow the paper. Start and goal snap to the nearest vertex, edges cost their steps, failed legs are not remembered, and re-plans
-    /// have no limit. Nothing is rehearsed or composed, NPCs do not sense zip lines and teleporters, devices get no vertices or candidates,
-    /// and all probes are run. The default model is general-lstm. --patience and --replan-after still apply
+    /// Follow the paper. Start and goal snap to the nearest vertex, edges cost their steps, failed legs are not
+    /// remembered, and re-plans have no limit. Nothing is rehearsed or composed, NPCs do not sense zip lines and
+    /// teleporters, devices get no vertices or candidates, and all probes are run. The default model is general-lstm.
+    /// --patience and --replan-after still apply
     #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "no_transports"])]
     pub(super) faithful: bool,
     /// Decisions without progress that end an attempt

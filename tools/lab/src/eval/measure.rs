@@ -11,8 +11,8 @@ use surefoot_eval::record::Record;
 use surefoot_eval::{EvalConfig, evaluate};
 use surefoot_policy::Policy;
 
-/// With `--nats`, lets provers run the units. They are saved in the folder of the configuration, or in the temporary folder that is
-/// returned.
+/// With `--nats`, lets provers run the units. They are saved in the folder of the configuration, or in the temporary
+/// folder that is returned.
 #[cfg(feature = "fleet")]
 fn share(args: &Args, policy: &Policy, config: EvalConfig) -> anyhow::Result<(EvalConfig, Option<tempfile::TempDir>)> {
     use surefoot_cli::commands::fleet::{Shared, units};
@@ -40,7 +40,8 @@ fn share(args: &Args, _: &Policy, config: EvalConfig) -> anyhow::Result<(EvalCon
     Ok((config, None))
 }
 
-/// Runs the evaluation or suite. Attempts are added to the record; if the record is being checked, they are read from it.
+/// Runs the evaluation or suite. Attempts are added to the record; if the record is being checked, they are read from
+/// it.
 pub fn measure(args: &Args, record: Option<Arc<Record>>) -> anyhow::Result<Results> {
     let config = EvalConfig { record, ..args.config()? };
     if args.model.is_some() && !matches!(args.suite, None | Some(Suite::Dial | Suite::Kinds)) {

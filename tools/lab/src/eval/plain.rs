@@ -1,9 +1,9 @@
 //! Prints the report of an evaluation without a suite.
 
+use std::collections::BTreeMap;
 use surefoot_eval::report::{CalibrationBin, MapReport, MotionReport};
 use surefoot_eval::unit::GraphFigures;
 use surefoot_eval::{MapName, Rate, Report, Success};
-use std::collections::BTreeMap;
 
 pub fn print(report: &Report) {
     println!(

@@ -33,7 +33,8 @@ struct Provenance {
     commit: String,
     /// Processors.
     machine: String,
-    /// Mean number of runnable processes in the minute before; about 0 on an idle machine. Absent where the system does not tell.
+    /// Mean number of runnable processes in the minute before; about 0 on an idle machine. Absent where the system does
+    /// not tell.
     load_before: Option<f64>,
     /// Wall time, s; short if finished units were loaded.
     wall_s: f64,
@@ -132,7 +133,8 @@ struct Outcome {
     agrees: bool,
 }
 
-/// Derives a table again from its attempts, and makes a share of these again; with `--maps`, prints the figures of these maps alone.
+/// Derives a table again from its attempts, and makes a share of these again; with `--maps`, prints the figures of
+/// these maps alone.
 pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
     ensure!((0.0..=1.0).contains(&args.share), "--share is {}, allowed are 0 to 1", args.share);
     let read = |name: &str| {

@@ -1,5 +1,5 @@
-//! How the time of work that a request or a build can make large grows with its size: each case is timed at n, 2n and 4n, and the exponent
-//! of a power law is fitted to the three times. Quadratic work shows as 2.
+//! How the time of work that a request or a build can make large grows with its size: each case is timed at n, 2n and
+//! 4n, and the exponent of a power law is fitted to the three times. Quadratic work shows as 2.
 
 mod core;
 mod planner;

@@ -1,4 +1,5 @@
-//! Growth of builds, updates, edits, reports and queries with the number of vertices. Probes take no time here: a rule decides which succeed.
+//! Growth of builds, updates, edits, reports and queries with the number of vertices. Probes take no time here: a rule
+//! decides which succeed.
 
 use super::core::floor;
 use super::{Case, timed};

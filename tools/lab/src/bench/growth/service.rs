@@ -1,4 +1,5 @@
-//! Growth of what clients ask of a world server: a batch of spawns, moves of players, and readers of events, on a server process of its own.
+//! Growth of what clients ask of a world server: a batch of spawns, moves of players, and readers of events, on a
+//! server process of its own.
 
 use super::Case;
 use crate::processes::{Process, connect, free_address, start};

@@ -1,4 +1,5 @@
-//! The load that is recorded: what server, workers and planner of a crowd take, in processes of their own on this machine.
+//! The load that is recorded: what server, workers and planner of a crowd take, in processes of their own on this
+//! machine.
 
 use crate::bench::link::Link;
 use crate::bench::serve::{Scene, WORLDS};
@@ -89,7 +90,8 @@ impl Rung {
 }
 
 impl Load {
-    /// Records the load of crowds on this machine, which should do nothing else; that of the record and the blobs only if there are some.
+    /// Records the load of crowds on this machine, which should do nothing else; that of the record and the blobs only
+    /// if there are some.
     pub fn record(fleet: Option<[&str; 2]>) -> anyhow::Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
         let of_fleet = match fleet {

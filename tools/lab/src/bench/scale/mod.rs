@@ -1,5 +1,6 @@
-//! How far a fleet scales: `load` and `record` record what its parts take on this machine, `model` says from that how many are needed and how busy they
-//! are, and `simulation` plays fleets of several sizes with the recorded load, to see whether they keep their times (`docs/scale.md`).
+//! How far a fleet scales: `load` and `record` record what its parts take on this machine, `model` says from that how
+//! many are needed and how busy they are, and `simulation` plays fleets of several sizes with the recorded load, to see
+//! whether they keep their times (`docs/scale.md`).
 
 mod load;
 mod model;

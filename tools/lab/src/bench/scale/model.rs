@@ -1,4 +1,5 @@
-//! The model of capacity: what each part takes, as straight lines through the recorded load, and what follows for a fleet.
+//! The model of capacity: what each part takes, as straight lines through the recorded load, and what follows for a
+//! fleet.
 
 use super::load::{Load, RecordLoad};
 use crate::bench::Figure;

@@ -1,4 +1,5 @@
-//! What the record of a fleet and its blobs take: a server of a fleet with a crowd, over a PostgreSQL on this machine that does nothing else.
+//! What the record of a fleet and its blobs take: a server of a fleet with a crowd, over a PostgreSQL on this machine
+//! that does nothing else.
 
 use super::load::RecordLoad;
 use crate::bench::serve::{Scene, WORLDS};

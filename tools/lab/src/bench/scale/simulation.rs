@@ -1,5 +1,5 @@
-//! A fleet, event by event: ticks wait for cores, batches for workers, plans for planners, saves for the record. How long each takes is drawn
-//! from the recorded load; a seed fixes the draws.
+//! A fleet, event by event: ticks wait for cores, batches for workers, plans for planners, saves for the record. How
+//! long each takes is drawn from the recorded load; a seed fixes the draws.
 
 use super::load::{Load, RecordLoad};
 use super::model::{DECISIONS_PER_S, Fleet, Model, TICKS_PER_S};
@@ -46,8 +46,8 @@ pub struct Played {
 struct Shape(Vec<f64>);
 
 impl Shape {
-    /// That of the recorded number of NPCs nearest to `npcs`. The half of ticks that was longer waited for cores as well, so this exaggerates
-    /// a little how much they differ.
+    /// That of the recorded number of NPCs nearest to `npcs`. The half of ticks that was longer waited for cores as
+    /// well, so this exaggerates a little how much they differ.
     fn of(load: &Load, npcs: usize) -> Self {
         let nearest =
             load.rungs.iter().min_by_key(|rung| rung.npcs.abs_diff(npcs)).expect("a model has been made of it");
