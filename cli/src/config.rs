@@ -11,7 +11,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// Subcommands that can be configured, each in the table of its name.
+/// Subcommands that read the file, each from the table of its name.
 const CONFIGURED: [&str; 5] = ["serve", "plan", "work", "prove", "up"];
 /// Name of the table with keys that several subcommands share.
 const COMMON: &str = "common";
@@ -78,7 +78,7 @@ fn with_own_flags(command: Command) -> Command {
     command
 }
 
-/// Gives a flag its variable, and lets a switch be turned off again (`--json=false`) whatever the file says.
+/// Gives a flag its variable, and lets a switch be turned off (`--json=false`) when the file turns it on.
 fn with_variable(arg: Arg) -> Arg {
     let Some(long) = arg.get_long() else { return arg };
     let variable = format!("SUREFOOT_{}", key(long).to_uppercase());

@@ -9,7 +9,7 @@ use surefoot_cli::commands::fleet::prove;
 use surefoot_cli::commands::{graph, health, licenses, map, services, top, up};
 use surefoot_cli::{config, programs, terminal};
 
-/// Game NPCs that reach their goals: worlds, NPC workers, and a planner whose every edge is proved.
+/// Navigation for game NPCs: world servers, NPC workers, and a planner that proves every edge.
 #[derive(Parser)]
 #[command(
     name = "surefoot",
@@ -31,7 +31,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run everything in one process, with a crowd to watch (the default).
+    /// Run all services in one process, with a crowd to watch (the default).
     Up(Box<up::Args>),
     /// Run the world server.
     Serve(services::ServeArgs),
@@ -39,9 +39,9 @@ enum Command {
     Plan(services::PlanArgs),
     /// Run an NPC worker.
     Work(services::WorkArgs),
-    /// Run a prover: do jobs that planners and evaluations send over NATS.
+    /// Run a prover: run jobs that planners and evaluations send over NATS.
     Prove(prove::Args),
-    /// Build, show, check, edit and export graphs.
+    /// Build, check, edit and export graphs.
     #[command(
         subcommand,
         after_help = "Examples:\n  \
@@ -50,13 +50,13 @@ enum Command {
             surefoot graph export level.glb --format json --out graph.json"
     )]
     Graph(graph::Command),
-    /// Ask a service whether it is serving.
+    /// Check whether a service is serving.
     Health(health::Args),
-    /// Print the licences of surefoot and of all crates that it is linked with.
+    /// Print the licences of Surefoot and of all crates in its programs.
     Licenses(licenses::Args),
     /// Watch a running world server.
     Top(top::Args),
-    /// Generate, show, exchange and replay maps.
+    /// Generate, show, import, export and replay maps.
     #[command(
         subcommand,
         after_help = "Examples:\n  \
@@ -72,9 +72,9 @@ enum Command {
 /// Commands that `surefoot-lab` runs.
 #[derive(Subcommand)]
 enum Lab {
-    /// Train a reactive or recurrent SAC agent.
+    /// Train a reactive or recurrent policy with SAC.
     Train(LabArgs),
-    /// Feed a learner that runs elsewhere.
+    /// Collect experience for a learner in another process.
     Act(LabArgs),
     /// Measure success on maps by the paper's protocol.
     Eval(LabArgs),
@@ -82,9 +82,9 @@ enum Lab {
     Challenge(LabArgs),
     /// Write a model as ONNX or safetensors.
     Export(LabArgs),
-    /// Make a model from a safetensors file.
+    /// Convert a safetensors file to a model.
     Import(LabArgs),
-    /// Measure speed.
+    /// Measure speed on this machine.
     Bench(LabArgs),
 }
 

@@ -21,7 +21,7 @@ pub struct LogArgs {
     /// Format of logs on stderr; RUST_LOG selects the level, by default info
     #[arg(long, global = true, value_name = "FORMAT", default_value = "text")]
     log_format: LogFormat,
-    /// Send tracing spans to this collector over OTLP (gRPC), such as http://127.0.0.1:4317
+    /// Export tracing spans to this collector over OTLP (gRPC), such as http://127.0.0.1:4317
     #[cfg(feature = "otel")]
     #[arg(long, global = true, value_name = "URI")]
     otlp: Option<String>,

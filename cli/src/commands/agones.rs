@@ -3,11 +3,11 @@
 use surefoot_server::ServerError;
 use surefoot_server::observer::Observer;
 
-/// What Agones is told.
+/// Flags of a server that Agones runs.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Agones")]
 pub struct AgonesArgs {
-    /// Be a game server of Agones: report state, health, and counters of worlds and NPCs to its sidecar on this machine
+    /// Run as a game server of Agones: report state, health, and counters of worlds and NPCs to the sidecar on this machine
     #[arg(long)]
     agones: bool,
     /// Port at which the sidecar serves gRPC
@@ -16,7 +16,7 @@ pub struct AgonesArgs {
 }
 
 impl AgonesArgs {
-    /// Checks that this build can do what is asked for.
+    /// Checks that this build supports the flags.
     #[cfg(not(feature = "agones"))]
     pub fn check(&self) -> anyhow::Result<()> {
         anyhow::ensure!(!self.agones, "--agones needs a program that was built with --features agones");
@@ -24,15 +24,15 @@ impl AgonesArgs {
         Ok(())
     }
 
-    /// Checks that this build can do what is asked for.
+    /// Checks that this build supports the flags.
     #[cfg(feature = "agones")]
     pub fn check(&self) -> anyhow::Result<()> {
         Ok(())
     }
 
-    /// Awaits the server, and reports to the sidecar meanwhile.
-    #[cfg_attr(not(feature = "agones"), expect(unused_variables, reason = "nobody is told what is observed"))]
-    pub async fn accompany(
+    /// Runs the server to its end, and reports to the sidecar meanwhile.
+    #[cfg_attr(not(feature = "agones"), expect(unused_variables, reason = "without the feature there is no sidecar"))]
+    pub async fn run_with_sidecar(
         &self,
         observer: Observer,
         serving: impl Future<Output = Result<(), ServerError>>,

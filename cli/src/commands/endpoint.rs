@@ -1,4 +1,4 @@
-//! Flags of both ends of a connection: limits and protection of a service, credentials of a client.
+//! Flags for both ends of a connection: limits and security of a service, credentials of a client.
 
 use anyhow::bail;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use surefoot_net::serving::security::ServerTls;
 use surefoot_net::serving::tokens::Tokens;
 use surefoot_net::serving::{EndpointConfig, Limits, Security};
 
-/// Limits and protection of a service.
+/// Limits and security of a service.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Limits and security")]
 pub struct EndpointArgs {
@@ -29,10 +29,10 @@ pub struct EndpointArgs {
     /// Close a new connection that sends nothing for this long
     #[arg(long, default_value_t = Seconds(Limits::default().handshake_timeout), value_name = "SECONDS")]
     handshake_timeout: Seconds,
-    /// Close a connection that is idle in both directions for this long
+    /// Close a connection that carries no data in either direction for this long
     #[arg(long, default_value_t = Seconds(Limits::default().idle_timeout), value_name = "SECONDS")]
     idle_timeout: Seconds,
-    /// Deadline of calls for which the client sets none; streams may last longer
+    /// Deadline of calls whose client sets none; it does not apply to streams
     #[arg(long, default_value_t = Seconds(Limits::default().default_deadline), value_name = "SECONDS")]
     default_deadline: Seconds,
     /// Longest deadline that a client may set on a call
@@ -53,14 +53,14 @@ pub struct EndpointArgs {
     /// Require clients to present a certificate issued by this authority, PEM
     #[arg(long, value_name = "FILE")]
     tls_client_ca: Option<PathBuf>,
-    /// Allow serving other machines without TLS
+    /// Serve other machines without TLS
     #[arg(long)]
     insecure: bool,
     /// TOML file of [[token]] entries with name, role (client, worker, designer or admin) and secret; every call then
     /// requires a token
     #[arg(long, value_name = "FILE")]
     tokens: Option<PathBuf>,
-    /// Origins of web pages on other hosts that may call, such as https://studio.example, separated by commas
+    /// Origins of web pages on other hosts that may call this service, such as https://studio.example, separated by commas
     #[arg(long, value_name = "ORIGIN", value_delimiter = ',')]
     allow_origin: Vec<String>,
 }
@@ -97,26 +97,26 @@ impl EndpointArgs {
     }
 }
 
-/// The credentials that a client presents to services, and the services that it trusts.
+/// The credentials of a client, and the authorities that it trusts.
 #[derive(clap::Args, Clone)]
 #[command(next_help_heading = "Credentials")]
 pub struct CredentialArgs {
-    /// Secret of a token; the variable or --token-file keeps it out of the process list
+    /// Secret of a token. The environment variable and --token-file keep it out of the process list
     #[arg(long, value_name = "SECRET", value_parser = parse_secret, env = "SUREFOOT_TOKEN", hide_env_values = true)]
     token: Option<Secret>,
     /// File with the secret of a token
     #[arg(long, value_name = "FILE", env = "SUREFOOT_TOKEN_FILE")]
     token_file: Option<PathBuf>,
-    /// Authority that must have issued the certificates of services at https://, PEM; default: the system's authorities
+    /// Authority that issued the certificates of services at https://, PEM; default: the system's authorities
     #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CA")]
     tls_ca: Option<PathBuf>,
-    /// Certificate to present to services that request one, PEM
+    /// Client certificate for services that request one, PEM
     #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CLIENT_CERT")]
     tls_client_cert: Option<PathBuf>,
     /// Private key of --tls-client-cert, PEM
     #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CLIENT_KEY")]
     tls_client_key: Option<PathBuf>,
-    /// Host name to expect in the certificates of services; default: the host of their URI
+    /// Expected host name in the certificates of services; default: the host of their URI
     #[arg(long, value_name = "NAME", env = "SUREFOOT_TLS_SERVER_NAME")]
     tls_server_name: Option<String>,
 }

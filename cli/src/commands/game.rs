@@ -1,4 +1,4 @@
-//! The flags that name a game in whose physics something is done.
+//! The flags that select a game, in whose physics NPCs then move.
 
 use super::endpoint::CredentialArgs;
 use surefoot_game::{Bridge, BridgeError, is_batch_address};

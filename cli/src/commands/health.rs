@@ -7,19 +7,19 @@ use std::time::Duration;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-/// Ask a service whether it is serving; exits non-zero if not. Meant for container health checks.
+/// Check whether a service is serving, for health checks of containers. The exit code is 0 only if it is.
 #[derive(clap::Args)]
-#[command(after_help = "With --json, standard output has one object, also if the service is not serving:\n  \
+#[command(after_help = "With --json, standard output is one object, whether or not the service is serving:\n  \
                   {\"uri\": STRING, \"serving\": BOOLEAN, \"status\": STATUS, \"error\": STRING or null}\n  \
                   STATUS is SERVING, NOT_SERVING, SERVICE_UNKNOWN or UNKNOWN as the service answers, or UNREACHABLE if it does \
-                  not answer;\n  \"error\" says why it is not serving. The exit code is 0 if \"serving\" is true, otherwise 1.\n\n\
+                  not answer;\n  \"error\" gives the reason. The exit code is 0 if \"serving\" is true, otherwise 1.\n\n\
                   Examples:\n  surefoot health\n  surefoot health http://127.0.0.1:7601 --json\n  \
                   surefoot health --service surefoot.world.v1.WorldService")]
 pub struct Args {
     /// URI of the service
     #[arg(default_value = "http://127.0.0.1:7600")]
     uri: String,
-    /// Service to ask about: it is not serving while its process has lost its lease; default: the process
+    /// Name of a gRPC service, which is not serving while its process has lost its lease; default: the process itself
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     service: String,
     /// Print the result as JSON

@@ -1,4 +1,4 @@
-//! `surefoot licenses`: the notices of all crates that the program is linked with.
+//! `surefoot licenses`: the notices of all crates in the programs.
 
 use crate::terminal::print_json;
 use std::io::{ErrorKind, Write};
@@ -6,7 +6,7 @@ use std::io::{ErrorKind, Write};
 /// The notices, written by `cargo run -p e2e --example notices`.
 const NOTICES: &str = include_str!("../../THIRD_PARTY_NOTICES.md");
 
-/// Print the licences of surefoot and of all crates that it is linked with.
+/// Print the licences of Surefoot and of all crates in its programs.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  surefoot licenses | less\n  surefoot licenses --json")]
 pub struct Args {
@@ -18,7 +18,7 @@ pub struct Args {
 /// Prints the notices.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     if !args.json {
-        // Closing a pager early is no error.
+        // A pager that closes early is not an error.
         return match std::io::stdout().lock().write_all(NOTICES.as_bytes()) {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
             _ => Ok(()),

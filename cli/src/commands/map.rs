@@ -28,9 +28,9 @@ pub enum Command {
     Import(ImportArgs),
     /// Write a map as .glb for Blender, Godot and other programs
     Export(ExportArgs),
-    /// Run NPCs on a map and record every input
+    /// Run NPCs on a map and record their inputs
     Record(RecordArgs),
-    /// Run a recording again and compare
+    /// Replay a recording and compare states
     Replay(ReplayArgs),
 }
 
@@ -61,7 +61,7 @@ impl BodyArg {
     }
 }
 
-/// The body with a name, or that of a file.
+/// The body with a name, or the body in a file.
 pub fn load_body(name: &str) -> anyhow::Result<CharacterProfile> {
     if let Some(body) = NamedBody::find(name) {
         return Ok(body.profile());
@@ -75,7 +75,7 @@ pub fn load_body(name: &str) -> anyhow::Result<CharacterProfile> {
     toml::from_str(&text).with_context(|| format!("{} is not a body", path.display()))
 }
 
-/// What generated maps are like, besides their seeds.
+/// Settings of generated maps, besides their seeds.
 #[derive(clap::Args, Clone)]
 pub struct Generated {
     /// Side in metres of a generated map, 50 to 1000
@@ -93,7 +93,7 @@ pub struct Generated {
     /// Movers of a generated map: none or all, followed by changes, such as all,doors=0 or lifts,crates=2
     #[arg(long, default_value = "none", value_name = "LIST", value_parser = parse_movers)]
     pub movers: MoverDensities,
-    /// Leave ground of a generated map without a way in or out as it is, without a pad or a zip line
+    /// Do not add pads and zip lines to unreachable ground of a generated map
     #[arg(long)]
     pub no_repair: bool,
 }
@@ -136,7 +136,7 @@ pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// Loads a saved map, or imports a level as it is.
+/// Loads a saved map, or imports a level without scaling it.
 pub fn load_level(path: &Path) -> anyhow::Result<Map> {
     Ok(load_with_origin(path)?.0)
 }
@@ -234,7 +234,7 @@ pub struct ShowArgs {
     source: Source,
     #[command(flatten)]
     body: BodyArg,
-    /// Measure the share of random goals that can be reached, on foot and by every means
+    /// Measure the share of reachable goals among random ones, on foot and by every means
     #[arg(long)]
     stats: bool,
     /// Draw the map into this file
@@ -249,7 +249,7 @@ pub struct ShowArgs {
     /// View from above, cut off at this height in metres
     #[arg(long, value_name = "Y")]
     section: Option<f32>,
-    /// Colour ground by what is connected on foot
+    /// Give all ground that is connected on foot one colour
     #[arg(long)]
     islands: bool,
     /// Pixels per metre in the picture; default: a picture 1,000 pixels wide, but at most 8
@@ -281,7 +281,7 @@ pub struct ImportArgs {
     /// Axis that points up in the level
     #[arg(long, default_value = "y", value_parser = ["y", "z"])]
     up: String,
-    /// Leave fronts and backs of all surfaces as they were modelled, instead of turning what looks wrong
+    /// Do not turn surfaces whose front seems to be on the wrong side
     #[arg(long)]
     keep_sides: bool,
     /// File with a list of features; default: LEVEL.surefoot.json beside the level, if it exists
@@ -300,7 +300,7 @@ pub struct ExportArgs {
     out: PathBuf,
 }
 
-/// Run NPCs on a map and record every input.
+/// Run NPCs on a map and record their inputs.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  surefoot map record 7 --npcs 32 --ticks 3600 --out run.sfreplay")]
 pub struct RecordArgs {
@@ -317,16 +317,16 @@ pub struct RecordArgs {
     out: PathBuf,
 }
 
-/// Run a recording again; without --check only describe it.
+/// Replay a recording; without --check, only describe it.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  surefoot map replay run.sfreplay --check")]
 pub struct ReplayArgs {
     /// The recording
     file: PathBuf,
-    /// Run it and compare the state with the recorded state every 600 ticks and at the end
+    /// Run the recording and compare its state with the recorded state every 600 ticks and at the end
     #[arg(long)]
     check: bool,
-    /// The saved map, for recordings on imported maps
+    /// The saved map; needed for recordings on imported maps
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
 }
@@ -364,7 +364,7 @@ fn generate(args: &GenerateArgs) -> anyhow::Result<()> {
     write(&args.out, &exchange::encode(&map))
 }
 
-/// Maps that are sent together, and whose bytes are in memory together.
+/// Maps that are generated together; their bytes are in memory at the same time.
 const MAPS_AT_A_TIME: usize = 32;
 
 /// Generates the maps of several seeds into a folder.
@@ -391,7 +391,7 @@ fn generate_all(args: &GenerateArgs, seeds: &[u64]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Has provers generate maps, if there is a queue; they are returned as saved.
+/// Lets provers generate maps if `--nats` is given, and returns the saved maps.
 #[cfg(feature = "fleet")]
 fn share(
     args: &GenerateArgs,
@@ -402,7 +402,7 @@ fn share(
     use surefoot_fleet::work::{dispatch::Threads, maps};
 
     let Some(nats) = &args.nats.nats else { return Ok(None) };
-    // Any lane would do: maps need no policy. Provers with the usual model are those that are sure to be there.
+    // Maps need no policy, so any lane works. Provers with the shipped model are the most likely to run.
     let policy = super::load_policy(None)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let shared = runtime.block_on(Shared::open(nats, args.blobs.blobs.as_deref(), &policy))?;
@@ -411,7 +411,7 @@ fn share(
     Ok(Some(maps::generate_all(&shared.dispatcher(), &grounds, specs, threads, is_made)?))
 }
 
-/// There is no queue in this build.
+/// This build has no queue.
 #[cfg(not(feature = "fleet"))]
 fn share(args: &GenerateArgs, _: &[MapSpec], _: &(dyn Fn(usize) + Sync)) -> anyhow::Result<Option<Vec<Vec<u8>>>> {
     let _ = &args.blobs.blobs;
@@ -576,7 +576,7 @@ fn import(args: &ImportArgs) -> anyhow::Result<()> {
     let [x, y, z] = imported.origin.to_array();
     println!("map of {} x {} x {} m, hash {}", size.width, size.height, size.depth, imported.map.hash());
     // Plans and graphs are in the map's frame, which begins at 0.
-    println!("the level's origin lies at {x} {y} {z} on it");
+    println!("the level's origin is at {x} {y} {z} on the map");
     write(&args.out, &exchange::encode(&imported.map))
 }
 
@@ -603,6 +603,6 @@ fn replay(args: &ReplayArgs) -> anyhow::Result<()> {
     };
     let started = Instant::now();
     recording.replay(Arc::new(map), None)?;
-    println!("the same state again, in {:.2} s", started.elapsed().as_secs_f64());
+    println!("the replay reached the same state in {:.2} s", started.elapsed().as_secs_f64());
     Ok(())
 }

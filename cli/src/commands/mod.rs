@@ -18,7 +18,7 @@ use std::path::Path;
 use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
 
-/// Loads the model in a folder or the shipped one of that name; without a model, the shipped reactive one.
+/// Loads the model in a folder, or the shipped model of that name; without a name, the shipped reactive model.
 pub fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
     let shipped = |model: &Path| model.to_str().filter(|_| !model.exists()).and_then(Policy::shipped_named);
     match model {
@@ -34,7 +34,7 @@ pub fn core_count() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// The processors of this machine, for what was measured on it.
+/// The processors of this machine, for reports of measurements.
 pub fn machine() -> String {
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = cpu

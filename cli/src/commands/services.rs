@@ -32,7 +32,7 @@ pub struct ServeArgs {
     /// Address for gRPC, Connect, Studio's page and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7600", env = "SUREFOOT_LISTEN")]
     listen: SocketAddr,
-    /// Planner for Studio: a URL, or a port on the host that serves Studio's page
+    /// Planner that Studio connects to: a URL, or a port on the host that serves the page
     #[arg(long, default_value = ":7601", value_name = "URL", env = "SUREFOOT_STUDIO_PLANNER")]
     studio_planner: PlannerAddress,
     #[command(flatten)]
@@ -48,17 +48,17 @@ pub struct ServeArgs {
 }
 
 impl ServeArgs {
-    /// The configuration of a server that listens at `address`, which has joined its fleet.
+    /// Joins the fleet, if there is one, and returns the configuration of the server at `address`.
     async fn world_config(&self, address: SocketAddr) -> anyhow::Result<ServerConfig> {
         let config = self.limits.config();
         let Some(place) = self.store.place(address)? else { return Ok(config) };
-        ensure!(config.state.is_none(), "--state is for a server alone, --store for one of a fleet");
+        ensure!(config.state.is_none(), "--state cannot be combined with --store, which saves the worlds of a fleet");
         let save_every = if self.limits.save_every.is_some() { config.save_every } else { SAVE_EVERY_IN_A_FLEET };
         Ok(ServerConfig { store: Some(place.world_store().await?), save_every, ..config })
     }
 }
 
-/// What Studio's page may call.
+/// Flags of Studio's page.
 #[derive(clap::Args)]
 pub struct StudioArgs {
     /// Further origins that Studio's page may call once its user agrees, such as https://plans.example:7601; several
@@ -102,7 +102,7 @@ pub struct ServerLimits {
     /// Memory budget for maps and environments, in MB; requests beyond it are refused
     #[arg(long, default_value_t = DEFAULT_MAX_MEMORY_BYTES / MB, value_name = "MB")]
     max_memory: u64,
-    /// Cut off a reader that reads nothing from its stream for this long
+    /// Close a stream whose reader reads nothing for this long
     #[arg(long, default_value_t = ServerConfig::default().reader_patience.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
     reader_patience: f64,
     /// Folder to save worlds in, and to restore them from at start; default: worlds are not saved
@@ -113,14 +113,13 @@ pub struct ServerLimits {
     save_every: Option<f64>,
 }
 
-/// Threads of a planner that probe beside provers; while no prover answers, all of them do.
+/// Threads of a planner that probe while provers answer. Without provers, all threads probe.
 #[cfg(feature = "fleet")]
 const BESIDE_PROVERS: usize = 1;
 
-/// Interval at which a server of a fleet saves its worlds, unless told otherwise.
+/// Default interval at which a server of a fleet saves its worlds.
 const SAVE_EVERY_IN_A_FLEET: Duration = Duration::from_secs(2);
 
-/// Bytes.
 const MB: u64 = 1_000_000;
 
 impl ServerLimits {
@@ -170,7 +169,7 @@ pub struct PlanArgs {
     /// Most builds that run or are queued
     #[arg(long, default_value_t = PlannerConfig::default().max_builds, value_name = "N")]
     max_builds: usize,
-    /// Most of these that one client has asked for
+    /// Most builds that run or are queued for one client
     #[arg(long, default_value_t = PlannerConfig::default().max_builds_per_client, value_name = "N")]
     max_builds_per_client: usize,
     /// Most graphs to keep in memory
@@ -230,7 +229,7 @@ impl CacheArgs {
         surefoot work --server http://server:7600 --planner http://planner:7601 --npcs 512\n  \
         surefoot work --no-planner")]
 pub struct WorkArgs {
-    /// URI of the world server; those of several are divided by commas
+    /// URIs of the world servers, separated by commas
     #[arg(
         long,
         default_value = "http://127.0.0.1:7600",
@@ -239,10 +238,10 @@ pub struct WorkArgs {
         value_delimiter = ','
     )]
     server: Vec<String>,
-    /// Serve all servers of the fleet to which these belong, also those that join it later
+    /// Serve all servers of the fleet that these belong to, including servers that join later
     #[arg(long)]
     fleet: bool,
-    /// URI of the planner; those of several replicas are divided by commas
+    /// URIs of the planner and its replicas, separated by commas
     #[arg(
         long,
         default_value = "http://127.0.0.1:7601",
@@ -257,15 +256,15 @@ pub struct WorkArgs {
     /// Most NPCs to decide for
     #[arg(long, default_value_t = 512, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     npcs: u32,
-    /// Let NPCs follow their plans without rehearsing the next legs on a copy of the map
+    /// Let NPCs follow their plans without rehearsing the next legs in a copy of the simulation
     #[arg(long)]
     no_rehearsals: bool,
     #[command(flatten)]
     style: StyleArg,
-    /// Memory budget for these copies, in MB; NPCs on further maps do not rehearse
+    /// Memory budget for the maps of rehearsals, in MB; NPCs on maps beyond it do not rehearse
     #[arg(long, default_value_t = DEFAULT_MAX_MEMORY_BYTES / MB, value_name = "MB")]
     max_memory: u64,
-    /// Name that the server shows; default: host name and process id
+    /// Name of the worker in the server's lists; default: host name and process id
     #[arg(long)]
     name: Option<String>,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
@@ -295,7 +294,7 @@ pub struct GraphArgs {
     /// Share of probes that must arrive to prove an edge
     #[arg(long, default_value_t = 0.2, value_name = "T")]
     pub threshold: f32,
-    /// Run all probes of every candidate instead of stopping when the result is settled
+    /// Run all probes of every candidate, even after its result is settled
     #[arg(long)]
     pub exhaustive: bool,
     /// Place no vertices and candidates at devices and ledges, as in the paper
@@ -356,11 +355,11 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
         let config = args.world_config(endpoint.address()).await?;
         info!(address = %endpoint.address(), "world server ready");
         let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown);
-        args.agones.accompany(observer, serving).await
+        args.agones.run_with_sidecar(observer, serving).await
     })
 }
 
-/// Host name and process id: containers share process ids, and processes on one host share its name.
+/// Host name and process id. Containers may share a process id, and processes on a host share its name.
 fn default_name() -> String {
     let host = std::fs::read_to_string("/proc/sys/kernel/hostname").ok().or_else(|| std::env::var("COMPUTERNAME").ok());
     let host = host.as_deref().map_or("surefoot", str::trim);
@@ -398,7 +397,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     })
 }
 
-/// Shares probes with provers if there is a queue.
+/// Shares the probes of builds with provers if `--nats` is given.
 #[cfg(feature = "fleet")]
 async fn with_provers(config: PlannerConfig, args: &PlanArgs, policy: &Policy) -> anyhow::Result<PlannerConfig> {
     let Some(nats) = &args.nats.nats else { return Ok(config) };
@@ -407,7 +406,7 @@ async fn with_provers(config: PlannerConfig, args: &PlanArgs, policy: &Policy) -
     Ok(PlannerConfig { provers: std::sync::Arc::new(shared.provers(BESIDE_PROVERS)), ..config })
 }
 
-/// Shares probes with provers if there is a queue.
+/// This build has no queue.
 #[cfg(not(feature = "fleet"))]
 #[expect(clippy::unused_async, reason = "with the feature, it connects")]
 async fn with_provers(config: PlannerConfig, _: &PlanArgs, _: &Policy) -> anyhow::Result<PlannerConfig> {

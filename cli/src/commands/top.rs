@@ -12,7 +12,7 @@ use surefoot_proto::world::v1::{self as wire, NpcStatus, WorldStats};
 use surefoot_server::times::TickTimes;
 use tonic::Status;
 
-/// Watch a running world server.
+/// Watch the figures of a running world server.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot top\n  \

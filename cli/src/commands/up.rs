@@ -24,16 +24,16 @@ use surefoot_world::{CharacterProfile, MapSpec, exchange};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
-/// Seed of the scene's first map. The scene shows none of the maps that are trained on or that results are measured on.
+/// Seed of the scene's first map. No map of the scene belongs to a split that is trained on or measured on.
 const FIRST_SEED: u64 = 9000;
-/// Seeds from [`FIRST_SEED`] on that belong to the scene.
+/// Number of seeds, from [`FIRST_SEED`], that belong to the scene.
 const MAX_SCENE_MAPS: u64 = 1000;
 /// Bytes of a level that are uploaded at a time; servers take 1 MiB in a message unless configured.
 const UPLOAD_BYTES: usize = 512 * 1024;
-/// Pause between two looks at a server that is starting.
+/// Pause between two calls to a server that is starting.
 const START_PAUSE: Duration = Duration::from_millis(200);
 
-/// Run everything in one process: world server, planner, NPC workers and a crowd with random goals.
+/// Run all services in one process: world server, planner, NPC workers, and a crowd with random goals.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot up\n  \
@@ -61,10 +61,10 @@ pub struct Args {
     /// Number of NPC workers
     #[arg(long, default_value_t = 2, value_name = "N")]
     workers: u32,
-    /// Let NPCs pass through one another instead of getting in each other's way
+    /// Let NPCs pass through one another
     #[arg(long)]
     ghosts: bool,
-    /// Exit after this time with a summary; fails if no NPC arrived
+    /// Exit after this time with a summary; the exit code is not 0 if no NPC arrived
     #[arg(long = "for", value_name = "SECONDS")]
     duration: Option<f64>,
     #[command(flatten)]
@@ -97,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let endpoints = args.endpoint.config()?;
     if endpoints.security.tokens.is_some() && !args.credentials.has_token() {
         bail!(
-            "with --tokens the workers and the crowd of `up` need the token of an admin: give --token or --token-file"
+            "--tokens needs --token or --token-file: the workers and the crowd of `up` call with the token of an admin"
         );
     }
     let credentials = args.credentials.credentials()?;
@@ -235,7 +235,7 @@ async fn world_request(
     Ok(request)
 }
 
-/// Waits until the server has restored saved worlds, then drops those of an earlier scene: they would pile up.
+/// Waits until the server has restored its saved worlds, then drops the worlds of an earlier scene, which would accumulate.
 async fn drop_former_scene(link: &Link) -> anyhow::Result<()> {
     let mut client = WorldServiceClient::new(link.clone());
     while let Err(status) = client.get_server(wire::GetServerRequest {}).await {
@@ -262,7 +262,7 @@ async fn import(link: &Link, name: &str, file: &[u8]) -> anyhow::Result<String> 
     Ok(client.import_map(request).await?.into_inner().map.unwrap_or_default().map_hash)
 }
 
-/// Drops the worlds that `is_former` says.
+/// Drops the worlds for which `is_former` holds.
 async fn drop_worlds(link: &Link, is_former: impl Fn(&wire::World) -> bool) -> anyhow::Result<()> {
     let mut client = WorldServiceClient::new(link.clone());
     let mut page_token = String::new();
@@ -288,7 +288,7 @@ struct Watched {
     latest: watch::Receiver<WatchStatsResponse>,
 }
 
-/// Prints a table periodically until the time is up, the user stops it, or a part fails.
+/// Prints a table periodically until the time is up, a signal arrives, or a part fails.
 async fn watch_scene(
     args: &Args,
     started: Instant,

@@ -1,4 +1,4 @@
-//! The `surefoot-lab` program: what trains, measures and exchanges models. `surefoot` hands these commands over to it.
+//! The `surefoot-lab` program: training, evaluation, benches and exchange of models. `surefoot` hands these commands over to it.
 
 // Doc comments of arguments are printed by `--help`, not rendered as pages.
 #![allow(rustdoc::broken_intra_doc_links, rustdoc::bare_urls)]
@@ -14,7 +14,7 @@ mod train;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use surefoot_cli::{config, terminal};
 
-/// Trains and measures agents: the developer's part of `surefoot`, which hands these commands over.
+/// Training, evaluation and benches of Surefoot. `surefoot` starts this program for these commands.
 #[derive(Parser)]
 #[command(
     name = "surefoot-lab",
@@ -32,9 +32,9 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Train a reactive or recurrent SAC agent.
+    /// Train a reactive or recurrent policy with SAC.
     Train(Box<train::Args>),
-    /// Feed a learner that runs elsewhere.
+    /// Collect experience for a learner in another process.
     Act(act::Args),
     /// Measure success on maps by the paper's protocol.
     Eval(Box<eval::Args>),
@@ -48,9 +48,9 @@ enum Command {
     Challenge(challenge::Command),
     /// Write a model as ONNX or safetensors.
     Export(export::ExportArgs),
-    /// Make a model from a safetensors file.
+    /// Convert a safetensors file to a model.
     Import(export::ImportArgs),
-    /// Measure speed.
+    /// Measure speed on this machine.
     Bench(bench::Args),
 }
 

@@ -32,7 +32,7 @@ pub struct BlobsArg {
 }
 
 impl NatsArg {
-    /// Checks that this build can do what is asked for.
+    /// Checks that this build supports the flag.
     pub fn check(&self) -> anyhow::Result<()> {
         let can = cfg!(feature = "fleet");
         anyhow::ensure!(can || self.nats.is_none(), "--nats needs a program that was built with --features fleet");

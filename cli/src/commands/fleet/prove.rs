@@ -1,4 +1,4 @@
-//! `surefoot prove`: does jobs that planners, evaluations and others send over NATS.
+//! `surefoot prove`: runs jobs that planners, evaluations and map generation send over NATS.
 
 use super::{BlobsArg, NatsArg};
 use crate::commands::endpoint::EndpointArgs;

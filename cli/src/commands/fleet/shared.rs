@@ -1,4 +1,4 @@
-//! What processes of a fleet share work through, as the flags say.
+//! The queue and the object store through which a fleet shares work.
 
 use surefoot_fleet::blobs::Blobs;
 use surefoot_fleet::work::compute_class::ComputeClass;
@@ -12,30 +12,30 @@ use surefoot_policy::Policy;
 pub struct Shared {
     /// Jobs and results.
     pub queue: Queue,
-    /// Who shares them.
+    /// The lane of the jobs.
     pub lane: ComputeClass,
     /// Maps.
     pub blobs: Option<Blobs>,
 }
 
 impl Shared {
-    /// Opens them. Call this on a tokio runtime.
+    /// Opens the queue and the object store. Needs a tokio runtime.
     pub async fn open(nats: &str, blobs: Option<&str>, policy: &Policy) -> anyhow::Result<Self> {
         let blobs = blobs.map(Blobs::open).transpose()?;
         Ok(Self { queue: Queue::open(nats).await?, lane: ComputeClass::of(policy), blobs })
     }
 
-    /// Who sends jobs.
+    /// Sends jobs.
     pub fn dispatcher(&self) -> Dispatcher {
         Dispatcher::new(self.queue.clone(), self.lane.clone())
     }
 
-    /// Who keeps maps.
+    /// Caches the maps of jobs.
     pub fn maps(&self) -> MapCache {
         MapCache::new(self.blobs.clone())
     }
 
-    /// Who runs the probes of builds, with this many threads of this process beside provers.
+    /// Runs the probes of builds on provers, and on this many threads of this process.
     pub fn provers(self, beside_provers: usize) -> QueuedProvers {
         QueuedProvers { dispatcher: self.dispatcher(), blobs: self.blobs, beside_provers }
     }

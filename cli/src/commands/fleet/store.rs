@@ -1,4 +1,4 @@
-//! `--store`, `--blobs`, `--address` and `--lease`: what servers and planners of a fleet share.
+//! `--store`, `--blobs`, `--address` and `--lease`: the flags of servers and planners in a fleet.
 
 use super::BlobsArg;
 use crate::commands::parse_seconds;
@@ -10,7 +10,7 @@ use std::time::Duration;
 use surefoot_planner_service::PlannerStores;
 use surefoot_server::store::WorldStore;
 
-/// What servers and planners of a fleet share.
+/// Flags of servers and planners in a fleet.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Fleet")]
 pub struct StoreArgs {
@@ -20,16 +20,16 @@ pub struct StoreArgs {
     store: Option<String>,
     #[command(flatten)]
     blobs: BlobsArg,
-    /// URI at which clients and others of the fleet reach this process; default: http:// and the address of --listen
+    /// URI at which clients and the rest of the fleet reach this process; default: http:// and the address of --listen
     #[arg(long, value_name = "URI", env = "SUREFOOT_ADDRESS")]
     address: Option<String>,
-    /// Silence after which the fleet takes this process for dead
+    /// Time without a renewal after which the fleet treats this process as dead
     #[arg(long, default_value_t = 5.0, value_name = "SECONDS", env = "SUREFOOT_LEASE", value_parser = parse_seconds)]
     lease: f64,
 }
 
-/// A process in its fleet.
-#[cfg_attr(not(feature = "fleet"), expect(dead_code, reason = "such a program is in no fleet"))]
+/// The stores of a fleet, and this process in it.
+#[cfg_attr(not(feature = "fleet"), expect(dead_code, reason = "without the feature there is no fleet"))]
 pub struct Place {
     store: String,
     blobs: String,
@@ -44,10 +44,10 @@ impl StoreArgs {
         self.blobs.blobs.as_deref()
     }
 
-    /// The fleet of a process that listens at `listen`; `None` if it is alone.
+    /// The fleet of a process that listens at `listen`; `None` without `--store`.
     pub fn place(&self, listen: SocketAddr) -> anyhow::Result<Option<Place>> {
         let Some(store) = self.store.clone() else {
-            ensure!(self.address.is_none(), "--address belongs to a fleet: add --store");
+            ensure!(self.address.is_none(), "--address needs --store");
             return Ok(None);
         };
         ensure!(cfg!(feature = "fleet"), "--store needs a program that was built with --features fleet");
@@ -55,7 +55,7 @@ impl StoreArgs {
         let address = match &self.address {
             Some(address) => address.clone(),
             None if listen.ip().is_unspecified() => {
-                bail!("--store needs --address, since nobody reaches this process at {listen}")
+                bail!("--store needs --address: other processes cannot reach {listen}")
             }
             None => format!("http://{listen}"),
         };
@@ -89,12 +89,12 @@ impl Place {
 impl Place {
     /// Joins the planners.
     pub async fn planner_stores(&self) -> anyhow::Result<PlannerStores> {
-        bail!("this program was built without a fleet");
+        bail!("this program was built without the feature fleet");
     }
 
     /// Joins the servers.
     pub async fn world_store(&self) -> anyhow::Result<Arc<dyn WorldStore>> {
-        bail!("this program was built without a fleet");
+        bail!("this program was built without the feature fleet");
     }
 }
 

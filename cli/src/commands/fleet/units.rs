@@ -1,4 +1,4 @@
-//! Units of evaluations as jobs, and the runner of a prover, which does every kind of job.
+//! Units of evaluations as jobs, and the runner of a prover, which runs every kind of job.
 
 use anyhow::Context;
 use flate2::Compression;
@@ -19,10 +19,10 @@ use surefoot_policy::Policy;
 use surefoot_rollout::FollowConfig;
 use surefoot_world::CharacterProfile;
 
-/// Most bytes of a unit before it was compressed.
+/// Most bytes of a unit after decompression.
 const MAX_UNIT_BYTES: u64 = 256 << 20;
 
-/// Does jobs of every kind.
+/// Runs jobs of every kind.
 pub struct Runner {
     policy: Policy,
     maps: MapCache,
@@ -30,7 +30,7 @@ pub struct Runner {
 }
 
 impl Runner {
-    /// Does jobs with this policy.
+    /// A runner with this policy.
     pub fn new(policy: Policy, maps: MapCache) -> Self {
         Self { policy, maps, probes: AtomicU64::new(0) }
     }
@@ -114,7 +114,7 @@ impl UnitJob {
         }
     }
 
-    /// What the job says, if it can be run.
+    /// The configuration of the job, after its values have been checked.
     fn config(self, maps: &MapCache) -> Result<EvalConfig, Refusal> {
         let Follow { replan_after, patience, max_replans, remembers, attaches_to_several, composes } = self.follow;
         let (low, high) = self.distance;
@@ -125,12 +125,12 @@ impl UnitJob {
             && low >= 0.0
             && low < high;
         if !is_sound {
-            return Err(Refusal::impossible("a unit that cannot be run"));
+            return Err(Refusal::impossible("a value of the unit is out of range"));
         }
         let map = match (self.map, self.level) {
             (MapRef::Spec(spec), None) => EvalMap::Generated(spec),
             (name @ MapRef::Saved { .. }, Some(level)) => EvalMap::Level { name: level, map: maps.map(&name)? },
-            _ => return Err(Refusal::impossible("a map without a name, or with one too many")),
+            _ => return Err(Refusal::impossible("a level needs a name, a generated map has none")),
         };
         let attach = if attaches_to_several { Attach::Several } else { Attach::Nearest };
         Ok(EvalConfig {
@@ -166,7 +166,7 @@ fn evaluate(job: &Opened, policy: &Policy, maps: &MapCache) -> Answer {
     compress(&units[0]).map_err(Refusal::impossible)
 }
 
-/// A unit as it is sent: messages have at most a megabyte.
+/// Compresses a unit for the queue, whose messages have at most a megabyte.
 fn compress(unit: &Unit) -> std::io::Result<Vec<u8>> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
     serde_json::to_writer(&mut encoder, unit)?;
@@ -203,7 +203,7 @@ impl Work for Units<'_> {
         let (choice, seed) = &self.choices[idx];
         let counts = [unit.distances.len(), unit.reachable.len(), unit.on_foot.len(), unit.attempts.len()];
         let is_wanted = unit.map == choice.name() && unit.seed == *seed && counts == [self.config.goals; 4];
-        if is_wanted { Ok(unit) } else { Err("another unit".to_owned()) }
+        if is_wanted { Ok(unit) } else { Err("the result belongs to another unit".to_owned()) }
     }
 
     fn settled(&self, _: usize, _: &Unit) {
@@ -235,7 +235,7 @@ pub fn gather(
         })
         .collect();
     let work = Units { policy, config, choices: &choices, is_done };
-    let units = dispatcher.run(jobs?, &work, threads)?.context("nobody cancels")?;
+    let units = dispatcher.run(jobs?, &work, threads)?.context("the dispatcher was cancelled")?;
     for ((choice, seed), unit) in choices.iter().zip(&units) {
         keep(policy, config, (choice, *seed), unit)?;
     }

@@ -25,7 +25,7 @@ pub struct Args {
     /// Forbid an edge
     #[arg(long, value_name = "FROM:TO", requires = "layer")]
     forbid: Vec<String>,
-    /// Add an edge that takes SECONDS; default: an estimate from its geometry
+    /// Add an edge that takes SECONDS; without a number, the time is estimated from its geometry
     #[arg(long, value_name = "FROM:TO[=SECONDS]", requires = "layer")]
     force: Vec<String>,
     /// Multiply the cost of an edge by FACTOR, 0.1 to 1000
@@ -46,7 +46,7 @@ pub struct Args {
     /// Write the layer as JSON
     #[arg(long, value_name = "FILE", requires = "layer")]
     export: Option<PathBuf>,
-    /// Import an exported layer; it replaces the layer of its name
+    /// Import an exported layer; it replaces the layer with the same name
     #[arg(long, value_name = "FILE", conflicts_with = "layer")]
     import: Option<PathBuf>,
 }
@@ -99,7 +99,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    /// The edits given as flags, kind by kind.
+    /// The edits that the flags describe, kind by kind.
     fn new_edits(&self) -> anyhow::Result<Vec<Edit>> {
         let mut edits = Vec::new();
         for text in &self.forbid {
@@ -114,7 +114,7 @@ impl Args {
         for text in &self.price {
             let (pair, factor) = split_number(text)?;
             let (from, to) = parse_pair(pair)?;
-            let factor = factor.with_context(|| format!("`{text}` names no factor, expected FROM:TO=FACTOR"))?;
+            let factor = factor.with_context(|| format!("`{text}` has no factor, expected FROM:TO=FACTOR"))?;
             edits.push(Edit::PriceEdge { from, to, factor });
         }
         for text in &self.add {

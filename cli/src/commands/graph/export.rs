@@ -32,7 +32,7 @@ pub struct Args {
     /// Write a link wherever more than walking is needed
     #[arg(long, conflicts_with = "max_detour")]
     all_links: bool,
-    /// Omit links of which a plain scripted controller gets through a smaller share of its tries, 0 to 1
+    /// Omit links on which a plain scripted controller succeeds in a smaller share of its tries, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share)]
     min_driven: f32,
     /// File to write; default: standard output
@@ -71,11 +71,11 @@ fn parse_share(text: &str) -> Result<f32, String> {
     share.ok_or_else(|| "must be a number from 0 to 1".to_owned())
 }
 
-/// What links connect, as it is printed.
+/// What the links connect, for output.
 #[derive(Serialize)]
 struct Summary {
     links: usize,
-    /// Edges that need a link, but along which no run arrived again, or no controller often enough.
+    /// Edges that need a link, but along which no run arrived again, or the scripted controller failed too often.
     left_out: usize,
     /// Shares of the ordered pairs of vertices between which the NavMesh leads, without and with the links.
     connected: Connected,
@@ -83,7 +83,7 @@ struct Summary {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     if matches!(args.format, Output::Graph(_)) && args.json {
-        bail!("--json is for links: it says what they connect");
+        bail!("--json is only for links");
     }
     let loaded = args.target.load(None)?;
     match args.format {
@@ -110,7 +110,7 @@ impl Args {
         }
     }
 
-    /// Says what the links connect, beside the file on stderr if that goes to stdout.
+    /// Prints what the links connect: on stdout, or on stderr if the links themselves go to stdout.
     fn report(&self, summary: &Summary) -> anyhow::Result<()> {
         if self.json {
             return print_json(summary);
@@ -131,7 +131,7 @@ impl Args {
     }
 }
 
-/// Measures the edges that the NavMesh cannot walk, and makes links of those that pay.
+/// Measures the edges that the NavMesh cannot walk, and makes links of those that shorten paths.
 fn links(args: &Args, loaded: &Loaded) -> (LinkSet, Summary) {
     let (graph, context) = (&loaded.graph, &loaded.context);
     let reach = Reach::survey(&context.map, &context.profile, core_count());

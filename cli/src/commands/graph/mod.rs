@@ -26,24 +26,23 @@ use surefoot_world::{Map, Vec3};
 /// Build, show, check, edit and export graphs.
 #[derive(clap::Subcommand)]
 pub enum Command {
-    /// Build the graph of a map, or take it from the cache, and describe or draw it
+    /// Build the graph of a map, or load it from the cache, and describe or draw it
+    #[command(visible_alias = "show")]
     Build(show::Args),
-    /// The same as build
-    Show(show::Args),
     /// Write a graph for other programs: GraphML, JSON, or its links for the NavMesh of an engine
     Export(export::Args),
-    /// Find places that no character reaches: islands, one-way traps, what depends on each ability
+    /// Find places that no character reaches: islands, one-way traps, and what depends on each ability
     Reach(reach::Args),
     /// Compare what is reachable in two versions of a level
     Diff(reach::DiffArgs),
-    /// Forbid, force or re-price edges, add, move or remove vertices
+    /// Forbid, force or re-price edges; add, move or remove vertices
     Edit(edit::Args),
 }
 
 /// Runs a command.
 pub fn run(command: &Command) -> anyhow::Result<()> {
     match command {
-        Command::Build(args) | Command::Show(args) => show::run(args),
+        Command::Build(args) => show::run(args),
         Command::Export(args) => export::run(args),
         Command::Reach(args) => reach::run(args),
         Command::Diff(args) => reach::diff(args),
@@ -77,7 +76,7 @@ struct Loaded {
     context: ProbeContext,
     /// Where the level's own origin lies on the map, m, if that is known.
     origin: Option<Vec3>,
-    /// `None` for a graph that a game has proved: an id says in whose physics edges hold.
+    /// `None` for a graph that was proved in a game: an id identifies a graph in our own physics.
     id: Option<GraphId>,
     /// With edits applied.
     graph: NavGraph,
@@ -132,7 +131,7 @@ impl Target {
         let id = graphs::id_of(&context, &settings);
         if let Some(game) = self.world.connect()? {
             if changed_from.is_some() {
-                bail!("--changed-from cannot be combined with --world: edges are proved anew in a game");
+                bail!("--changed-from cannot be combined with --world: a game proves all edges again");
             }
             let (built, cached) = (build_in(&game, &context, &settings)?, false);
             return self.edited(store, Loaded::of(context, None, built, cached, None), settings);
@@ -166,7 +165,7 @@ impl Target {
         if !layers.is_empty() {
             let terrain = graphs::terrain(context, settings, core_count());
             let edited =
-                apply_layers(&loaded.graph, &layers, settings.threshold, &terrain).context("nobody cancels an edit")?;
+                apply_layers(&loaded.graph, &layers, settings.threshold, &terrain).context("the edits were cancelled")?;
             (loaded.graph, loaded.unapplied) = (edited.graph, edited.unapplied);
         }
         Ok(loaded)
@@ -183,7 +182,7 @@ fn get_or_build(store: &DiskStore, context: &ProbeContext, settings: &BuildSetti
     Ok((built, false))
 }
 
-/// Builds a graph whose edges are proved in a game. It is not cached, since nothing tells games apart.
+/// Builds a graph whose edges are proved in a game. It is not cached, because games have no identity.
 fn build_in(game: &Game, context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<Built> {
     with_bar(|progress| probes::build(game, context, settings, core_count(), progress))
 }
