@@ -164,8 +164,8 @@ impl Target {
         let layers = if self.without_edits { Vec::new() } else { store.layers(&self.level(&context.map))?.whole()? };
         if !layers.is_empty() {
             let terrain = graphs::terrain(context, settings, core_count());
-            let edited =
-                apply_layers(&loaded.graph, &layers, settings.threshold, &terrain).context("the edits were cancelled")?;
+            let edited = apply_layers(&loaded.graph, &layers, settings.threshold, &terrain)
+                .context("the edits were cancelled")?;
             (loaded.graph, loaded.unapplied) = (edited.graph, edited.unapplied);
         }
         Ok(loaded)
