@@ -27,7 +27,7 @@ pub mod ride_stops;
 pub mod search;
 pub mod settings;
 pub mod store;
-mod threads;
+pub mod threads;
 
 pub use aabb::Aabb;
 pub use build::{BuildStats, Builder, Built, Progress, candidates, interim, is_perilous, placement, probe};

@@ -1,5 +1,5 @@
-//! A plain controller that drives a body along a path, as an engine's character follows the path of a NavMesh: it turns to where it goes, slows
-//! down at corners, and jumps where the path says so. It knows its own body and the path, and senses nothing.
+//! A plain controller that drives a body along a path, as an engine's character follows the path of a NavMesh. It turns to where it goes,
+//! slows down at corners, and jumps where the path says so. It knows its own body and the path, and senses nothing.
 
 use serde::{Deserialize, Serialize};
 use surefoot_world::character::{Action, Body};
@@ -11,86 +11,70 @@ use surefoot_world::{Ability, CharacterProfile, TICK_SECONDS, TICKS_PER_SECOND, 
 pub struct PathPoint {
     /// Position of the feet, m.
     pub at: [f32; 3],
-    /// How the body gets there from the point before.
-    #[serde(default)]
-    pub by: Move,
+    /// The ability that leads there from the point before.
+    #[serde(default, with = "by_name")]
+    pub by: Ability,
 }
 
-/// How a body gets from one point of a path to the next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Move {
-    /// Walks, slides or drops off an edge.
-    #[default]
-    Walk,
-    /// Jumps.
-    Jump,
-    /// Jumps, and again in the air.
-    DoubleJump,
-    /// Walks on a pad that stands at the point before, and steers in the air.
-    Pad,
-    /// Walks into a zip line at the point before, and rides it.
-    ZipLine,
-    /// Walks into a teleporter at the point before.
-    Teleporter,
-    /// Takes a jetpack at the point before, and flies.
-    Jetpack,
-}
+/// Abilities by name in snake case, such as `double_jump`.
+mod by_name {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+    use surefoot_world::Ability;
 
-impl From<Ability> for Move {
-    fn from(ability: Ability) -> Self {
-        match ability {
-            Ability::Walk => Self::Walk,
-            Ability::Jump => Self::Jump,
-            Ability::DoubleJump => Self::DoubleJump,
-            Ability::Pad => Self::Pad,
-            Ability::ZipLine => Self::ZipLine,
-            Ability::Teleporter => Self::Teleporter,
-            Ability::Jetpack => Self::Jetpack,
-        }
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+    pub fn serialize<S: Serializer>(ability: &Ability, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(ability.name())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Ability, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        name.parse().map_err(|_| D::Error::custom(format!("`{name}` is no ability")))
     }
 }
 
-/// Distance on the plane within which a point that is walked to is passed, m.
+/// Horizontal distance within which a walked point is passed, m.
 const PASSED_M: f32 = 0.5;
-/// The same of a point where a leap begins.
+/// Horizontal distance within which the start of a leap is passed, m.
 const TAKE_OFF_M: f32 = 0.35;
-/// The same of a point where a leap ends.
+/// Horizontal distance within which the end of a leap is passed, m.
 const LANDED_M: f32 = 0.9;
-/// Distance from the centre of a pad up to which it throws bodies, with what they cover in a few ticks, m.
+/// Distance from the centre of a pad within which it throws bodies, plus the distance of a few ticks, m.
 const DEVICE_M: f32 = 2.5;
 /// Difference in height up to which a point is passed, m.
 const LEVEL_M: f32 = 1.2;
-/// Angle up to which the body runs at full speed while it turns, rad.
+/// Angle to the target up to which the body runs at full speed, rad.
 const AHEAD_RAD: f32 = 1.0;
-/// Angle up to which it faces a landing, rad.
+/// Angle up to which the body faces a landing, rad.
 const FACING_RAD: f32 = 0.1;
-/// Deceleration that it counts on, on the ground and in the air, m/s2: less than the default body has.
+/// Deceleration that the controller assumes on the ground and in the air, m/s2: less than the default body has.
 const BRAKE: [f32; 2] = [40.0, 18.0];
-/// Speed at which it gets to a point where it must stop or turn, m/s.
+/// Speed at a point where the body must stop or turn, m/s.
 const SLOW: f32 = 1.5;
-/// Share of the top speed that it reaches on average in a leap from rest.
+/// Average share of the top speed in a leap from rest.
 const RELIABLE: f32 = 0.7;
-/// Speed below which a body that runs is blocked, m/s, and for how long.
+/// Speed below which a running body is blocked, m/s.
 const BLOCKED: f32 = 1.5;
+/// Ticks below that speed after which the body jumps.
 const BLOCKED_TICKS: u32 = 6;
-/// Time without coming closer to the next point after which it gives up.
+/// Time without coming closer to the next point after which the controller gives up.
 const STUCK_TICKS: u32 = 8 * TICKS_PER_SECOND;
 
 /// The controller of one body on its path.
 #[derive(Debug)]
 pub struct Driver<'p> {
     points: &'p [PathPoint],
-    /// Index of the point that it heads for.
+    /// Index of the next point.
     next: usize,
-    /// Smallest distance to that point so far, m, and the ticks since it shrank.
+    /// Smallest distance to that point so far, m.
     best: f32,
+    /// Ticks since `best` shrank.
     stuck: u32,
-    /// Ticks for which the body has run without getting anywhere.
+    /// Ticks for which the body has been blocked.
     blocked: u32,
     /// Jumps since the last point.
     jumps: u32,
-    /// Whether it has turned towards the landing.
+    /// Whether the body has turned towards the landing.
     is_lined_up: bool,
 }
 
@@ -100,7 +84,7 @@ impl<'p> Driver<'p> {
         Self { points, next: 0, best: f32::INFINITY, stuck: 0, blocked: 0, jumps: 0, is_lined_up: false }
     }
 
-    /// What the body does in this tick; `None` once it is at the end of the path, or stuck.
+    /// The action of this tick; `None` at the end of the path, or when the body is stuck.
     pub fn steer(&mut self, body: &Body, profile: &CharacterProfile) -> Option<Action> {
         while self.has_passed(body) {
             *self = Self { next: self.next + 1, ..Self::new(self.points) };
@@ -116,7 +100,7 @@ impl<'p> Driver<'p> {
         if body.ride.is_some() {
             return Some(Action::default());
         }
-        let leaps = point.by != Move::Walk;
+        let leaps = point.by != Ability::Walk;
         let turn = turn_towards(body, target);
         self.is_lined_up |= turn.abs() < FACING_RAD;
         if leaps && body.is_grounded() && !self.is_lined_up && self.jumps == 0 {
@@ -130,7 +114,7 @@ impl<'p> Driver<'p> {
             self.jumps += 1;
             self.blocked = 0;
         }
-        if point.by == Move::Jetpack && !body.is_grounded() && body.feet.y < target.y + LEVEL_M {
+        if point.by == Ability::Jetpack && !body.is_grounded() && body.feet.y < target.y + LEVEL_M {
             action.jump = 1.0;
         }
         Some(action)
@@ -141,31 +125,31 @@ impl<'p> Driver<'p> {
         self.next + 1 >= self.points.len()
     }
 
-    /// Whether the body has got to the point that it heads for.
+    /// Whether the body has reached the next point.
     fn has_passed(&self, body: &Body) -> bool {
         let Some(point) = self.points.get(self.next) else { return false };
         let to = Vec3::from_array(point.at) - body.feet;
-        let after = self.points.get(self.next + 1).map_or(Move::Walk, |next| next.by);
+        let after = self.points.get(self.next + 1).map_or(Ability::Walk, |next| next.by);
         if was_taken(after, body, flat(to).length()) {
             return true;
         }
-        let begins_leap = after != Move::Walk;
+        let begins_leap = after != Ability::Walk;
         let within = match point.by {
             _ if begins_leap => TAKE_OFF_M,
-            Move::Walk => PASSED_M,
+            Ability::Walk => PASSED_M,
             _ => LANDED_M,
         };
-        let stands = body.is_grounded() || (point.by == Move::Walk && !begins_leap);
-        // The last point is held until the task says that it is reached.
+        let stands = body.is_grounded() || (point.by == Ability::Walk && !begins_leap);
+        // The task decides when the last point is reached.
         self.next + 1 < self.points.len() && stands && to.y.abs() < LEVEL_M && flat(to).length() < within
     }
 
-    /// Speed at which the body should get to its next point, m/s: slow where it must stop, turn sharply or take off.
+    /// Wanted speed at the next point, m/s: slow where the body must stop, turn sharply or take off.
     fn final_speed(&self, body: &Body) -> f32 {
         let (Some(point), Some(after)) = (self.points.get(self.next), self.points.get(self.next + 1)) else {
             return SLOW;
         };
-        if after.by != Move::Walk || point.by != Move::Walk {
+        if after.by != Ability::Walk || point.by != Ability::Walk {
             return SLOW;
         }
         let at = Vec3::from_array(point.at);
@@ -174,26 +158,26 @@ impl<'p> Driver<'p> {
         SLOW + (cosine.max(0.0) * cosine.max(0.0)) * f32::from(u8::MAX)
     }
 
-    /// A leap begins at once if it gets to its end from here; otherwise where the body is blocked, or where the ground ends. The second jump
-    /// is made when the first one no longer rises.
-    fn wants_jump(&mut self, body: &Body, profile: &CharacterProfile, by: Move, target: Vec3) -> bool {
+    /// Whether the body jumps. A leap begins as soon as it would arrive; otherwise where the body is blocked, or where the ground ends. The
+    /// second jump follows when the first one no longer rises.
+    fn wants_jump(&mut self, body: &Body, profile: &CharacterProfile, by: Ability, target: Vec3) -> bool {
         let most = match by {
-            Move::Jump | Move::Jetpack => 1,
-            Move::DoubleJump => 1 + u32::from(profile.extra_jumps),
-            // A NavMesh takes steps that are higher than the body's own.
-            Move::Walk => return body.is_grounded() && self.blocked >= BLOCKED_TICKS,
-            // What a pad's throw lacks, a jump in the air may add.
-            Move::Pad => 1 + u32::from(profile.extra_jumps),
-            Move::ZipLine | Move::Teleporter => return false,
+            Ability::Jump | Ability::Jetpack => 1,
+            Ability::DoubleJump => 1 + u32::from(profile.extra_jumps),
+            // A NavMesh may contain steps that are too high for the body.
+            Ability::Walk => return body.is_grounded() && self.blocked >= BLOCKED_TICKS,
+            // Jumps in the air may add height to a pad's throw.
+            Ability::Pad => 1 + u32::from(profile.extra_jumps),
+            Ability::ZipLine | Ability::Teleporter => return false,
         };
         let to = target - body.feet;
-        if by == Move::Pad {
+        if by == Ability::Pad {
             let is_falling = !body.is_grounded() && body.velocity.y < 0.5;
             return is_falling && self.jumps < most && body.air_jumps_left > 0 && to.y > -1.0;
         }
         if body.is_grounded() {
             let is_first = self.jumps == 0;
-            // It may have landed on the way: what comes next needs a leap of its own.
+            // The body may have landed on the way; the rest needs another leap.
             self.jumps = 0;
             return (is_first && arrives(profile, most, to)) || self.blocked >= BLOCKED_TICKS;
         }
@@ -204,17 +188,17 @@ impl<'p> Driver<'p> {
     }
 }
 
-/// Whether a device has taken the body that was on its way to it and still is `distance` metres away on the plane: devices do so at their rims.
-fn was_taken(by: Move, body: &Body, distance: f32) -> bool {
+/// Whether a device has taken the body, whose horizontal distance to it is still `distance`, m: devices act at their rims.
+fn was_taken(by: Ability, body: &Body, distance: f32) -> bool {
     match by {
-        Move::Pad => !body.is_grounded() && body.velocity.y > SLOW && distance < DEVICE_M,
-        Move::ZipLine => body.ride.is_some(),
-        Move::Teleporter => body.teleport_locked,
+        Ability::Pad => !body.is_grounded() && body.velocity.y > SLOW && distance < DEVICE_M,
+        Ability::ZipLine => body.ride.is_some(),
+        Ability::Teleporter => body.teleport_locked,
         _ => false,
     }
 }
 
-/// Whether a leap of `jumps` jumps is high enough when it has covered the distance on the plane, each jump made where the one before no longer
+/// Whether a leap of `jumps` jumps is high enough when it has covered the horizontal distance. Each jump follows when the last one no longer
 /// rises.
 fn arrives(profile: &CharacterProfile, jumps: u32, to: Vec3) -> bool {
     let seconds = flat(to).length() / (RELIABLE * profile.forward_speed);
@@ -225,7 +209,7 @@ fn arrives(profile: &CharacterProfile, jumps: u32, to: Vec3) -> bool {
     height + profile.jump_speed * left - 0.5 * profile.gravity * left * left > to.y
 }
 
-/// Runs towards a point, to get there at `final_speed`, m/s, and turns towards it.
+/// Runs towards a point, with `final_speed`, m/s, on arrival, and turns towards it.
 fn run(body: &Body, profile: &CharacterProfile, target: Vec3, final_speed: f32) -> Action {
     let to = flat(target - body.feet);
     let distance = to.length();
@@ -234,7 +218,7 @@ fn run(body: &Body, profile: &CharacterProfile, target: Vec3, final_speed: f32) 
         return Action::default();
     }
     let brake = BRAKE[usize::from(!body.is_grounded())];
-    // One tick's way is covered before braking begins.
+    // Braking begins one tick late.
     let usable = (distance - profile.forward_speed * TICK_SECONDS).max(0.0);
     let mut speed = (final_speed * final_speed + 2.0 * brake * usable).sqrt().min(profile.forward_speed);
     if turn.abs() > AHEAD_RAD && body.is_grounded() {
@@ -251,7 +235,7 @@ fn run(body: &Body, profile: &CharacterProfile, target: Vec3, final_speed: f32) 
     }
 }
 
-/// Angle from where the body faces to a point, rad, positive to the left.
+/// Angle from the body's heading to a point, rad, positive to the left.
 fn turn_towards(body: &Body, target: Vec3) -> f32 {
     use std::f32::consts::{PI, TAU};
     let to = target - body.feet;
@@ -259,7 +243,7 @@ fn turn_towards(body: &Body, target: Vec3) -> f32 {
     (turn + PI).rem_euclid(TAU) - PI
 }
 
-/// Turns by an angle, as far as one tick allows.
+/// The turn by an angle, as far as one tick allows.
 fn turn_action(turn: f32, profile: &CharacterProfile) -> f32 {
     (turn / (profile.turn_speed * TICK_SECONDS).max(f32::EPSILON)).clamp(-1.0, 1.0)
 }

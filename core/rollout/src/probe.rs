@@ -8,11 +8,11 @@ use crate::goals::{Goal, random_yaw};
 use crate::style::Style;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use surefoot_planner::needs::{Need, Needs, Ride};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::ride_stops::{Boarding, longest_ride_ticks, states_for_proof};
+use surefoot_planner::threads::map_indices;
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
 use surefoot_policy::actor::gaussian;
@@ -90,24 +90,13 @@ impl ProbeExecutor for InProcess {
     fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
         let chunks = chunks(trials);
         let reliance = Reliance::on(&self.context.map);
-        let next = AtomicUsize::new(0);
-        let results: Mutex<Vec<Option<Vec<Outcome>>>> = Mutex::new(vec![None; chunks.len()]);
-        std::thread::scope(|scope| {
-            for _ in 0..self.thread_count.clamp(1, chunks.len().max(1)) {
-                scope.spawn(|| {
-                    loop {
-                        let chunk_idx = next.fetch_add(1, Ordering::Relaxed);
-                        let Some(chunk) = chunks.get(chunk_idx).filter(|_| !watch.is_cancelled()) else { return };
-                        let alike: Vec<Trial> = chunk.iter().map(|&idx| trials[idx]).collect();
-                        let watch = OfChunk { chunk, watch };
-                        let outcomes = run_chunk(&self.context, &reliance, &alike, seed, &watch);
-                        results.lock().expect("no probe panics")[chunk_idx] = outcomes;
-                    }
-                });
-            }
+        let outcomes = map_indices(chunks.len(), self.thread_count, |chunk_idx| {
+            let chunk = &chunks[chunk_idx];
+            let alike: Vec<Trial> = chunk.iter().map(|&idx| trials[idx]).collect();
+            let watch = OfChunk { chunk, watch };
+            if watch.is_cancelled() { None } else { run_chunk(&self.context, &reliance, &alike, seed, &watch) }
         });
-        let results: Option<Vec<Vec<Outcome>>> = results.into_inner().expect("no probe panics").into_iter().collect();
-        Some(in_order(&chunks, results?))
+        Some(in_order(&chunks, outcomes.into_iter().collect::<Option<_>>()?))
     }
 }
 

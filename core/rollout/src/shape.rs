@@ -5,17 +5,15 @@
 //! did: who follows links by script rather than by our policy knows what to expect. The same graph gives the same shapes on any number of
 //! threads.
 
-use crate::drive::{Driver, Move, PathPoint};
+use crate::drive::{Driver, PathPoint};
 use crate::probe::{ProbeContext, Probes};
 use crate::style::Style;
 use std::cmp::Ordering::Equal;
 use std::f32::consts::TAU;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use surefoot_planner::assets::{Leap, Passage, Shape};
-use surefoot_planner::probe::Trial;
-use surefoot_planner::{Edge, NavGraph};
-use surefoot_planner::{MoverAt, RideStops};
+use surefoot_planner::probe::{EdgeRun, Trial};
+use surefoot_planner::threads::map_indices;
+use surefoot_planner::{Edge, MoverAt, NavGraph, RideStops};
 use surefoot_world::character::{Body, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
 use surefoot_world::map::Zone;
@@ -30,8 +28,6 @@ use surefoot_world::{
 /// Runs along each edge: the first ones composed, as NPCs move that rehearse, the others as freely as the policy wants.
 const COMPOSED_RUNS: u32 = 3;
 const FREE_RUNS: u32 = 3;
-/// Number of the first random stream of these runs: probes of builds have smaller ones.
-const FIRST_STREAM: u64 = 1 << 14;
 /// Edges of a thread that are run together.
 const CHUNK: usize = 32;
 /// Tries of the plain controller along each run.
@@ -63,23 +59,15 @@ pub fn measure(
     order.sort_by_key(|&idx| held(idx));
     let alike = order.chunk_by(|&one, &other| held(one) == held(other));
     let chunks: Vec<&[usize]> = alike.flat_map(|alike| alike.chunks(CHUNK)).collect();
-    let next = AtomicUsize::new(0);
-    let shapes: Mutex<Vec<Option<Shape>>> = Mutex::new(vec![None; edges.len()]);
-    std::thread::scope(|scope| {
-        for _ in 0..thread_count.clamp(1, chunks.len().max(1)) {
-            scope.spawn(|| {
-                loop {
-                    let Some(chunk) = chunks.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
-                    let of_chunk: Vec<&Edge> = chunk.iter().map(|&idx| edges[idx]).collect();
-                    let gauge = Gauge { context, reliance: &reliance, graph, ground, held: held(chunk[0]) };
-                    let measured = gauge.measure(&of_chunk, finished);
-                    let mut shapes = shapes.lock().expect("no measurement panics");
-                    chunk.iter().zip(measured).for_each(|(&idx, shape)| shapes[idx] = shape);
-                }
-            });
-        }
+    let measured = map_indices(chunks.len(), thread_count, |chunk_idx| {
+        let chunk = chunks[chunk_idx];
+        let of_chunk: Vec<&Edge> = chunk.iter().map(|&idx| edges[idx]).collect();
+        let meter = ShapeMeter { context, reliance: &reliance, graph, ground, held: held(chunk[0]) };
+        meter.measure(&of_chunk, finished)
     });
-    shapes.into_inner().expect("no measurement panics")
+    let mut shapes: Vec<(usize, Option<Shape>)> = order.iter().copied().zip(measured.into_iter().flatten()).collect();
+    shapes.sort_unstable_by_key(|(idx, _)| *idx);
+    shapes.into_iter().map(|(_, shape)| shape).collect()
 }
 
 /// The mover that is held at a stop for runs along an edge that begins or ends on it.
@@ -125,7 +113,7 @@ impl Runner {
 }
 
 /// Measures edges for which the same mover is held.
-struct Gauge<'a> {
+struct ShapeMeter<'a> {
     context: &'a ProbeContext,
     reliance: &'a Reliance,
     graph: &'a NavGraph,
@@ -133,7 +121,7 @@ struct Gauge<'a> {
     held: Option<MoverAt>,
 }
 
-impl Gauge<'_> {
+impl ShapeMeter<'_> {
     fn measure(&self, edges: &[&Edge], finished: &(dyn Fn() + Sync)) -> Vec<Option<Shape>> {
         let mut world = self.context.world_for(self.held);
         let tracks = self.run(edges);
@@ -181,9 +169,8 @@ impl Gauge<'_> {
     }
 
     fn trial(&self, edge: &Edge, attempt: u32) -> Trial {
-        let (from, to) = (edge.key.from, edge.key.to);
-        let stream = u64::from(from.0) << 40 | u64::from(to.0) << 16 | (FIRST_STREAM + u64::from(attempt));
-        Trial { held: self.held, ..Trial::walk(self.graph.position(from), self.graph.position(to), stream) }
+        let (start, goal) = (self.graph.position(edge.key.from), self.graph.position(edge.key.to));
+        Trial { held: self.held, ..Trial::walk(start, goal, EdgeRun::Shape(attempt).stream(edge.key)) }
     }
 
     /// The shape of an edge that is one ride: it begins and ends where the edge does.
@@ -298,15 +285,15 @@ impl Gauge<'_> {
 
 /// The path along a passage as a plain controller gets it.
 fn path_along(passage: &Passage) -> Vec<PathPoint> {
-    let mut points = vec![PathPoint { at: passage.start.to_array(), by: Move::Walk }];
+    let mut points = vec![PathPoint { at: passage.start.to_array(), by: Ability::Walk }];
     for leap in &passage.leaps {
         if points.last().is_some_and(|last| last.at != leap.take_off.to_array()) {
-            points.push(PathPoint { at: leap.take_off.to_array(), by: Move::Walk });
+            points.push(PathPoint { at: leap.take_off.to_array(), by: Ability::Walk });
         }
-        points.push(PathPoint { at: leap.landing.to_array(), by: leap.ability.into() });
+        points.push(PathPoint { at: leap.landing.to_array(), by: leap.ability });
     }
     if points.last().is_some_and(|last| last.at != passage.end.to_array()) {
-        points.push(PathPoint { at: passage.end.to_array(), by: Move::Walk });
+        points.push(PathPoint { at: passage.end.to_array(), by: Ability::Walk });
     }
     points
 }

@@ -7,8 +7,6 @@
 pub mod attempts;
 pub mod drive;
 pub mod link;
-mod parallel;
 pub mod probes;
 
 pub use link::{Game, GameEnv, GameError, Level};
-pub use parallel::map_indices;

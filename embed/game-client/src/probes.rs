@@ -5,9 +5,9 @@
 
 use super::drive::{Deciding, Drive, seen};
 use super::link::{Game, GameError, Level};
-use crate::parallel::map_indices;
 use std::sync::Mutex;
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
+use surefoot_planner::threads::map_indices;
 use surefoot_planner::{BuildError, BuildSettings, Built, Progress};
 use surefoot_policy::Policy;
 use surefoot_rollout::env::Route;

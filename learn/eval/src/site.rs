@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_game_client::attempts::{Rules, attempt};
-use surefoot_game_client::map_indices;
+use surefoot_planner::threads::map_indices;
 use surefoot_game_client::{Game, Level, probes};
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::settings::BUILDER_VERSION;

@@ -4,10 +4,10 @@
 use std::path::Path;
 use surefoot_eval::EvalMap;
 use surefoot_eval::challenge::record::{Entry, record};
-use surefoot_eval::challenge::{Approach, GoalSet, MapRun, Move, PathPoint, Run, VERSION, score};
+use surefoot_eval::challenge::{Approach, GoalSet, MapRun, PathPoint, Run, VERSION, score};
 use surefoot_planner::BuildSettings;
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, MapSpec};
+use surefoot_world::{Ability, CharacterProfile, MapSpec};
 
 /// Two small maps with 12 goals each.
 fn small() -> GoalSet {
@@ -28,7 +28,7 @@ fn run_of(set: &GoalSet, approach: impl Fn(&surefoot_eval::challenge::SetGoal) -
 }
 
 fn straight(goal: &surefoot_eval::challenge::SetGoal) -> Approach {
-    let at = |at| PathPoint { at, by: Move::Walk };
+    let at = |at| PathPoint { at, by: Ability::Walk };
     Approach::Path(vec![at(goal.start), at(goal.goal)])
 }
 
@@ -82,7 +82,7 @@ fn the_scorer_believes_nothing_but_what_happens() {
     assert_eq!((walked.build_s, walked.bytes), (2.0, 10.0));
     // A path that ends elsewhere does not count, wherever it says it ends.
     let elsewhere =
-        |goal: &surefoot_eval::challenge::SetGoal| Approach::Path(vec![PathPoint { at: goal.start, by: Move::Walk }]);
+        |goal: &surefoot_eval::challenge::SetGoal| Approach::Path(vec![PathPoint { at: goal.start, by: Ability::Walk }]);
     let elsewhere = score(&set, Path::new(""), &run_of(&set, elsewhere), 2, |_| {}).unwrap();
     assert_eq!(elsewhere.success.all.rate, 0.0);
 }
@@ -109,7 +109,7 @@ fn a_run_that_does_not_answer_the_set_is_refused_by_name() {
         (changed(|run| run.maps[0].attempts[0] = Approach::Actions(vec![[0.0; 4]; 1801])), "at most 1800"),
         (
             changed(|run| {
-                let point = PathPoint { at: [f32::INFINITY, 0.0, 0.0], by: Move::Walk };
+                let point = PathPoint { at: [f32::INFINITY, 0.0, 0.0], by: Ability::Walk };
                 run.maps[0].attempts[0] = Approach::Path(vec![point]);
             }),
             "point 0 is not a place",

@@ -1,5 +1,6 @@
 //! Probes of candidate edges: their inputs, their outcomes, and the trait of those who run the policy, [`ProbeExecutor`].
 
+use crate::ids::EdgeKey;
 use crate::needs::{Needs, Ride};
 use serde::{Deserialize, Serialize};
 use surefoot_world::{Ability, MoverAt, Vec3};
@@ -29,6 +30,32 @@ impl Trial {
     /// A free run from `start` to `goal`, m, with the random stream `stream`.
     pub fn walk(start: Vec3, goal: Vec3, stream: u64) -> Self {
         Self { start, via: None, goal, stream, on_foot: false, keep_track: false, held: None, ride: None }
+    }
+}
+
+/// A run along an edge or candidate. Each has a random stream of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EdgeRun {
+    /// A probe from the start of the edge, by its number.
+    Probe(u32),
+    /// A probe that reaches the start of the edge at a run, by its number.
+    RunUp(u32),
+    /// The probe without jumps.
+    OnFoot,
+    /// A run that measures the shape of the edge, by its number.
+    Shape(u32),
+}
+
+impl EdgeRun {
+    /// Number of the run's random stream: the runs of an edge share 16 bits in bands that do not overlap.
+    pub fn stream(self, EdgeKey { from, to }: EdgeKey) -> u64 {
+        let run = match self {
+            Self::Probe(number) => number,
+            Self::RunUp(number) => (1 << 12) + number,
+            Self::OnFoot => 1 << 13,
+            Self::Shape(number) => (1 << 14) + number,
+        };
+        u64::from(from.0) << 40 | u64::from(to.0) << 16 | u64::from(run)
     }
 }
 

@@ -13,7 +13,7 @@
 use crate::build::Progress;
 use crate::build::candidates::Candidate;
 use crate::build::predictor::{Geometry, Predictor, is_perilous, measure};
-use crate::build::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
+use crate::build::probe::{EdgeRun, Outcome, ProbeExecutor, ProbeWatch, Trial};
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
@@ -73,15 +73,6 @@ const DEATHS_ELSEWHERE: f64 = 0.02;
 const RUNS: u32 = 4;
 /// Success rate below which an edge is not probed on the run any more.
 const FORLORN: f64 = 0.5;
-/// Number of the first random stream of probes on the run.
-const FIRST_RUN: u32 = 1 << 12;
-/// Number of the random stream of the probe on foot.
-const ON_FOOT: u32 = 1 << 13;
-
-/// Returns the random stream of one probe of a candidate.
-fn stream(EdgeKey { from, to }: Candidate, attempt: u32) -> u64 {
-    u64::from(from.0) << 40 | u64::from(to.0) << 16 | u64::from(attempt)
-}
 
 impl ProbeRun<'_> {
     /// Probes the candidates and returns the evidence of each, in order; `None` if the build was cancelled.
@@ -104,11 +95,11 @@ impl ProbeRun<'_> {
         let tries = which.iter().map(|&idx| {
             let attempt = attempts.entry(idx).or_insert(evidence[idx as usize].tries);
             *attempt += 1;
-            (idx, *attempt)
+            (idx, EdgeRun::Probe(*attempt))
         });
-        let tries: Vec<(u32, u32)> = tries.collect();
+        let tries: Vec<(u32, EdgeRun)> = tries.collect();
         self.progress.interim.extend(self.vertices, self.candidates, evidence);
-        let outcomes = self.run_trials(&tries, false, &Noting { progress: self.progress, which })?;
+        let outcomes = self.run_trials(&tries, &Noting { progress: self.progress, which })?;
         for (&idx, outcome) in which.iter().zip(&outcomes) {
             evidence[idx as usize].note_probe(outcome);
         }
@@ -120,9 +111,9 @@ impl ProbeRun<'_> {
     pub fn prove_on_foot(&self, evidence: &mut [Evidence], threshold: f64) -> Option<()> {
         let jumps = |own: &Evidence| matches!(own.ability, Ability::Jump | Ability::DoubleJump);
         let is_due = |own: &Evidence| own.proves(threshold) && jumps(own);
-        let which: Vec<(u32, u32)> =
-            (0..).zip(&*evidence).filter(|(_, own)| is_due(own)).map(|(idx, _)| (idx, ON_FOOT)).collect();
-        let outcomes = self.run_trials(&which, true, self.progress)?;
+        let which: Vec<(u32, EdgeRun)> =
+            (0..).zip(&*evidence).filter(|(_, own)| is_due(own)).map(|(idx, _)| (idx, EdgeRun::OnFoot)).collect();
+        let outcomes = self.run_trials(&which, self.progress)?;
         // A try on foot that fails says nothing of NPCs that may jump there.
         for ((idx, _), outcome) in which.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.reached) {
             evidence[idx as usize].note_probe(outcome);
@@ -130,17 +121,17 @@ impl ProbeRun<'_> {
         Some(())
     }
 
-    /// Runs one trial for each candidate and number of its try.
-    fn run_trials(&self, tries: &[(u32, u32)], on_foot: bool, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+    /// Runs one trial for each candidate and run along it.
+    fn run_trials(&self, tries: &[(u32, EdgeRun)], watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
         self.progress.total.fetch_add(tries.len() as u64, Ordering::Relaxed);
-        let trial = |&(idx, attempt): &(u32, u32)| {
+        let trial = |&(idx, run): &(u32, EdgeRun)| {
             let candidate = self.candidates[idx as usize];
             let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
             let held = self.held(candidate);
             let ends = self.ride_stop(candidate.from).zip(self.ride_stop(candidate.to));
             let ride = ends.and_then(|(from, to)| Ride::between(from, to));
-            let stream = stream(candidate, attempt);
-            Trial { on_foot, held, ride, ..Trial::walk(start, goal, stream) }
+            let on_foot = run == EdgeRun::OnFoot;
+            Trial { on_foot, held, ride, ..Trial::walk(start, goal, run.stream(candidate)) }
         };
         let trials: Vec<Trial> = tries.iter().map(trial).collect();
         self.executor.run(&trials, self.seed, watch)
@@ -233,7 +224,7 @@ impl ProbeRun<'_> {
             let trial = |&(idx, before): &(u32, Option<u32>)| {
                 let candidate = self.candidates[idx as usize];
                 let start = before.map_or(candidate.from, |before| self.candidates[before as usize].from);
-                let stream = stream(candidate, FIRST_RUN + run);
+                let stream = EdgeRun::RunUp(run).stream(candidate);
                 let via = before.map(|_| position(candidate.from));
                 let trial = Trial::walk(position(start), position(candidate.to), stream);
                 Trial { via, held: self.held(candidate), ..trial }

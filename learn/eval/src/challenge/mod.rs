@@ -13,7 +13,7 @@ mod set;
 pub use run::{Approach, MapRun, Run, RunError};
 pub use score::{MapScore, Score, ScoreError, score, score_hosted};
 pub use set::{GoalSet, SETS, SetError, SetGoal, SetMap};
-pub use surefoot_rollout::drive::{Move, PathPoint};
+pub use surefoot_rollout::drive::PathPoint;
 
 /// Version of sets, protocol and scorer. Scores of different versions are not compared.
 pub const VERSION: u32 = 1;

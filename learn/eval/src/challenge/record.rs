@@ -6,7 +6,7 @@ use super::set::{GoalSet, SetMap};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_game_client::map_indices;
+use surefoot_planner::threads::map_indices;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::{BuildError, BuildSettings, Progress, Router, store};
 use surefoot_policy::Policy;

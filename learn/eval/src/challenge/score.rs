@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use surefoot_game_client::map_indices;
+use surefoot_planner::threads::map_indices;
 use surefoot_rollout::drive::{Driver, PathPoint};
 use surefoot_rollout::{AttemptResult, Goal, Motion};
 use surefoot_world::character::{ACTION_LEN, Action};
