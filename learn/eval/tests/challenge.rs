@@ -81,8 +81,9 @@ fn the_scorer_believes_nothing_but_what_happens() {
     assert_eq!((told.ends["unreachable"], idle.ends["no_progress"]), (24, 24));
     assert_eq!((walked.build_s, walked.bytes), (2.0, 10.0));
     // A path that ends elsewhere does not count, wherever it says it ends.
-    let elsewhere =
-        |goal: &surefoot_eval::challenge::SetGoal| Approach::Path(vec![PathPoint { at: goal.start, by: Ability::Walk }]);
+    let elsewhere = |goal: &surefoot_eval::challenge::SetGoal| {
+        Approach::Path(vec![PathPoint { at: goal.start, by: Ability::Walk }])
+    };
     let elsewhere = score(&set, Path::new(""), &run_of(&set, elsewhere), 2, |_| {}).unwrap();
     assert_eq!(elsewhere.success.all.rate, 0.0);
 }
