@@ -1,7 +1,7 @@
 //! Client connections: the servers they trust, and the credentials they send.
 //!
-//! Files of credentials are read again when they change: the next call of a link goes over a new connection, and calls that have
-//! begun go on over the former one.
+//! Credential files are reloaded when they change. The next call of a link uses a new connection; calls in progress
+//! stay on the old one.
 
 use crate::secret::Secret;
 use crate::serving::security::{SecurityError, tls_error};
@@ -21,7 +21,7 @@ use tracing::{info, warn};
 
 /// Longest time that connecting may take.
 const CONNECT_LIMIT: Duration = Duration::from_secs(3);
-/// Interval between pings, and timeout of a ping. A dead server is noticed after their sum.
+/// Interval between pings, and timeout of a ping. A dead server is detected after their sum.
 const KEEPALIVE: (Duration, Duration) = (Duration::from_secs(20), Duration::from_secs(10));
 
 /// Why a connection cannot be set up.
@@ -55,7 +55,7 @@ pub struct ClientTlsFiles {
 /// Where credentials come from.
 #[derive(Default)]
 struct Sources {
-    /// A token that stays as it is.
+    /// A token that never changes.
     bearer: Option<HeaderValue>,
     token: Option<PathBuf>,
     tls: ClientTlsFiles,
@@ -83,7 +83,7 @@ impl Sources {
     }
 }
 
-/// What was read from the files of credentials.
+/// Contents of the credential files.
 #[derive(Default)]
 struct Parts {
     bearer: Option<HeaderValue>,
@@ -106,7 +106,7 @@ struct Loaded {
     looked: Instant,
 }
 
-/// Credentials of a client; the default has neither a token nor a certificate. Clones share them, also when they are reloaded.
+/// Credentials of a client; the default has neither a token nor a certificate. Clones share them, reloads included.
 #[derive(Clone)]
 pub struct Credentials {
     sources: Arc<Sources>,
@@ -143,7 +143,7 @@ impl Credentials {
     }
 
     fn from_sources(sources: Sources) -> Result<Self, LinkError> {
-        // Taken first: a file that changes while it is read is read once more.
+        // Taken before reading, so that a file that changes meanwhile is read again.
         let stamps = sources.stamps();
         let parts = sources.read()?;
         Ok(Self::of(sources, parts, stamps))
@@ -154,12 +154,13 @@ impl Credentials {
         Self { sources: Arc::new(sources), loaded: Arc::new(Mutex::new(loaded)) }
     }
 
-    /// Whether they can change.
+    /// Whether the credentials can change.
     fn have_files(&self) -> bool {
         self.sources.files().next().is_some()
     }
 
-    /// The present credentials: the files are read again if they have changed. While they cannot be used, the former ones count.
+    /// The current credentials. Changed files are reloaded first; if they cannot be used, the previous credentials stay
+    /// in use.
     fn current(&self) -> Arc<Parts> {
         let mut loaded = self.loaded.lock();
         if self.have_files() && loaded.looked.elapsed() >= RELOAD_PERIOD {
@@ -170,9 +171,11 @@ impl Credentials {
                 match self.sources.read() {
                     Ok(parts) => {
                         loaded.parts = Arc::new(parts);
-                        info!("the credentials have been reloaded");
+                        info!("client: credentials reloaded");
                     }
-                    Err(error) => warn!(%error, "the credentials stay as they were"),
+                    Err(error) => {
+                        warn!(%error, "client: cannot use the changed files; the old credentials stay")
+                    }
                 }
             }
         }
@@ -186,8 +189,8 @@ impl Credentials {
     pub fn dial(&self, uri: &str) -> Result<Dialer, LinkError> {
         let parts = self.current();
         let endpoint = self.endpoint(uri, &parts)?;
-        let present = Present { tried: parts.clone(), parts, endpoint };
-        Ok(Dialer { uri: uri.to_owned(), credentials: self.clone(), present: Arc::new(Mutex::new(present)) })
+        let target = Target { tried: parts.clone(), parts, endpoint };
+        Ok(Dialer { uri: uri.to_owned(), credentials: self.clone(), target: Arc::new(Mutex::new(target)) })
     }
 
     fn endpoint(&self, uri: &str, parts: &Parts) -> Result<Endpoint, LinkError> {
@@ -224,12 +227,12 @@ fn bearer(token: &Secret) -> Result<HeaderValue, LinkError> {
     Ok(value)
 }
 
-/// What a dialer connects with.
+/// The endpoint and credentials that a dialer connects with.
 #[derive(Debug, Clone)]
-struct Present {
+struct Target {
     parts: Arc<Parts>,
     endpoint: Endpoint,
-    /// The credentials that it was tried to change to last.
+    /// Credentials of the last attempt to switch.
     tried: Arc<Parts>,
 }
 
@@ -238,25 +241,27 @@ struct Present {
 pub struct Dialer {
     uri: String,
     credentials: Credentials,
-    present: Arc<Mutex<Present>>,
+    target: Arc<Mutex<Target>>,
 }
 
 impl Dialer {
-    fn present(&self) -> Present {
+    fn target(&self) -> Target {
         let parts = self.credentials.current();
-        let mut present = self.present.lock();
-        if !Arc::ptr_eq(&present.tried, &parts) {
-            present.tried = parts.clone();
+        let mut target = self.target.lock();
+        if !Arc::ptr_eq(&target.tried, &parts) {
+            target.tried = parts.clone();
             match self.credentials.endpoint(&self.uri, &parts) {
-                Ok(endpoint) => (present.parts, present.endpoint) = (parts, endpoint),
+                Ok(endpoint) => (target.parts, target.endpoint) = (parts, endpoint),
                 // Only one of certificate and key may have been replaced yet.
-                Err(error) => warn!(%error, uri = self.uri, "the credentials stay as they were"),
+                Err(error) => {
+                    warn!(%error, uri = self.uri, "client: cannot use the new credentials; the old ones stay")
+                }
             }
         }
-        present.clone()
+        target.clone()
     }
 
-    fn link(&self, Present { parts, .. }: Present, channel: Channel) -> Link {
+    fn link(&self, Target { parts, .. }: Target, channel: Channel) -> Link {
         let renewal = self.credentials.have_files().then(|| Renewal {
             dialer: self.clone(),
             parts: parts.clone(),
@@ -265,25 +270,25 @@ impl Dialer {
         Link { channel, bearer: parts.bearer.clone(), renewal }
     }
 
-    /// Connects at once.
+    /// Connects now.
     ///
     /// # Errors
     /// If the server does not answer, or its certificate is not trusted.
     pub async fn connect(&self) -> Result<Link, Error> {
-        let present = self.present();
-        let channel = present.endpoint.connect().await?;
-        Ok(self.link(present, channel))
+        let target = self.target();
+        let channel = target.endpoint.connect().await?;
+        Ok(self.link(target, channel))
     }
 
-    /// Returns a link that connects on the first call, and again whenever the connection is lost.
+    /// Returns a link that connects on the first call, and reconnects when the connection is lost.
     pub fn connect_lazy(&self) -> Link {
-        let present = self.present();
-        let channel = present.endpoint.connect_lazy();
-        self.link(present, channel)
+        let target = self.target();
+        let channel = target.endpoint.connect_lazy();
+        self.link(target, channel)
     }
 }
 
-/// A connection for generated clients, which adds the token, if there is one, to every call.
+/// A connection for generated clients. It adds the token, if there is one, to every call.
 #[derive(Debug, Clone)]
 pub struct Link {
     channel: Channel,
@@ -296,26 +301,26 @@ pub struct Link {
 #[derive(Debug, Clone)]
 struct Renewal {
     dialer: Dialer,
-    /// Those that the link has.
+    /// Credentials of this link.
     parts: Arc<Parts>,
-    /// The latest credentials and connection that a clone of the link has got: all clones share it.
+    /// The newest credentials and connection of any clone of the link.
     latest: Arc<Mutex<(Arc<Parts>, Channel)>>,
 }
 
 impl Link {
     fn renew(&mut self) {
         let Some(renewal) = &mut self.renewal else { return };
-        let present = renewal.dialer.present();
-        if Arc::ptr_eq(&present.parts, &renewal.parts) {
+        let target = renewal.dialer.target();
+        if Arc::ptr_eq(&target.parts, &renewal.parts) {
             return;
         }
         let mut latest = renewal.latest.lock();
-        if !Arc::ptr_eq(&latest.0, &present.parts) {
-            *latest = (present.parts.clone(), present.endpoint.connect_lazy());
+        if !Arc::ptr_eq(&latest.0, &target.parts) {
+            *latest = (target.parts.clone(), target.endpoint.connect_lazy());
         }
         self.channel = latest.1.clone();
-        self.bearer = present.parts.bearer.clone();
-        renewal.parts = present.parts;
+        self.bearer = target.parts.bearer.clone();
+        renewal.parts = target.parts;
     }
 }
 

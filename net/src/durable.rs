@@ -4,10 +4,10 @@ use std::fs::File;
 use std::io::{Result, Write};
 use std::path::Path;
 
-/// Writes `bytes` to `path` in place of what was there. After a crash the file is the old one or the new one, never a part.
+/// Replaces the file at `path` by `bytes`. After a crash, the file has either its old or its new content.
 ///
 /// # Errors
-/// If it cannot be written; the old file is kept then.
+/// If it cannot be written; the old file is kept.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let beside = path.with_extension("tmp");
     let written = File::create(&beside).and_then(|mut file| {
@@ -16,7 +16,7 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     });
     let replaced = written.and_then(|()| std::fs::rename(&beside, path));
     if replaced.is_err() {
-        // It would take room that a full disk needs.
+        // On a full disk, the partial file would take space that is needed.
         let _ = std::fs::remove_file(&beside);
     }
     replaced?;
@@ -34,7 +34,7 @@ pub fn remove(path: &Path) -> Result<()> {
 
 /// Makes a change of a folder's entries durable.
 fn sync_folder_of(path: &Path) -> Result<()> {
-    // Folders cannot be opened as files on other systems.
+    // Other systems cannot open folders as files.
     if cfg!(unix) {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         File::open(folder)?.sync_all()?;

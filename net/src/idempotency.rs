@@ -1,7 +1,7 @@
 //! Repeatable calls: a request id that is sent again gets the first answer, so that nothing is created twice.
 //!
-//! Answers are kept for ten minutes. Their bytes count against the memory budget, and each client has a limit of its own: a
-//! client that sends many ids makes the service forget its own oldest answers, never those of others.
+//! Answers are kept for ten minutes. Their bytes count against the memory budget, and each client has a limit of its
+//! own. A client that sends many ids evicts its own oldest answers, never those of others.
 
 use crate::memory::{MemoryBudget, Reservation};
 use crate::status;
@@ -16,11 +16,11 @@ use tonic::Status;
 
 /// How long an answer is kept.
 const KEPT_FOR: Duration = Duration::from_secs(600);
-/// Time between two searches for old answers.
+/// Time between two removals of old answers.
 const SWEEP_PERIOD: Duration = Duration::from_secs(30);
 /// Most bytes that the answers of one client to one method take.
 const MAX_CLIENT_BYTES: u64 = 8 << 20;
-/// Bytes of an entry beside its id and its answer.
+/// Bytes of an entry, not counting its id and its answer.
 const ENTRY_BYTES: usize = 256;
 /// Longest request id, bytes.
 const MAX_ID: usize = 64;
@@ -32,7 +32,7 @@ pub struct Repeatable<'a> {
     pub client: &'a Arc<str>,
     /// Its id of the call. With an empty one the call always runs.
     pub request_id: &'a str,
-    /// Most bytes that the answer has on the heap.
+    /// Most heap bytes of the answer.
     pub answer_bytes: usize,
 }
 
@@ -46,7 +46,7 @@ pub struct AnswerCache<A> {
 #[derive(Debug)]
 struct Kept<A> {
     by_client: BTreeMap<Arc<str>, Answers<A>>,
-    /// Whether a task forgets old answers.
+    /// Whether a task is removing old answers.
     is_swept: bool,
 }
 
@@ -72,7 +72,7 @@ struct Entry<A> {
 }
 
 impl<A> Entry<A> {
-    /// Whether no call waits for the answer: an entry whose call runs must stay, or a repeated call would run as well.
+    /// Whether no call waits for the answer. The entry of a running call must stay, or a repeated call would run too.
     fn is_idle(&self) -> bool {
         Arc::strong_count(&self.answer) == 1
     }
@@ -83,7 +83,7 @@ impl<A> Answers<A> {
         let Some(entry) = self.by_id.remove(id) else { return };
         self.order.remove(&entry.number);
         self.bytes -= entry.bytes;
-        // Less than before: it always fits.
+        // A smaller reservation always fits.
         let _ = self.memory.resize(self.bytes);
     }
 
@@ -97,13 +97,13 @@ impl<A> Answers<A> {
         }
     }
 
-    /// Adds an entry of so many bytes, in place of the oldest ones if the client has no room for it.
+    /// Adds an entry of `bytes` bytes. If the client has no room for it, the oldest entries are removed.
     fn add(&mut self, call: &Repeatable<'_>, request: blake3::Hash, bytes: u64) -> Result<Arc<OnceCell<A>>, Status> {
         loop {
             let wanted = self.bytes + bytes;
-            // An answer that is larger than the limit is the only one of its client.
+            // An answer that exceeds the limit is kept alone.
             let refusal = if wanted > MAX_CLIENT_BYTES && !self.by_id.is_empty() {
-                let message = "the running calls of this client hold all memory for request ids that a client may have";
+                let message = "running calls use all memory for request ids of this client: retry without request_id";
                 status::quota(Reason::OutOfMemory, format!("client:{}", call.client), message)
             } else {
                 match self.memory.resize(wanted) {
@@ -125,7 +125,7 @@ impl<A> Answers<A> {
 }
 
 impl<A> Kept<A> {
-    /// Forgets old answers.
+    /// Removes old answers.
     fn sweep(&mut self, now: Instant) {
         self.by_client.retain(|_, answers| {
             answers.forget_old(now);
@@ -158,11 +158,11 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
         Self { memory, kept: Arc::new(Mutex::new(Kept { by_client: BTreeMap::new(), is_swept: false })) }
     }
 
-    /// Runs `work`, or returns the answer that an earlier call with the same request id got. `request` is the whole
-    /// message, its id included.
+    /// Runs `work`, or returns the answer of an earlier call with the same request id. `request` is the whole message,
+    /// including its id.
     ///
-    /// A call that has begun continues when its client disconnects, so that a repeated call gets its answer. A call
-    /// that failed runs again.
+    /// A running call continues when its client disconnects, so that a repeated call gets its answer. A failed call
+    /// runs again.
     ///
     /// # Errors
     /// If the id is too long or was used for a different request, there is no memory for the answer, or the call fails.
@@ -220,7 +220,7 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
         answers.add(call, request, bytes as u64)
     }
 
-    /// Forgets the entry of a failed call, unless a repeated call waits for its answer.
+    /// Removes the entry of a failed call, unless a repeated call waits for its answer.
     fn forget_failed(&self, client: &Arc<str>, id: &str, cell: &Arc<OnceCell<A>>) {
         let mut kept = self.kept();
         let Some(answers) = kept.by_client.get_mut(client) else { return };
@@ -231,7 +231,7 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
         }
     }
 
-    /// Forgets old answers until none is left.
+    /// Removes old answers until none is left.
     async fn keep_sweeping(self) {
         loop {
             tokio::time::sleep(SWEEP_PERIOD).await;
@@ -329,6 +329,6 @@ mod tests {
         let refused = answers.once(call(&bob, "a"), &request, forbidden()).await.unwrap_err();
         assert_eq!(Reason::of(&refused), Some(Reason::OutOfMemory));
         let again = answers.once(call(&alice, "next"), &request, async { Ok(3) }).await.unwrap();
-        assert_eq!(again, 2, "what is kept needs no memory");
+        assert_eq!(again, 2, "a kept answer needs no memory");
     }
 }

@@ -1,8 +1,10 @@
-//! What all endpoints share: accepting and opening connections, access control, statuses, and the levels that clients import.
+//! What all endpoints share: accepting and opening connections, access control, statuses, and imported levels.
 //!
-//! [`serving`] is the server's side of a connection, [`client`] the other end, [`replicas`] that of a service with several addresses. [`status`] makes `google.rpc` details, [`paging`]
-//! cuts lists into pages, [`reader`] cuts off readers that do not read, [`idempotency`] lets calls be repeated, [`durable`] writes files that survive a crash, [`memory`] is the budget that large requests are paid from, [`levels`] keeps imported levels and answers `MapService`. No world
-//! is stepped and no graph is built here.
+//! [`serving`] is the server's side of a connection, [`client`] the client's, [`replicas`] the client's side of a
+//! service with several addresses. [`status`] adds `google.rpc` details, [`paging`] cuts lists into pages, [`reader`]
+//! streams to readers and cuts off those that do not read, [`idempotency`] lets calls be repeated, [`durable`] writes
+//! files that survive a crash, [`memory`] is the budget for large requests, [`levels`] keeps imported levels and
+//! implements `MapService`. No world is stepped and no graph is built here.
 
 pub mod client;
 pub mod durable;

@@ -1,21 +1,21 @@
-//! A service's memory budget: who holds how much, and what is refused before it is allocated.
+//! A service's memory budget: the bytes that each client holds. Requests are refused before they allocate.
 
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What fits a machine of 4 GB beside the rest of the process and one import at a time.
+/// Fits a machine with 4 GB, beside the rest of the process and one import at a time.
 pub const DEFAULT_MAX_MEMORY_BYTES: u64 = 2_000_000_000;
 const MB: f64 = 1.0e6;
 
-/// The memory budget of a service; clones share it. It counts what grows with requests: maps and environments.
+/// The memory budget of a service; clones share it. It counts maps, environments, kept answers and large requests.
 #[derive(Debug, Clone)]
 pub struct MemoryBudget {
     limit_bytes: u64,
     used: Arc<Mutex<BTreeMap<Arc<str>, u64>>>,
 }
 
-/// Bytes that a client holds; returned when dropped.
+/// Bytes that a client holds; dropping it returns them.
 #[derive(Debug)]
 pub struct Reservation {
     budget: MemoryBudget,
@@ -23,10 +23,11 @@ pub struct Reservation {
     bytes: u64,
 }
 
-/// A request that does not fit into what is left of the budget.
+/// A request that exceeds the rest of the budget.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "this needs about {:.0} MB, but {:.0} of {:.0} MB are in use ({}): drop worlds, close environments or raise --max-memory",
+    "this needs about {:.0} MB, but {:.0} of {:.0} MB are in use ({}): drop worlds, close environments or raise \
+     --max-memory",
     *needed as f64 / MB, *used as f64 / MB, *limit as f64 / MB, by_client(holders)
 )]
 pub struct MemoryError {
@@ -37,7 +38,7 @@ pub struct MemoryError {
     holders: Vec<(Arc<str>, u64)>,
 }
 
-/// Clients that an error names.
+/// Number of clients that an error names.
 const NAMED: usize = 4;
 
 fn by_client(holders: &[(Arc<str>, u64)]) -> String {
@@ -47,11 +48,11 @@ fn by_client(holders: &[(Arc<str>, u64)]) -> String {
     if rest > 0 {
         parts.push(format!("others: {:.0} MB", rest as f64 / MB));
     }
-    if parts.is_empty() { "by nobody".to_owned() } else { parts.join(", ") }
+    if parts.is_empty() { "by no client".to_owned() } else { parts.join(", ") }
 }
 
 impl MemoryBudget {
-    /// At most `limit_bytes` in all.
+    /// A budget of `limit_bytes`.
     pub fn new(limit_bytes: u64) -> Self {
         Self { limit_bytes, used: Arc::default() }
     }
@@ -73,14 +74,14 @@ impl MemoryBudget {
     /// Reserves memory for a client.
     ///
     /// # Errors
-    /// If that much is not left.
+    /// If the rest of the budget is smaller.
     pub fn reserve(&self, client: &str, bytes: u64) -> Result<Reservation, MemoryError> {
         let mut used = self.used();
         self.check(&used, bytes)?;
         Ok(self.add(&mut used, client, bytes))
     }
 
-    /// Reserves memory whether or not it is left, as for worlds that were there before the limit.
+    /// Reserves memory even beyond the limit, as for worlds that are restored.
     pub fn grant(&self, client: &str, bytes: u64) -> Reservation {
         self.add(&mut self.used(), client, bytes)
     }
@@ -103,10 +104,10 @@ impl MemoryBudget {
 }
 
 impl Reservation {
-    /// Replaces an estimate by what is really held.
+    /// Replaces an estimate by the bytes that are really held.
     ///
     /// # Errors
-    /// If it is more, and that much is not left; the reservation stays as it was.
+    /// If the increase exceeds the rest of the budget; the reservation does not change.
     pub fn resize(&mut self, bytes: u64) -> Result<(), MemoryError> {
         let mut used = self.budget.used();
         self.budget.check(&used, bytes.saturating_sub(self.bytes))?;

@@ -23,7 +23,7 @@ pub struct PageSize {
 }
 
 impl PageSize {
-    /// For resources that a service has few of.
+    /// For resources of which a service has few.
     pub const USUAL: Self = Self { default: 100, max: 1000 };
 
     /// Number of items for a page size of `wanted` in the request; 0 means the default.
@@ -56,7 +56,7 @@ pub fn page<T>(
     let count = size.items(wanted)?;
     let mut rest = all.into_iter();
     if !token.is_empty() && !rest.by_ref().any(|item| key(&item) == token) {
-        let message = format!("page_token `{token}` is not one of this list, or its item is gone: start again");
+        let message = format!("page_token `{token}` is not of this list, or its item was removed: start again");
         return Err(status::failure(Reason::InvalidPageToken, message));
     }
     let items: Vec<T> = rest.by_ref().take(count).collect();
@@ -67,7 +67,7 @@ pub fn page<T>(
     Ok(Page { items, next_token })
 }
 
-/// Returns a page of a list in ascending order of ids; the item that the token names may be gone.
+/// Returns a page of a list in ascending order of ids. The item of the token may have been removed.
 ///
 /// # Errors
 /// If the token is not an id, or the page is too large.
@@ -81,7 +81,7 @@ pub fn page_by_id<T>(
     let after = match token {
         "" => None,
         token => Some(token.parse::<u64>().map_err(|_| {
-            status::failure(Reason::InvalidPageToken, format!("page_token `{token}` is not one of this call"))
+            status::failure(Reason::InvalidPageToken, format!("page_token `{token}` is not of this list: start again"))
         })?),
     };
     let rest = all.into_iter().filter(|item| after.is_none_or(|after| id(item) > after));

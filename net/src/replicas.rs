@@ -1,8 +1,8 @@
-//! Several replicas of a service: which one a caller asks first, and which ones if that one does not answer.
+//! Several replicas of a service: the order in which a client calls them.
 //!
-//! All calls about one map go to the same replica, which therefore holds the map's graphs in memory: the first in the order of
-//! [`ranking`] (rendezvous hashing). Clients that know the same addresses choose the same one, without asking anybody, and when a replica
-//! goes, only its maps move.
+//! All calls about one map go to the same replica, which therefore holds the map's graphs in memory: the first in the
+//! order of [`ranking`] (rendezvous hashing). Clients with the same list of addresses choose the same replica. When a
+//! replica is removed, only its maps move.
 
 use crate::client::{Credentials, Dialer, Link, LinkError};
 use axum::body::Bytes;
@@ -22,10 +22,10 @@ use tonic::transport::Error;
 use tonic::{Code, Status};
 use tower_service::Service;
 
-/// How long a replica that did not answer is asked last: the first time, and at most, doubled in between.
+/// How long a replica that did not answer is tried last: after the first failure, and at most. Each failure doubles it.
 const RESTS: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
-/// Calls that change something, and the number of the field `request_id` in their requests: a call that broke off may have been carried out,
-/// and its id makes a repeat harmless.
+/// Calls that change state, and the number of the field `request_id` in their requests. An interrupted call may have
+/// been applied; its id makes a repeat harmless.
 const REQUEST_IDS: [(&str, u32); 4] = [
     ("/surefoot.planner.v1.PlannerService/ReportTraversals", 3),
     ("/surefoot.planner.v1.PlannerService/PutLayer", 4),
@@ -35,11 +35,11 @@ const REQUEST_IDS: [(&str, u32); 4] = [
 /// Bytes of a gRPC frame before its message: whether it is compressed, and its length.
 const FRAME_HEAD: usize = 5;
 
-/// The order in which replicas at these `addresses` are asked about what `key` names, such as the hash of a map: indices, the first is
-/// asked first.
+/// The order in which the replicas at `addresses` are tried for `key`, such as the hash of a map: indices, the first
+/// choice first.
 ///
-/// They are sorted by their scores, the greatest first: the 64-bit FNV-1a hash of the key, a line feed and the address, scrambled as in the
-/// output of SplitMix64.
+/// Replicas are sorted by score, the greatest first: the 64-bit FNV-1a hash of the key, a line feed and the address,
+/// scrambled as in the output of SplitMix64.
 pub fn ranking<'a>(key: &str, addresses: impl IntoIterator<Item = &'a str>) -> Vec<usize> {
     let mut ranked: Vec<(u64, usize)> =
         addresses.into_iter().enumerate().map(|(idx, address)| (score(key, address), idx)).collect();
@@ -87,7 +87,7 @@ pub struct ReplicaLinks(Arc<[Arc<Line>]>);
 struct Line {
     address: String,
     link: Link,
-    /// Until when it is asked last, and how long it then rests again if it does not answer.
+    /// Until when it is tried last, and the pause after its next failure.
     resting: Mutex<Option<(Instant, Duration)>>,
 }
 
@@ -101,7 +101,7 @@ impl Line {
         let mut resting = self.resting.lock();
         *resting = match *resting {
             _ if answers => None,
-            // Calls that were made together fail together.
+            // Calls that were sent together fail together and count once.
             Some((until, pause)) if Instant::now() < until => Some((until, pause)),
             former => {
                 let pause = former.map_or(first, |(_, pause)| pause);
@@ -111,7 +111,7 @@ impl Line {
     }
 }
 
-/// A call that waits for its answer. If its caller gives up, the replica has not answered.
+/// A call that waits for its answer. If its caller gives up, this counts as a failure of the replica.
 struct Waiting<'a>(&'a Line);
 
 impl Drop for Waiting<'_> {
@@ -121,16 +121,16 @@ impl Drop for Waiting<'_> {
 }
 
 impl ReplicaLinks {
-    /// The link for calls about what `key` names.
+    /// The link for calls about `key`.
     pub fn for_key(&self, key: &str) -> ReplicaLink {
         let order = ranking(key, self.0.iter().map(|line| line.address.as_str()));
         ReplicaLink { lines: order.into_iter().map(|idx| self.0[idx].clone()).collect() }
     }
 }
 
-/// A link for generated clients. A call that its replica does not answer, or answers with UNAVAILABLE, goes to the next one. A call that
-/// changes something gets a `request_id` first, if it has none, so that replicas that share a store carry it out once. Only for calls with a
-/// single request.
+/// A link for generated clients. If a replica does not answer, or answers UNAVAILABLE, the call goes to the next
+/// replica. A call that changes state gets a `request_id` if it has none, so that replicas with a shared store apply it
+/// once. For calls with a single request only.
 #[derive(Debug, Clone)]
 pub struct ReplicaLink {
     lines: Arc<[Arc<Line>]>,
@@ -157,15 +157,15 @@ impl Service<Request<Body>> for ReplicaLink {
         let lines = self.lines.clone();
         Box::pin(async move {
             let (head, body) = request.into_parts();
-            // A client has encoded the request already, so that this neither waits nor fails.
+            // The client has already encoded the request, so this neither waits nor fails.
             let body = match body.collect().await {
                 Ok(body) => identified(head.uri.path(), body.to_bytes()),
                 Err(status) => return Ok(status.into_http()),
             };
-            // Those that have not failed of late first; the sort keeps the order of the others.
+            // Replicas that failed recently come last; the sort is stable.
             let mut order: Vec<&Arc<Line>> = lines.iter().collect();
             order.sort_by_key(|line| line.is_resting());
-            let mut last = Ok(Status::unavailable("there is no replica").into_http());
+            let mut last = Ok(Status::unavailable("no replica is configured").into_http());
             for line in order {
                 let mut request = Request::new(Body::new(Full::new(body.clone())));
                 (*request.method_mut(), *request.uri_mut()) = (head.method.clone(), head.uri.clone());
@@ -191,12 +191,12 @@ async fn send(mut link: Link, request: Request<Body>) -> Result<Response<Body>, 
     link.call(request).await
 }
 
-/// Whether a replica asks to try elsewhere, as one that stops does.
+/// Whether the client should try the next replica, as when this one stops.
 fn is_unavailable(response: &Response<Body>) -> bool {
     Status::from_header_map(response.headers()).is_some_and(|status| status.code() == Code::Unavailable)
 }
 
-/// The frame of a call with a `request_id`, if its request may have one and lacks it. A frame that is compressed stays as it is.
+/// Adds a `request_id` to the frame of a call that can have one and has none. Compressed frames are not changed.
 fn identified(path: &str, frame: Bytes) -> Bytes {
     let Some((_, field)) = REQUEST_IDS.iter().find(|(call, _)| *call == path) else { return frame };
     match frame.split_at_checked(FRAME_HEAD) {
@@ -210,7 +210,7 @@ fn identified(path: &str, frame: Bytes) -> Bytes {
     }
 }
 
-/// Whether an encoded message has this field. One that cannot be read has it: it is left to the service.
+/// Whether an encoded message has this field. True for a malformed message, which the service will refuse.
 fn has_field(mut message: &[u8], field: u32) -> bool {
     while !message.is_empty() {
         let Ok((number, wire_type)) = decode_key(&mut message) else { return true };
@@ -221,7 +221,7 @@ fn has_field(mut message: &[u8], field: u32) -> bool {
     false
 }
 
-/// 32 hexadecimal digits that no other call has: hashes of a number under two random keys of this process.
+/// 32 unique hexadecimal digits: hashes of a counter under two random keys of this process.
 fn new_request_id() -> String {
     static KEYS: LazyLock<[RandomState; 2]> = LazyLock::new(|| [RandomState::new(), RandomState::new()]);
     static CALLS: AtomicU64 = AtomicU64::new(0);

@@ -1,5 +1,5 @@
-//! Statuses with details that a client can act on (`google.rpc`): always a stable reason and, where it helps, the field, the
-//! resource, the quota, or when to retry.
+//! Statuses with details that a client can act on (`google.rpc`): always a stable reason and, where it helps, the
+//! field, the resource, the quota, or when to retry.
 
 use std::time::Duration;
 use surefoot_proto::reason::{DOMAIN, Reason};
@@ -32,8 +32,8 @@ pub fn not_found(reason: Reason, kind: &str, name: impl Into<String>, message: i
     with_details(reason, message.clone(), ErrorDetails::with_resource_info(kind, name, "", message))
 }
 
-/// Returns the status for an exhausted quota of `subject` (such as `client:studio` or `server`). There is room again only when
-/// one of the subject's resources ends.
+/// Returns the status for an exhausted quota of `subject` (such as `client:studio` or `server`). Quota is freed only
+/// when one of the subject's resources ends.
 pub fn quota(reason: Reason, subject: impl Into<String>, message: impl Into<String>) -> Status {
     let message = message.into();
     with_details(reason, message.clone(), ErrorDetails::with_quota_failure_violation(subject, message))

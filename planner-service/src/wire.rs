@@ -121,24 +121,8 @@ pub fn settings_from_wire(
     let defaults = BuildSettings::default();
     let Some(settings) = settings else { return Ok(defaults) };
     let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
-    let unknown = |field: &str, value: i32| {
-        status::invalid(format!("settings.{field}"), format!("settings.{field} has the unknown value {value}"))
-    };
-    let placement = match wire::Placement::try_from(settings.placement) {
-        Ok(wire::Placement::Unspecified | wire::Placement::Spaced) => Placement::Spaced,
-        Ok(wire::Placement::Random) => Placement::Random,
-        Ok(wire::Placement::Density) => Placement::Density,
-        Ok(wire::Placement::Trajectories) => Placement::Trajectories,
-        Ok(wire::Placement::TrajectoriesTested) => Placement::TrajectoriesTested,
-        Ok(wire::Placement::Flood) => Placement::Flood,
-        Ok(wire::Placement::FloodGrandchildren) => Placement::FloodGrandchildren,
-        Err(_) => return Err(unknown("placement", settings.placement)),
-    };
-    let probing = match wire::Probing::try_from(settings.probing) {
-        Ok(wire::Probing::Unspecified | wire::Probing::Frugal) => Probing::Frugal,
-        Ok(wire::Probing::Exhaustive) => Probing::Exhaustive,
-        Err(_) => return Err(unknown("probing", settings.probing)),
-    };
+    let placement = convert::enum_or(settings.placement, Placement::Spaced, "settings.placement")?;
+    let probing = convert::enum_or(settings.probing, Probing::Frugal, "settings.probing")?;
     let raw = RawBuildSettings {
         placement,
         vertices: or(settings.vertices, defaults.vertices),

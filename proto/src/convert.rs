@@ -4,8 +4,9 @@ use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
 use surefoot_world::character::{ProfileError, RawCharacterProfile};
-use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
-use surefoot_world::{Ability, CharacterProfile, End, MapSpec, RawMapSpec, SpecError, Vec3};
+use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind};
+use surefoot_world::mesh::Surface;
+use surefoot_world::{Ability, CharacterProfile, End, MapSpec, PlayerContact, RawMapSpec, SpecError, Vec3};
 use tonic_types::{ErrorDetails, StatusExt};
 
 /// Why a field of a message is invalid.
@@ -148,15 +149,7 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
         spec.movers = MoverDensities { doors, lifts, platforms, floors, conveyors, crates };
     }
     spec.repair = value.repair.unwrap_or(true);
-    spec.kind = match wire::MapKind::try_from(value.kind) {
-        Ok(wire::MapKind::Unspecified | wire::MapKind::Terrain) => MapKind::Terrain,
-        Ok(wire::MapKind::Islands) => MapKind::Islands,
-        Ok(wire::MapKind::Interior) => MapKind::Interior,
-        Ok(wire::MapKind::Arena) => MapKind::Arena,
-        Ok(wire::MapKind::Tower) => MapKind::Tower,
-        Ok(wire::MapKind::Open) => MapKind::Open,
-        Err(_) => return Err(FieldError::Unknown { field: "map.kind", value: value.kind }),
-    };
+    spec.kind = enum_or(value.kind, MapKind::Terrain, "map.kind")?;
     Ok(spec.try_into()?)
 }
 
@@ -252,20 +245,9 @@ pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
             teleporters,
             jetpacks,
         }),
-        kind: map_kind_to_wire(spec.kind).into(),
+        kind: spec.kind.to_wire().into(),
         movers: Some(wire::MoverDensities { doors, lifts, platforms, floors, conveyors, crates }),
         repair: Some(spec.repair),
-    }
-}
-
-fn map_kind_to_wire(kind: MapKind) -> wire::MapKind {
-    match kind {
-        MapKind::Terrain => wire::MapKind::Terrain,
-        MapKind::Islands => wire::MapKind::Islands,
-        MapKind::Interior => wire::MapKind::Interior,
-        MapKind::Arena => wire::MapKind::Arena,
-        MapKind::Tower => wire::MapKind::Tower,
-        MapKind::Open => wire::MapKind::Open,
     }
 }
 
@@ -277,56 +259,77 @@ pub fn in_range(value: f64, min: f64, max: f64, field: &'static str) -> Result<f
     if (min..=max).contains(&value) { Ok(value) } else { Err(FieldError::Range { field, value, min, max }) }
 }
 
+/// An enum whose values have the names of an enum on the wire.
+pub trait WireEnum: Copy {
+    /// The enum on the wire, which also has a value for "unspecified".
+    type Wire;
+
+    /// The value on the wire.
+    fn to_wire(self) -> Self::Wire;
+
+    /// The value with that number; `None` if it is unspecified or unknown.
+    fn from_wire(number: i32) -> Option<Self>;
+}
+
+/// Implements [`WireEnum`] for an enum and the one on the wire: lists the names that both have.
+#[macro_export]
+macro_rules! wire_enum {
+    ($($ours:ident)::+ = $($theirs:ident)::+: $($value:ident)+) => {
+        impl $crate::convert::WireEnum for $($ours)::+ {
+            type Wire = $($theirs)::+;
+
+            fn to_wire(self) -> Self::Wire {
+                use $($theirs)::+ as Theirs;
+                match self { $(Self::$value => Theirs::$value,)+ }
+            }
+
+            fn from_wire(number: i32) -> Option<Self> {
+                use $($theirs)::+ as Theirs;
+                match Theirs::try_from(number) {
+                    $(Ok(Theirs::$value) => Some(Self::$value),)+
+                    Ok(_) | Err(_) => None,
+                }
+            }
+        }
+    };
+}
+
+wire_enum!(MapKind = wire::MapKind: Terrain Islands Interior Arena Tower Open);
+wire_enum!(End = wire::Outcome: Reached Fell Burnt Drowned NoProgress Unreachable);
+wire_enum!(Ability = wire::Ability: Walk Jump DoubleJump Pad ZipLine Teleporter Jetpack);
+wire_enum!(Surface = wire::Surface: Ground Water Lava Pad ZipLine Teleporter Jetpack);
+wire_enum!(MoverKind = wire::MoverKind: Door Lift Platform Floor Conveyor Crate);
+wire_enum!(PlayerContact = wire::PlayerContact: Block Push Ghost);
+
+/// Reads an enum; unspecified means `usual`.
+///
+/// # Errors
+/// If the number is unknown. `field` is its path in the error.
+pub fn enum_or<T: WireEnum>(number: i32, usual: T, field: &'static str) -> Result<T, FieldError> {
+    match number {
+        0 => Ok(usual),
+        value => T::from_wire(value).ok_or(FieldError::Unknown { field, value }),
+    }
+}
+
 /// Converts an outcome to the wire; `None` becomes unspecified.
 pub fn outcome(end: Option<End>) -> wire::Outcome {
-    match end {
-        None => wire::Outcome::Unspecified,
-        Some(End::Reached) => wire::Outcome::Reached,
-        Some(End::Fell) => wire::Outcome::Fell,
-        Some(End::Burnt) => wire::Outcome::Burnt,
-        Some(End::Drowned) => wire::Outcome::Drowned,
-        Some(End::NoProgress) => wire::Outcome::NoProgress,
-        Some(End::Unreachable) => wire::Outcome::Unreachable,
-    }
+    end.map_or(wire::Outcome::Unspecified, End::to_wire)
 }
 
 /// Converts an outcome from the wire; `None` if it is unspecified or unknown.
 pub fn end(value: i32) -> Option<End> {
-    match wire::Outcome::try_from(value) {
-        Ok(wire::Outcome::Reached) => Some(End::Reached),
-        Ok(wire::Outcome::Fell) => Some(End::Fell),
-        Ok(wire::Outcome::Burnt) => Some(End::Burnt),
-        Ok(wire::Outcome::Drowned) => Some(End::Drowned),
-        Ok(wire::Outcome::NoProgress) => Some(End::NoProgress),
-        Ok(wire::Outcome::Unreachable) => Some(End::Unreachable),
-        Ok(wire::Outcome::Unspecified) | Err(_) => None,
-    }
+    End::from_wire(value)
 }
 
 /// Converts an ability to the wire.
 pub fn ability_to_wire(ability: Ability) -> wire::Ability {
-    match ability {
-        Ability::Walk => wire::Ability::Walk,
-        Ability::Jump => wire::Ability::Jump,
-        Ability::DoubleJump => wire::Ability::DoubleJump,
-        Ability::Pad => wire::Ability::Pad,
-        Ability::ZipLine => wire::Ability::ZipLine,
-        Ability::Teleporter => wire::Ability::Teleporter,
-        Ability::Jetpack => wire::Ability::Jetpack,
-    }
+    ability.to_wire()
 }
 
 /// Converts an ability from the wire. Unspecified and unknown values become walking.
 pub fn ability(value: i32) -> Ability {
-    match wire::Ability::try_from(value) {
-        Ok(wire::Ability::Jump) => Ability::Jump,
-        Ok(wire::Ability::DoubleJump) => Ability::DoubleJump,
-        Ok(wire::Ability::Pad) => Ability::Pad,
-        Ok(wire::Ability::ZipLine) => Ability::ZipLine,
-        Ok(wire::Ability::Teleporter) => Ability::Teleporter,
-        Ok(wire::Ability::Jetpack) => Ability::Jetpack,
-        Ok(wire::Ability::Walk | wire::Ability::Unspecified) | Err(_) => Ability::Walk,
-    }
+    Ability::from_wire(value).unwrap_or(Ability::Walk)
 }
 
 /// Packs floats as little-endian bytes.

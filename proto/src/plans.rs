@@ -1,6 +1,6 @@
 //! Conversions of the types that clients, workers and planners exchange: queries, plans, settings, traversals.
 
-use crate::convert::{self, FieldError};
+use crate::convert::{self, FieldError, WireEnum};
 use crate::planner::v1 as wire;
 use crate::world::v1 as world;
 use surefoot_planner::evidence::TryEnd;
@@ -10,6 +10,12 @@ use surefoot_planner::{
     Stop, Traffic, VertexId,
 };
 use surefoot_world::{Ability, Chance, MoverId, Seconds, StopIdx, StopSet};
+
+crate::wire_enum!(NoPath = wire::NoPath: StartOffGraph GoalOffGraph DifferentIslands OneWay);
+crate::wire_enum!(Probing = wire::Probing: Exhaustive Frugal);
+crate::wire_enum!(
+    Placement = wire::Placement: Random Spaced Density Trajectories TrajectoriesTested Flood FloodGrandchildren
+);
 
 /// Maximum number of legs that a query avoids.
 const MAX_AVOID: usize = 64;
@@ -76,7 +82,7 @@ fn stops_to_wire((mover, stops): (usize, StopSet)) -> wire::MoverStops {
     wire::MoverStops { mover: mover as u32, stops: stops.0.into() }
 }
 
-/// Converts what an edge or a leg hangs on to the wire: its movers with their stops, and its ride.
+/// Converts the movers that an edge or a leg depends on, with their stops, and its ride.
 pub fn needs_to_wire(needs: &Needs) -> (Vec<wire::MoverStops>, Option<wire::MoverRide>) {
     let list = needs.iter().map(|need| stops_to_wire((need.mover.idx(), need.stops))).collect();
     let ride = needs.ride.map(|ride| wire::MoverRide {
@@ -87,7 +93,7 @@ pub fn needs_to_wire(needs: &Needs) -> (Vec<wire::MoverStops>, Option<wire::Move
     (list, ride)
 }
 
-/// Converts what a leg hangs on from the wire; `None` if it hangs on nothing.
+/// Reads the movers that a leg depends on; `None` if there are none.
 fn needs(leg: &wire::Leg) -> Result<Option<Needs>, FieldError> {
     let most = MAX_MOVERS as f64 - 1.0;
     let mover = |mover: u32| {
@@ -151,13 +157,7 @@ pub fn query_to_wire(query: &Query) -> wire::PathQuery {
 
 /// Converts a plan to the wire.
 pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
-    let reason = match plan.no_path {
-        None => wire::NoPath::Unspecified,
-        Some(NoPath::StartOffGraph) => wire::NoPath::StartOffGraph,
-        Some(NoPath::GoalOffGraph) => wire::NoPath::GoalOffGraph,
-        Some(NoPath::DifferentIslands) => wire::NoPath::DifferentIslands,
-        Some(NoPath::OneWay) => wire::NoPath::OneWay,
-    };
+    let reason = plan.no_path.map_or(wire::NoPath::Unspecified, NoPath::to_wire);
     let leg = |(idx, leg): (usize, &Leg)| {
         let (needs, ride) = plan.needs_of(idx).map(needs_to_wire).unwrap_or_default();
         wire::Leg {
@@ -217,22 +217,13 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
         })
     };
     let legs = plan.legs.iter().map(leg).collect::<Result<_, FieldError>>()?;
-    let mut hanging = Vec::new();
+    let mut all_needs = Vec::new();
     for (idx, leg) in plan.legs.iter().enumerate() {
-        hanging.extend(needs(leg)?.map(|needs| (idx, needs)));
+        all_needs.extend(needs(leg)?.map(|needs| (idx, needs)));
     }
-    let no_path = match wire::NoPath::try_from(plan.reason) {
-        Ok(wire::NoPath::StartOffGraph) => Some(NoPath::StartOffGraph),
-        Ok(wire::NoPath::GoalOffGraph) => Some(NoPath::GoalOffGraph),
-        Ok(wire::NoPath::OneWay) => Some(NoPath::OneWay),
-        Ok(wire::NoPath::DifferentIslands) => Some(NoPath::DifferentIslands),
-        Ok(wire::NoPath::Unspecified) | Err(_) => None,
-    };
-    let nearest = match &plan.nearest_reachable {
-        Some(nearest) => Some(convert::point(Some(nearest), "plan.nearest_reachable")?),
-        None => None,
-    };
-    Ok(Plan { needs: hanging, waypoints, legs, no_path, nearest })
+    let nearest = plan.nearest_reachable.as_ref();
+    let nearest = nearest.map(|nearest| convert::point(Some(nearest), "plan.nearest_reachable")).transpose()?;
+    Ok(Plan { needs: all_needs, waypoints, legs, no_path: NoPath::from_wire(plan.reason), nearest })
 }
 
 /// Converts a plan to the form in which a worker reports it to the world server.
@@ -258,27 +249,14 @@ pub fn npc_plan_to_wire(plan: &Plan) -> world::NpcPlan {
 
 /// Converts settings to the wire.
 pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
-    let placement = match settings.placement {
-        Placement::Random => wire::Placement::Random,
-        Placement::Spaced => wire::Placement::Spaced,
-        Placement::Density => wire::Placement::Density,
-        Placement::Trajectories => wire::Placement::Trajectories,
-        Placement::TrajectoriesTested => wire::Placement::TrajectoriesTested,
-        Placement::Flood => wire::Placement::Flood,
-        Placement::FloodGrandchildren => wire::Placement::FloodGrandchildren,
-    };
-    let probing = match settings.probing {
-        Probing::Exhaustive => wire::Probing::Exhaustive,
-        Probing::Frugal => wire::Probing::Frugal,
-    };
     wire::BuildSettings {
-        placement: placement.into(),
+        placement: settings.placement.to_wire().into(),
         vertices: settings.vertices as u32,
         neighbours: settings.neighbours as u32,
         repeats: settings.repeats,
         threshold: settings.threshold as f32,
         seed: settings.seed,
-        probing: probing.into(),
+        probing: settings.probing.to_wire().into(),
         without_special_moves: !settings.special_moves,
     }
 }

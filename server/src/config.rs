@@ -27,16 +27,17 @@ pub struct ServerConfig {
     pub idle_envs_after: Duration,
     /// Most imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
-    /// Generated maps, and the memory budget for maps and environments (`--max-memory`). Workers in the same process may share them.
+    /// Generated maps, and the memory budget (`--max-memory`). Workers in the same process may share them.
     pub maps: MapPool,
-    /// How long a reader of a stream may leave everything unread until it is cut off (`--reader-patience`).
+    /// Time without a read after which the reader of a stream is cut off (`--reader-patience`).
     pub reader_patience: Duration,
-    /// Folder where worlds are saved when the server stops, and restored from when it starts (`--state`); `None`: worlds end
-    /// with the server.
+    /// Folder for saved worlds, which are restored when the server starts (`--state`); `None`: worlds end with the
+    /// server.
     pub state: Option<PathBuf>,
-    /// Where worlds are saved instead of a folder: the store of a fleet.
+    /// The store of a fleet, instead of a folder.
     pub store: Option<Arc<dyn WorldStore>>,
-    /// Time between two saves while the server runs, so that little is lost if it is killed (`--save-every`).
+    /// Time between two saves while the server runs (`--save-every`). A killed server loses the changes since the last
+    /// one.
     pub save_every: Duration,
 }
 

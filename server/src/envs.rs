@@ -14,11 +14,11 @@ use surefoot_world::{Ability, Action, CharacterProfile, Vec3};
 use tokio::time::interval;
 use tracing::info;
 
-/// Time after which an unused environment is removed, usually.
+/// Default time after which an unused environment is removed.
 pub const IDLE_LIMIT: Duration = Duration::from_secs(600);
-/// Longest time between two looks for idle environments.
+/// Longest time between two removals of idle environments.
 const SWEEP_EVERY: Duration = Duration::from_secs(60);
-/// Bytes of an NPC: its state, its observation, a copy of that for whoever steps it, and a route of the greatest length.
+/// Bytes of an NPC: its state, its observation and a copy of it for the trainer, and a route of the greatest length.
 const NPC_BYTES: u64 = 8192;
 
 /// Why an environment cannot be created, stepped or closed.
@@ -34,7 +34,7 @@ pub enum EnvError {
     #[error("{0}: close one")]
     Quota(QuotaError),
     /// Two steps of one environment overlap.
-    #[error("another step of environment {0} is under way")]
+    #[error("another step of environment {0} is running")]
     Busy(EnvId),
     /// It belongs to another client.
     #[error("environment {0} belongs to another client")]
@@ -54,10 +54,10 @@ pub enum EnvError {
     /// The request names no map.
     #[error("map is missing")]
     NoMap,
-    /// The game refuses.
+    /// The game refuses to create one.
     #[error("the game could not create an environment: {0}")]
     Host(String),
-    /// The game does not go on with it.
+    /// The game has ended it.
     #[error("{0}")]
     Gone(String),
     /// A background task ended without a result.
@@ -75,21 +75,21 @@ impl std::fmt::Display for EnvId {
     }
 }
 
-/// A game that makes environments in its own physics.
+/// A game that runs environments in its own physics.
 pub trait Host: Send + Sync + std::fmt::Debug {
-    /// Makes an environment of the level that the game runs. Called on a thread that may block.
+    /// Creates an environment of the level that the game runs. Called on a blocking thread.
     ///
     /// # Errors
-    /// Says in a sentence why the game cannot.
+    /// A sentence with the reason.
     fn open(&self, body: &CharacterProfile, solid_npcs: bool, episodes: Episodes) -> Result<Env, String>;
 }
 
-/// Where environments run.
+/// The simulation that environments run in.
 #[derive(Debug, Clone)]
 pub enum EnvBackend {
-    /// In our worlds, on these maps.
+    /// Surefoot's worlds, on these maps.
     Maps(MapPool),
-    /// In a game.
+    /// A game.
     Game(Arc<dyn Host>),
 }
 
@@ -100,13 +100,13 @@ pub struct EnvSettings {
     pub source: Option<BaseMap>,
     /// Body of the NPCs.
     pub body: CharacterProfile,
-    /// Whether the NPCs get in each other's way and see each other.
+    /// Whether the NPCs collide with and see each other.
     pub solid_npcs: bool,
     /// The NPCs' episodes.
     pub episodes: Episodes,
 }
 
-/// What an environment is like before its first step.
+/// State of an environment before its first step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstState {
     /// The observation of each NPC.
@@ -128,7 +128,7 @@ pub struct StepResults {
     pub positions: Vec<Vec3>,
     /// The most demanding ability that each NPC used.
     pub abilities: Vec<Ability>,
-    /// How many places of its route each NPC has passed.
+    /// Number of waypoints of its route that each NPC has passed.
     pub passed: Vec<u32>,
 }
 
@@ -144,7 +144,7 @@ struct Kept {
 }
 
 impl Kept {
-    /// The environment, unless it is being stepped or a step of it has panicked.
+    /// The environment, unless it is being stepped or a step has panicked.
     fn lock(&self, id: EnvId) -> Result<sync::MutexGuard<'_, Env>, EnvError> {
         self.env.try_lock().map_err(|error| match error {
             TryLockError::WouldBlock => EnvError::Busy(id),
@@ -173,12 +173,12 @@ struct Inner {
 }
 
 impl Envs {
-    /// At most `limit` environments at a time, and `limit_per_client` of each client; those that are unused for
-    /// `idle_limit` are removed.
+    /// At most `limit` environments at a time, and `limit_per_client` of each client. Environments that are not used
+    /// for `idle_limit` are removed.
     pub fn new(limit: usize, limit_per_client: usize, idle_limit: Duration, backend: EnvBackend) -> Self {
         let memory = match &backend {
             EnvBackend::Maps(maps) => maps.memory().clone(),
-            // The game has its own memory; this is for answers that are kept.
+            // The game has its own memory; this budget is for kept answers.
             EnvBackend::Game(_) => MemoryBudget::new(DEFAULT_MAX_MEMORY_BYTES),
         };
         let what = "environments, the most it may have (--max-envs-per-client)";
@@ -206,7 +206,7 @@ impl Envs {
     /// Returns the number of NPCs of an environment.
     ///
     /// # Errors
-    /// If there is none of that id, it is somebody else's, or it is being stepped.
+    /// If there is none of that id, it belongs to another client, or it is being stepped.
     pub fn npc_count(&self, caller: &Caller, id: EnvId) -> Result<usize, EnvError> {
         let kept = self.find(caller, id)?;
         Ok(kept.lock(id)?.npc_count())
@@ -224,7 +224,7 @@ impl Envs {
         Ok((reserved.fill(kept), first))
     }
 
-    /// Makes an environment, with the memory that is reserved for it here.
+    /// Makes an environment, with its reservation if it runs here.
     async fn make(
         &self,
         caller: &Caller,
@@ -247,7 +247,7 @@ impl Envs {
         }
     }
 
-    /// Removes idle environments, which frees their memory, each minute for as long as it is polled.
+    /// Removes idle environments each minute, without end.
     pub async fn keep_sweeping(self) {
         let mut due = interval(self.idle_limit.clamp(Duration::from_millis(1), SWEEP_EVERY));
         loop {
@@ -261,7 +261,7 @@ impl Envs {
         // Maps are dropped without the lock.
         let idle: Vec<_> = self.inner().by_id.extract_if(.., is_idle).collect();
         for (id, kept) in idle {
-            info!(env_id = id.0, client = kept.ticket.client(), "an idle environment was removed");
+            info!(env_id = id.0, client = kept.ticket.client(), "removed an idle environment");
         }
     }
 
@@ -276,10 +276,10 @@ impl Envs {
         Ok(Reserved { envs: self.clone() })
     }
 
-    /// Steps every NPC by one decision; `actions` holds one action for each NPC. The routes begin where it ends.
+    /// Steps each NPC by one decision; `actions` has one action for each NPC. `routes` apply after the step.
     ///
     /// # Errors
-    /// If there is no such environment, it is somebody else's, or it is being stepped.
+    /// If there is none of that id, it belongs to another client, or it is being stepped.
     ///
     /// # Panics
     /// If there is not one action for each NPC, or a route is of an NPC that does not exist.
@@ -311,7 +311,7 @@ impl Envs {
     /// Closes an environment.
     ///
     /// # Errors
-    /// If there is none of that id, or it is somebody else's.
+    /// If there is none of that id, or it belongs to another client.
     pub fn close(&self, caller: &Caller, id: EnvId) -> Result<(), EnvError> {
         self.find(caller, id)?;
         // The map is dropped without the lock.
@@ -328,7 +328,7 @@ struct Reserved {
 impl Reserved {
     fn fill(self, kept: Kept) -> EnvId {
         let mut inner = self.envs.inner();
-        // Microseconds: no environment of an earlier run of the server had the id.
+        // Microseconds: unique across restarts of the server.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_micros() as u64;
         inner.last_id = now.max(inner.last_id + 1);
         let id = EnvId(inner.last_id);

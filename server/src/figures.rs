@@ -1,5 +1,4 @@
-//! The latest figures of a world. Its thread overwrites them after each tick; other threads read them without a call to
-//! it.
+//! The latest figures of a world. Its thread overwrites them after each tick; other threads read them without a call.
 
 use crate::hosted::{Counters, HostedWorld, Tally, TimeMode};
 use crate::ids::WorldId;
@@ -21,9 +20,9 @@ pub struct WorldSummary {
     pub npc_count: usize,
     /// Number of ticks stepped.
     pub tick: Tick,
-    /// Bodies that its NPCs have or had, the usual one first.
+    /// Bodies that its NPCs have or had, the default one first.
     pub bodies: Vec<CharacterProfile>,
-    /// Whether its NPCs get in each other's way.
+    /// Whether its NPCs collide with each other.
     pub solid_npcs: bool,
 }
 
@@ -42,7 +41,7 @@ impl WorldSummary {
     }
 }
 
-/// What is known of a world without a call to its thread.
+/// Figures of a world.
 #[derive(Debug, Clone)]
 pub struct WorldFigures {
     /// Description of the world.
@@ -62,7 +61,7 @@ pub struct WorldFigures {
 }
 
 impl WorldFigures {
-    /// The figures of a world that `watchers` readers watch and whose thread has run so many `calls`.
+    /// The figures of a world with `watchers` readers, whose thread has run `calls` calls.
     pub fn of(world: &HostedWorld, watchers: usize, calls: u64) -> Self {
         Self {
             summary: WorldSummary::of(world),

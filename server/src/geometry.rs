@@ -25,16 +25,16 @@ pub struct TileMesh {
 /// The tiles of one answer, and how their vertices are merged.
 #[derive(Debug)]
 pub struct Tiles {
-    /// Index of each tile along x and z, and the indices of the triangles whose centre lies in it.
+    /// Index of each tile along x and z, and the indices of the triangles with their centre in it.
     tiles: Vec<([u32; 2], Vec<u32>)>,
-    /// Reduced detail: side of the cells, m, and the mean of the vertices in each cell. All tiles share the means, so no gaps
-    /// appear between tiles.
+    /// Reduced detail: side of the cells, m, and the mean of the vertices in each cell. All tiles share the means, so
+    /// that there are no gaps between tiles.
     merged: Option<(f32, HashMap<[i32; 3], Vec3>)>,
 }
 
 impl Tiles {
-    /// Sorts a map's triangles into the tiles that touch `region` seen from above; `None` means all tiles. Vertices within a
-    /// cube of side `cell_m` (m) are merged; 0 means full detail.
+    /// Sorts a map's triangles into the tiles that touch `region` in the plan view; `None` means all tiles. Vertices
+    /// within a cube of side `cell_m` (m) are merged; 0 means full detail.
     pub fn of(map: &Map, region: Option<[Vec3; 2]>, cell_m: f32) -> Self {
         let triangles = map.mesh().triangles();
         let columns = |extent: f32| (extent / TILE_M).ceil().max(1.0) as usize;
@@ -98,7 +98,7 @@ impl Tiles {
 fn tile_of(triangle: &Triangle, width: usize, depth: usize) -> [usize; 2] {
     let [a, b, c] = triangle.corners();
     let centre = (a + b + c) / 3.0;
-    // Centres lie outside the map only by rounding, and the cast saturates at 0.
+    // Centres are outside the map only by rounding, and the cast saturates at 0.
     [((centre.x / TILE_M) as usize).min(width - 1), ((centre.z / TILE_M) as usize).min(depth - 1)]
 }
 

@@ -1,4 +1,4 @@
-//! Ids of worlds, NPCs and workers. Ids of worlds and NPCs are never reused, not even after a restart.
+//! Ids of worlds, NPCs and workers. Ids of worlds and NPCs are never reused, even after a restart.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -6,8 +6,8 @@ use std::time::{Duration, SystemTime};
 
 /// Id of a world, below 2^36.
 ///
-/// An id is at least the time of its creation, in units of [`ID_PERIOD`] since the year 2026, and ids are created no faster than
-/// time passes. A server that restarts therefore creates greater ids than ever before, without keeping anything on disk.
+/// An id is at least the time of its creation, in units of [`ID_PERIOD`] since the year 2026, and ids are created no
+/// faster than time passes. So the ids of a restarted server exceed all earlier ones, without any state on disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct WorldId(pub u64);
 

@@ -1,7 +1,7 @@
-//! The inbox of a world's thread: what must not wait first, then the calls of clients, each client in turn.
+//! The inbox of a world's thread: first urgent calls, then the calls of clients, each client in turn.
 //!
-//! Answers of workers and calls of the server itself have a queue of their own, so a flood from one client can neither cut workers off
-//! nor delay another client by more than one call.
+//! Answers of workers and calls of the server have a queue of their own. So a flood from one client cannot disconnect
+//! workers, and delays another client by at most one call.
 
 use crate::sim::SimError;
 use parking_lot::{Condvar, Mutex, MutexGuard};
@@ -16,12 +16,12 @@ const MAX_CALLS_PER_CLIENT: usize = 1024;
 /// Answers and calls of the server that may wait.
 const MAX_URGENT: usize = 4096;
 
-/// Who calls.
+/// The queue of a call.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CallQueue {
-    /// The server itself, or a worker's answer.
+    /// Calls of the server, and answers of workers.
     Urgent,
-    /// A client, by name.
+    /// Calls of a client, by its name.
     Client(Arc<str>),
 }
 
@@ -30,13 +30,13 @@ pub enum CallQueue {
 pub enum Popped<T> {
     /// The next item.
     Item(T),
-    /// Nothing came in time.
+    /// The time is over.
     Nothing,
-    /// Nothing is left, and nothing will come.
+    /// The inbox is closed and empty.
     Closed,
 }
 
-/// A bounded queue with lanes. Many threads push; one pops.
+/// Bounded queues. Many threads push; one pops.
 #[derive(Debug)]
 pub struct Inbox<T> {
     queues: Mutex<Queues<T>>,
@@ -47,7 +47,7 @@ pub struct Inbox<T> {
 struct Queues<T> {
     urgent: VecDeque<T>,
     clients: BTreeMap<Arc<str>, VecDeque<T>>,
-    /// Clients with waiting calls, the next to be served first.
+    /// Clients with waiting calls, the next one first.
     turns: VecDeque<Arc<str>>,
     client_calls: usize,
     is_closed: bool,
@@ -132,7 +132,7 @@ impl<T> Inbox<T> {
         queues.turns.clear();
         queues.client_calls = 0;
         drop(queues);
-        // Dropping a call may run code of its caller: not under the lock.
+        // Dropping a call may run code of its caller, so it is done without the lock.
         drop(waiting);
     }
 }

@@ -1,12 +1,11 @@
-//! The world server: many worlds, each stepped on its own thread, their NPCs and workers, and the gRPC services in front of them.
+//! The world server: worlds, each stepped on its own thread, their NPCs and workers, and the gRPC services for them.
 //!
-//! [`hosted`] is one world with the decisions of its NPCs, [`sim`] the thread that steps a world on an absolute 60 Hz schedule,
-//! [`figures`] what is known of a world without a call to its thread, [`worlds`] all worlds and their lifecycle,
-//! [`store`] where they outlive the process, `lease` a server's time in a fleet. [`registry`] has the connected
-//! workers, [`messages`] the messages to and from them, [`envs`] the environments that remote trainers step themselves,
-//! [`observer`] what others beside the server see of it. [`grpc`] decodes, calls
-//! and encodes, [`wire`] converts. Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know
-//! wire types.
+//! [`hosted`] is one world with the decisions of its NPCs. [`sim`] is the thread that steps a world on an absolute 60
+//! Hz schedule, [`figures`] its figures for other threads. [`worlds`] has all worlds and their lifecycle, [`store`] the
+//! interface of stores that outlive the process, `lease` the lease of a server of a fleet. [`registry`] has the
+//! connected workers, [`messages`] the messages to and from them. [`envs`] has the environments of remote trainers.
+//! [`observer`] shows the state of a server to the rest of the process. [`grpc`] decodes, calls and encodes, [`wire`]
+//! converts. Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know wire types.
 
 mod config;
 pub mod envs;

@@ -1,4 +1,4 @@
-//! Messages between a world and the workers that decide for its NPCs. `wire.rs` converts them to and from the wire.
+//! Messages between a world and the workers that decide for its NPCs. `wire/worker.rs` converts them.
 
 use crate::hosted::{NpcPlan, TimeMode};
 use crate::ids::WorkerId;
@@ -19,9 +19,9 @@ pub enum ToWorker {
     Ended(WorldId, Vec<AttemptEnd>),
     /// Observations to be answered.
     Observations(ObservationBatch),
-    /// A world whose map has other pieces from now on, and all of these.
+    /// A world whose map was edited, and all of its pieces now.
     Edited(WorldId, Vec<Piece>),
-    /// A world that has ended: nothing more will come of it.
+    /// A world that has ended: no more messages about it follow.
     Over(WorldId),
     /// The last message: why its stream ends.
     Goodbye(Goodbye),
@@ -40,7 +40,7 @@ pub struct Assignment {
     pub pieces: Vec<Piece>,
     /// How the world's time passes.
     pub mode: TimeMode,
-    /// Whether NPCs of the world get in each other's way.
+    /// Whether NPCs of the world collide with each other.
     pub solid_npcs: bool,
     /// The assigned NPCs.
     pub npcs: Vec<NpcId>,
@@ -82,7 +82,7 @@ pub struct ObservationBatch {
     pub waypoint_reached: Vec<bool>,
     /// Whether each NPC stands on walkable ground.
     pub grounded: Vec<bool>,
-    /// Whole state of each NPC, see [`Npc::to_bytes`](surefoot_world::Npc::to_bytes), as that of an NPC of a world's first profile.
+    /// Complete state of each NPC, see [`Npc::to_bytes`](surefoot_world::Npc::to_bytes), with the profile index 0.
     pub states: Vec<Vec<u8>>,
     /// Index of their body among those of the world.
     pub body: ProfileIdx,
@@ -115,15 +115,15 @@ impl ObservationBatch {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Goodbye {
     /// The server is shutting down.
-    #[error("the service is shutting down: connect again later")]
+    #[error("the service is shutting down: reconnect later")]
     ShuttingDown,
     /// Too many messages are waiting for the worker.
-    #[error("messages were not read: connect again")]
+    #[error("messages were not read: reconnect")]
     NotReading,
     /// The worker sent something other than actions after its hello.
     #[error("only actions may be sent after hello")]
     Unexpected,
-    /// An answer is invalid: the field, and what is wrong with it.
+    /// An answer is invalid: the field and the reason.
     #[error("{1}")]
     BadAnswer(String, String),
 }
@@ -157,15 +157,15 @@ pub struct Answer {
     pub decisions: Vec<Decision>,
     /// New waypoints, m, with the attempts that they are for.
     pub waypoints: Vec<(NpcId, u32, Vec3)>,
-    /// Attempts to be given up, and how they end: without progress, or because the goal cannot be reached.
+    /// Attempts to give up, and their outcome: no progress, or an unreachable goal.
     pub gave_up: Vec<(NpcId, u32, End)>,
     /// New plans, with the attempts that they are for.
     pub plans: Vec<(NpcId, u32, NpcPlan)>,
-    /// Plans that the planner has not delivered since the worker's last answer.
+    /// Plans that the planner failed to deliver since the worker's last answer.
     pub plans_failed: u32,
-    /// Movers that NPCs call, and the stops where they want them.
+    /// Movers that NPCs call, and the stops to which they call them.
     pub mover_calls: Vec<MoverAt>,
-    /// Actions, waypoints and plans among these that were left out because a number made no sense.
+    /// Actions, waypoints and plans that were left out because a number was invalid.
     pub invalid: u64,
 }
 

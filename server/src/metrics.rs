@@ -11,6 +11,49 @@ use surefoot_world::End;
 /// Upper bounds of the tick histogram, ms.
 const BOUNDS_MS: [f64; 11] = [0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 12.0, 16.7, 33.3, 100.0];
 
+/// A metric with one sample for each `T`: name, type, help and value.
+type Metric<T> = (&'static str, &'static str, &'static str, fn(&T) -> f64);
+
+const OF_PROCESS: [Metric<ProcessFigures>; 5] = [
+    ("worlds_failed_total", "counter", "Worlds that panicked.", |it| it.failed_worlds as f64),
+    ("saves_failed_total", "counter", "Times that a world could not be saved.", |it| it.failed_saves as f64),
+    ("lease_held", "gauge", "1 while this process holds its lease, so that no other has its worlds.", |it| {
+        f64::from(u8::from(it.holds_lease))
+    }),
+    ("worlds_taken_over_total", "counter", "Worlds taken over from other servers.", |it| it.taken_over as f64),
+    ("memory_budget_bytes", "gauge", "Memory in use for maps and environments.", |it| it.memory_bytes as f64),
+];
+
+const OF_WORKERS: [Metric<WorkerLoad>; 3] = [
+    ("worker_capacity", "gauge", "NPCs that a worker can decide for.", |it| f64::from(it.capacity)),
+    ("worker_npcs", "gauge", "NPCs that a worker decides for.", |it| f64::from(it.npc_count)),
+    ("worker_queue", "gauge", "Messages that a worker has not read yet.", |it| it.queued as f64),
+];
+
+const OF_WORLDS: [Metric<WorldFigures>; 13] = [
+    ("npcs_without_worker", "gauge", "NPCs without a worker.", |it| f64::from(it.tally.without_worker)),
+    ("watchers", "gauge", "Readers of snapshots.", |it| it.watchers as f64),
+    ("ticks_total", "counter", "Ticks stepped.", |it| it.summary.tick.0 as f64),
+    ("world_silent_seconds", "gauge", "Time since the world's thread wrote these figures.", |it| {
+        it.age().as_secs_f64()
+    }),
+    ("world_calls_total", "counter", "Calls that the world's thread has run.", |it| it.calls as f64),
+    ("ticks_dropped_total", "counter", "Ticks dropped after falling behind.", |it| it.counters.ticks_dropped as f64),
+    ("ticks_late_total", "counter", "Ticks done after the next one was due.", |it| it.counters.ticks_late as f64),
+    ("decisions_asked_total", "counter", "Decisions requested from workers.", |it| it.counters.asked as f64),
+    ("decisions_answered_total", "counter", "Decisions answered in time.", |it| it.counters.answered as f64),
+    ("decisions_missed_total", "counter", "Decisions not answered in time.", |it| it.counters.missed as f64),
+    ("answers_stale_total", "counter", "Answers to decisions that were no longer pending.", |it| {
+        it.counters.stale as f64
+    }),
+    ("answers_invalid_total", "counter", "Actions, waypoints and plans ignored for a bad number.", |it| {
+        it.counters.invalid as f64
+    }),
+    ("plans_failed_total", "counter", "Plans that planners failed to deliver to workers.", |it| {
+        it.counters.plans_failed as f64
+    }),
+];
+
 /// Prometheus text that is being written, one family of samples after another.
 #[derive(Default)]
 struct Text(String);
@@ -23,9 +66,20 @@ impl Text {
             let _ = writeln!(self.0, "surefoot_{name}{labels} {value}");
         }
     }
+
+    fn families<'a, T: 'a>(
+        &mut self,
+        metrics: &[Metric<T>],
+        all: impl Iterator<Item = &'a T> + Clone,
+        labels: impl Fn(&T) -> String,
+    ) {
+        for (name, kind, help, value) in metrics {
+            self.family(name, kind, help, all.clone().map(|it| (labels(it), value(it))));
+        }
+    }
 }
 
-/// Figures that belong to no world.
+/// Figures of the process.
 #[derive(Debug, Clone, Copy)]
 pub struct ProcessFigures {
     /// Worlds that panicked since the start.
@@ -43,53 +97,25 @@ pub struct ProcessFigures {
 /// Renders all figures.
 pub fn render(worlds: &[Arc<WorldFigures>], workers: &[WorkerLoad], process: ProcessFigures) -> String {
     let mut text = Text::default();
-    render_workers(&mut text, workers);
-    let per_world = |value: fn(&WorldFigures) -> f64| {
-        worlds.iter().map(move |world| (format!("{{world=\"{}\"}}", world.summary.id), value(world)))
-    };
+    text.family("workers", "gauge", "Connected NPC workers.", [(String::new(), workers.len() as f64)]);
+    let policies = workers.iter().map(|worker| {
+        let (name, policy) = (escaped(&worker.name), escaped(&worker.policy));
+        (format!("{{worker=\"{}\",name=\"{name}\",policy=\"{policy}\"}}", worker.id.0), 1.0)
+    });
+    text.family("worker_info", "gauge", "Connected NPC workers and their policies.", policies);
+    text.families(&OF_WORKERS, workers.iter(), |worker| {
+        format!("{{worker=\"{}\",name=\"{}\"}}", worker.id.0, escaped(&worker.name))
+    });
     text.family("worlds", "gauge", "Running worlds.", [(String::new(), worlds.len() as f64)]);
-    let failed = process.failed_worlds as f64;
-    text.family("worlds_failed_total", "counter", "Worlds that panicked.", [(String::new(), failed)]);
-    let failed = process.failed_saves as f64;
-    text.family("saves_failed_total", "counter", "Times that a world could not be saved.", [(String::new(), failed)]);
-    let sure = f64::from(u8::from(process.holds_lease));
-    let help = "Whether nobody can have taken over what this process has.";
-    text.family("lease_held", "gauge", help, [(String::new(), sure)]);
-    let taken = process.taken_over as f64;
-    text.family("worlds_taken_over_total", "counter", "Worlds taken over from others.", [(String::new(), taken)]);
-    let memory = process.memory_bytes as f64;
-    text.family("memory_budget_bytes", "gauge", "Memory in use for maps and environments.", [(String::new(), memory)]);
+    text.families(&OF_PROCESS, [&process].into_iter(), |_| String::new());
     let by_state = worlds.iter().flat_map(|world| {
         let Tally { idle, seeking, down, .. } = world.tally;
         [("idle", idle), ("seeking", seeking), ("down", down)]
             .map(|(state, count)| (format!("{{world=\"{}\",state=\"{state}\"}}", world.summary.id), f64::from(count)))
     });
     text.family("npcs", "gauge", "NPCs by status.", by_state);
-    let without_worker = per_world(|world| f64::from(world.tally.without_worker));
-    text.family("npcs_without_worker", "gauge", "NPCs without a worker.", without_worker);
-    let watchers = per_world(|world| world.watchers as f64);
-    text.family("watchers", "gauge", "Readers of snapshots.", watchers);
-    text.family("ticks_total", "counter", "Ticks stepped.", per_world(|world| world.summary.tick.0 as f64));
-    let silent = per_world(|world| world.age().as_secs_f64());
-    text.family("world_silent_seconds", "gauge", "Time since the world's thread wrote these figures.", silent);
-    let calls = per_world(|world| world.calls as f64);
-    text.family("world_calls_total", "counter", "Calls that the world's thread has run.", calls);
-    let dropped = per_world(|world| world.counters.ticks_dropped as f64);
-    text.family("ticks_dropped_total", "counter", "Ticks dropped after falling behind.", dropped);
-    let late = per_world(|world| world.counters.ticks_late as f64);
-    text.family("ticks_late_total", "counter", "Ticks done after the next one was due.", late);
-    let requested = per_world(|world| world.counters.asked as f64);
-    text.family("decisions_asked_total", "counter", "Decisions requested from workers.", requested);
-    let answered = per_world(|world| world.counters.answered as f64);
-    text.family("decisions_answered_total", "counter", "Decisions answered in time.", answered);
-    let missed = per_world(|world| world.counters.missed as f64);
-    text.family("decisions_missed_total", "counter", "Decisions not answered in time.", missed);
-    let stale = per_world(|world| world.counters.stale as f64);
-    text.family("answers_stale_total", "counter", "Answers that nobody waited for any more.", stale);
-    let invalid = per_world(|world| world.counters.invalid as f64);
-    text.family("answers_invalid_total", "counter", "Actions, waypoints and plans ignored for a bad number.", invalid);
-    let unplanned = per_world(|world| world.counters.plans_failed as f64);
-    text.family("plans_failed_total", "counter", "Plans that planners failed to deliver to workers.", unplanned);
+    let all = worlds.iter().map(|world| &**world);
+    text.families(&OF_WORLDS, all, |world| format!("{{world=\"{}\"}}", world.summary.id));
     let ends = worlds.iter().flat_map(|world| {
         let counts = End::ALL.iter().zip(world.counters.ends);
         counts.map(|(end, count)| (format!("{{world=\"{}\",end=\"{}\"}}", world.summary.id, end.name()), count as f64))
@@ -97,31 +123,6 @@ pub fn render(worlds: &[Arc<WorldFigures>], workers: &[WorkerLoad], process: Pro
     text.family("attempts_total", "counter", "Attempts by outcome.", ends);
     render_ticks(&mut text, worlds);
     text.0
-}
-
-fn render_workers(text: &mut Text, workers: &[WorkerLoad]) {
-    let per_worker = |value: fn(&WorkerLoad) -> f64| {
-        workers.iter().map(move |worker| {
-            let labels = format!("{{worker=\"{}\",name=\"{}\"}}", worker.id.0, escaped(&worker.name));
-            (labels, value(worker))
-        })
-    };
-    text.family("workers", "gauge", "Connected NPC workers.", [(String::new(), workers.len() as f64)]);
-    let policies = workers.iter().map(|worker| {
-        let (name, policy) = (escaped(&worker.name), escaped(&worker.policy));
-        (format!("{{worker=\"{}\",name=\"{name}\",policy=\"{policy}\"}}", worker.id.0), 1.0)
-    });
-    text.family("worker_info", "gauge", "Connected NPC workers and their policies.", policies);
-    let capacity = per_worker(|worker| f64::from(worker.capacity));
-    text.family("worker_capacity", "gauge", "NPCs that a worker can decide for.", capacity);
-    text.family(
-        "worker_npcs",
-        "gauge",
-        "NPCs that a worker decides for.",
-        per_worker(|worker| f64::from(worker.npc_count)),
-    );
-    let queued = per_worker(|worker| worker.queued as f64);
-    text.family("worker_queue", "gauge", "Messages that a worker has not read yet.", queued);
 }
 
 fn render_ticks(text: &mut Text, worlds: &[Arc<WorldFigures>]) {

@@ -1,5 +1,5 @@
-//! What others in the process see of a server: whether its worlds are restored, how many there are, and which of them
-//! stand still.
+//! The state of a server for the rest of the process: whether its worlds are restored, their number, and which of them
+//! are stalled.
 //!
 //! An observer reads the figures that the threads of the worlds write. It calls no thread, so it never waits.
 
@@ -13,18 +13,18 @@ use tokio::sync::watch;
 pub struct Vitals {
     /// Number of running worlds.
     pub world_count: usize,
-    /// NPCs on all of them. A world that stands still counts with those that it had before.
+    /// NPCs in all of them. A stalled world counts with its last known number.
     pub npc_count: usize,
     /// Worlds whose threads have been silent for longer than the observer's patience, ascending.
     pub stalled: Vec<WorldId>,
 }
 
-/// Looks at a running server. Clones look at the same one.
+/// Observes a running server. Clones observe the same one.
 #[derive(Debug, Clone)]
 pub struct Observer {
     worlds: Worlds,
     ready: watch::Receiver<bool>,
-    /// How long a world's thread may be silent until it counts as stalled.
+    /// Silence after which a world's thread counts as stalled.
     patience: Duration,
 }
 
@@ -34,7 +34,7 @@ impl Observer {
         Self { worlds, ready, patience: Duration::from_secs(5) }
     }
 
-    /// The observer with another patience; by default it is 5 s.
+    /// Sets the patience; the default is 5 s.
     pub fn with_patience(self, patience: Duration) -> Self {
         Self { patience, ..self }
     }
@@ -44,7 +44,7 @@ impl Observer {
         *self.ready.borrow()
     }
 
-    /// Keeps the thread of a world busy for `time`: tests show with it that other worlds are not affected.
+    /// Keeps the thread of a world busy for `time`, so that tests can show that other worlds are not affected.
     ///
     /// # Errors
     /// If there is no such world, or its thread does not accept the call.

@@ -1,4 +1,4 @@
-//! Limits on how many worlds or NPCs each client may have at a time.
+//! Limits on the number of worlds, NPCs or environments of each client.
 
 use parking_lot::Mutex;
 use std::collections::BTreeMap;

@@ -11,7 +11,7 @@ use tokio::sync::Notify;
 use tokio::sync::mpsc::Sender;
 use tracing::warn;
 
-/// How long a worker that left observations unanswered gets NPCs only if nobody else has room.
+/// Time for which a worker that left observations unanswered gets NPCs only if no other worker has room.
 const DISTRUST: Duration = Duration::from_secs(30);
 
 /// A worker that has just joined.
@@ -19,7 +19,7 @@ const DISTRUST: Duration = Duration::from_secs(30);
 pub struct Joined {
     /// Id of the worker.
     pub id: WorkerId,
-    /// Notified when the worker is to be cut off because it does not read.
+    /// Notified when the worker must be disconnected because it does not read.
     pub cut: Arc<Notify>,
 }
 
@@ -46,7 +46,7 @@ struct Entry {
     npc_count: u32,
     queue: Sender<ToWorker>,
     cut: Arc<Notify>,
-    /// Until then it gets NPCs only if nobody else has room: it has left observations unanswered.
+    /// Until then it gets NPCs only if no other worker has room, because it left observations unanswered.
     distrusted_until: Option<Instant>,
 }
 
@@ -57,7 +57,7 @@ impl Entry {
 
     /// Share of the capacity that `npc_count` NPCs take.
     fn share(&self, npc_count: u32) -> f64 {
-        // A worker without capacity gets no NPCs, and is relieved of those that it has.
+        // A worker without capacity gets no NPCs, and its NPCs move to other workers.
         f64::from(npc_count) / f64::from(self.hello.capacity.max(1))
     }
 }
@@ -99,12 +99,12 @@ impl Registry {
         Joined { id, cut }
     }
 
-    /// Number of values of the observations that a worker expects; without others if it has left.
+    /// Length of the observations that a worker expects; without others if it has left.
     pub fn observation_len(&self, id: WorkerId) -> usize {
         observation_len(self.inner().workers.get(&id).is_some_and(|entry| entry.hello.sees_others))
     }
 
-    /// Changes the capacity of a worker, which keeps the NPCs that it has. Returns whether it grows.
+    /// Changes the capacity of a worker, which keeps its NPCs. Returns whether the capacity grows.
     pub fn set_capacity(&self, id: WorkerId, capacity: u32) -> bool {
         self.inner().workers.get_mut(&id).is_some_and(|entry| {
             let before = std::mem::replace(&mut entry.hello.capacity, capacity);
@@ -117,7 +117,8 @@ impl Registry {
         self.inner().workers.remove(&id);
     }
 
-    /// Reserves a place for an NPC with the least loaded worker, by share of its capacity; `None` if no worker has room.
+    /// Reserves a place for an NPC with the least loaded worker, by share of its capacity; `None` if no worker has
+    /// room.
     pub fn assign(&self) -> Option<WorkerId> {
         let mut inner = self.inner();
         let (id, _) = inner.least_loaded()?;
@@ -125,7 +126,7 @@ impl Registry {
         Some(id)
     }
 
-    /// Moves the place of an NPC of `from` to another worker, if that worker is then loaded no more than `from` without the NPC.
+    /// Moves the place of an NPC from `from` to another worker, if that worker is then not more loaded than `from`.
     pub fn move_to_less_loaded(&self, from: WorkerId) -> Option<WorkerId> {
         let mut inner = self.inner();
         let (to, share) = inner.least_loaded().filter(|(to, _)| !inner.workers[to].is_distrusted())?;
@@ -138,14 +139,14 @@ impl Registry {
         Some(to)
     }
 
-    /// For a while gives NPCs to `id` only if no other worker has room: it does not answer.
+    /// Gives NPCs to `id` only if no other worker has room, for 30 s: it does not answer.
     pub fn distrust(&self, id: WorkerId) {
         if let Some(entry) = self.inner().workers.get_mut(&id) {
             entry.distrusted_until = Some(Instant::now() + DISTRUST);
         }
     }
 
-    /// Moves a place from a worker that does not answer to one that does and has room.
+    /// Moves a place from a silent worker to one that answers and has room.
     pub fn move_from_silent(&self, silent: WorkerId) -> Option<WorkerId> {
         let mut inner = self.inner();
         let (next, _) = inner.least_loaded().filter(|(next, _)| !inner.workers[next].is_distrusted())?;
@@ -156,35 +157,36 @@ impl Registry {
         Some(next)
     }
 
-    /// Takes a place again for an NPC that `id` was to be relieved of and is not.
+    /// Takes the place of an NPC again whose move from `id` is cancelled.
     pub fn retake(&self, id: WorkerId) {
         if let Some(entry) = self.inner().workers.get_mut(&id) {
             entry.npc_count += 1;
         }
     }
 
-    /// Gives a place with a worker back.
+    /// Returns a place of a worker.
     pub fn release(&self, id: WorkerId) {
         if let Some(entry) = self.inner().workers.get_mut(&id) {
             entry.npc_count = entry.npc_count.saturating_sub(1);
         }
     }
 
-    /// Queues observations. If the queue is full, they are dropped, and their decisions count as missed.
+    /// Queues observations. If the queue is full, they are dropped, and the decisions count as missed.
     pub fn try_observe(&self, id: WorkerId, message: ToWorker) {
         let queue = self.inner().workers.get(&id).map(|entry| entry.queue.clone());
         if let Some(queue) = queue {
-            // Dropped as well if the worker is gone.
+            // Also dropped if the worker has left.
             let _ = queue.try_send(message);
         }
     }
 
-    /// Queues a message that a worker must not miss. If the queue is full, the worker is cut off, and its NPCs go to others.
+    /// Queues a message that a worker must not miss. If the queue is full, the worker is disconnected, and its NPCs
+    /// move to other workers.
     pub fn send_or_cut(&self, id: WorkerId, message: ToWorker) {
         let inner = self.inner();
         let Some(entry) = inner.workers.get(&id) else { return };
         if entry.queue.try_send(message).is_err() {
-            warn!(worker = id.0, name = entry.hello.name, "worker does not read its messages: cut off");
+            warn!(worker = id.0, name = entry.hello.name, "worker does not read its messages; disconnected");
             entry.cut.notify_one();
         }
     }

@@ -24,13 +24,13 @@ use tokio::sync::watch;
 use tonic::service::RoutesBuilder;
 use tracing::warn;
 
-/// Time for saving all worlds at a shutdown. With the drain of the endpoint it makes less than ten seconds.
+/// Time limit of the last save. Together with the drain of the endpoint, a shutdown takes less than ten seconds.
 const LAST_SAVE: Duration = Duration::from_secs(4);
-/// Time for telling the fleet afterwards.
+/// Time limit of leaving the fleet.
 const LEAVE_LIMIT: Duration = Duration::from_secs(2);
 
-/// Serves worlds on `endpoint` until `shutdown`, then saves them. Saved worlds are restored in the background; until then health checks
-/// report NOT_SERVING.
+/// Serves worlds on `endpoint` until `shutdown`, then saves them. Saved worlds are restored in the background; until
+/// then health checks report NOT_SERVING.
 ///
 /// # Errors
 /// If the transport fails, or the folder for saved worlds cannot be used.
@@ -45,7 +45,7 @@ pub fn serve_observed(
     shutdown: Shutdown,
 ) -> (Observer, impl Future<Output = Result<(), ServerError>> + Send) {
     let worlds = Worlds::new(config, shutdown.clone());
-    // Without saved worlds there is nothing to wait for.
+    // Without saved worlds the server is ready at once.
     let config = worlds.config();
     let (ready, is_ready) = watch::channel(config.state.is_none() && config.store.is_none());
     (Observer::new(worlds.clone(), is_ready), run(endpoint, worlds, ready, shutdown))
@@ -77,7 +77,7 @@ async fn run(
     if let Some(shared) = worlds.shared_store()
         && !matches!(tokio::time::timeout(LEAVE_LIMIT, shared.leave()).await, Ok(Ok(())))
     {
-        warn!("the lease was not released (the database does not answer): the worlds move when it expires");
+        warn!("lease: not released (the database does not answer); worlds move when it expires");
     }
     result?;
     if let Ok(restored) = restoring.await {
@@ -86,7 +86,7 @@ async fn run(
     Ok(saved?)
 }
 
-/// Restores saved worlds, then saves all worlds now and then.
+/// Restores saved worlds, then saves all worlds periodically.
 async fn restore(
     worlds: Worlds,
     ready: watch::Sender<bool>,
@@ -95,7 +95,7 @@ async fn restore(
 ) -> Result<(), StoreError> {
     if worlds.shared_store().is_some() {
         tokio::spawn(worlds.clone().save_loop());
-        // Until the process ends: what happens while it drains is recorded too.
+        // Runs until the process ends, because journals are written during the drain too.
         tokio::spawn(lease::run(worlds, ready, holds_lease));
         return Ok(());
     }
@@ -169,7 +169,7 @@ pub async fn serve_game(
     endpoint.serve(routes, &[ENV_SERVICE], || async { String::new() }, shutdown).await
 }
 
-/// Why a server ends without having been stopped.
+/// Why a server ends without a shutdown.
 #[derive(Debug, thiserror::Error)]
 pub enum ServerError {
     /// The endpoint failed.

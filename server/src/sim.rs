@@ -1,6 +1,7 @@
-//! The thread of a world, which steps it at 60 Hz on an absolute schedule (realtime) or as soon as all answers are in (lockstep).
+//! The thread of a world. It steps the world at 60 Hz on an absolute schedule (realtime), or when all answers have
+//! arrived (lockstep).
 //!
-//! There is one thread per world (ADR 16), so that a world that stalls or steps slowly cannot delay another.
+//! There is one thread per world (ADR 16), so that a slow or stalled world cannot delay another.
 
 use crate::figures::WorldFigures;
 use crate::hosted::{HostedWorld, KEPT_EVENTS, NpcEvent, Snapshot, TimeMode};
@@ -27,15 +28,15 @@ pub enum SimError {
 
 /// Most ticks to catch up after a stall; further ticks are dropped and counted.
 const MAX_CATCH_UP: u32 = 2;
-/// Time for calls in each tick, also if the world is behind. Time that is left until the next tick comes on top.
+/// Least time for calls in each tick, even if the world is behind.
 const CALL_TIME: Duration = Duration::from_millis(2);
-/// How long a lockstep world that cannot be stepped waits for a call before it looks for silent workers.
+/// How long a lockstep world that cannot be stepped waits for a call before it checks for silent workers.
 const IDLE: Duration = Duration::from_millis(50);
 
-/// Batches of events that wait for a reader: about a second of ticks. A reader that is farther behind reads on in the
-/// world's log.
+/// Batches of events that wait for a reader: about a second of ticks. A reader that is farther behind reads the world's
+/// log.
 const EVENT_BATCHES: usize = 64;
-/// Most events of a batch, so that all batches together hold no more events than the log.
+/// Most events of a batch, so that all batches together have no more events than the log.
 const EVENTS_IN_A_BATCH: usize = KEPT_EVENTS / EVENT_BATCHES;
 
 /// Time from one tick to the next.
@@ -71,7 +72,7 @@ impl Schedule {
 
 type Call = Box<dyn FnOnce(&mut SimState) + Send>;
 
-/// Proof that a change is known to the fleet, for which its caller waits.
+/// Resolves when a change is durable in the store of the fleet.
 #[derive(Debug)]
 pub struct Receipt {
     sequence: u64,
@@ -79,10 +80,10 @@ pub struct Receipt {
 }
 
 impl Receipt {
-    /// Waits until the change is confirmed.
+    /// Waits until the change is durable.
     ///
     /// # Errors
-    /// If the world ends before.
+    /// If the world ends first.
     pub async fn confirmed(mut self) -> Result<(), SimError> {
         let result = self.confirmed.wait_for(|latest| *latest >= self.sequence).await;
         result.map(drop).map_err(|_| SimError::Stopped)
@@ -92,7 +93,7 @@ impl Receipt {
 /// Events of a world that follow one another.
 #[derive(Debug)]
 pub struct EventBatch {
-    /// Sequence number after which the batch begins. A reader that has not come as far has missed a batch.
+    /// Sequence number before the first event. A reader with a smaller number has missed a batch.
     pub after: u64,
     /// The events in order.
     pub events: Vec<NpcEvent>,
@@ -103,11 +104,11 @@ pub struct EventBatch {
 pub struct SimState {
     /// The world that the thread steps.
     pub world: HostedWorld,
-    /// Latest snapshot; each overwrites the one before, so slow readers cost nothing.
+    /// Latest snapshot. Each overwrites the previous one, so slow readers cost nothing.
     pub snapshots: watch::Sender<Arc<Snapshot>>,
     /// New events that readers may see, once a tick.
     pub events: broadcast::Sender<Arc<EventBatch>>,
-    /// Sequence number of the last event that went to readers.
+    /// Sequence number of the last event that was sent to readers.
     published: u64,
     /// Sequence number of the latest event that readers may see, for callers that wait for a receipt.
     latest_event: watch::Sender<u64>,
@@ -119,8 +120,8 @@ pub struct SimState {
     pub is_over: bool,
 }
 
-/// Access to a world's thread. The thread ends, and releases the workers of its NPCs, when [`SimState::is_over`] is set or all handles
-/// are gone.
+/// Access to a world's thread. The thread ends, and releases the workers of its NPCs, when [`SimState::is_over`] is set
+/// or all handles are dropped.
 #[derive(Debug, Clone)]
 pub struct SimHandle {
     inbox: Arc<OpenInbox>,
@@ -128,7 +129,7 @@ pub struct SimHandle {
     figures: watch::Receiver<Arc<WorldFigures>>,
 }
 
-/// Closed when the last handle goes.
+/// Closes the inbox when the last handle is dropped.
 struct OpenInbox(Arc<Inbox<Call>>);
 
 impl fmt::Debug for OpenInbox {
@@ -160,7 +161,7 @@ impl SimHandle {
         let figures = state.figures.subscribe();
         std::thread::Builder::new().name(name).spawn(move || {
             run(state, &calls, schedule, failed);
-            // Callers that still wait learn that the world has stopped.
+            // Waiting callers get the error `Stopped`.
             calls.abandon();
         })?;
         Ok(Self { inbox: Arc::new(OpenInbox(inbox)), queue: CallQueue::Urgent, figures })
@@ -171,7 +172,7 @@ impl SimHandle {
         Self { queue: CallQueue::Client(client.clone()), ..self }
     }
 
-    /// The world's figures after its latest tick. Never waits for the thread.
+    /// The world's figures after its latest tick. Does not wait for the thread.
     pub fn figures(&self) -> Arc<WorldFigures> {
         self.figures.borrow().clone()
     }
@@ -194,13 +195,13 @@ impl SimHandle {
     ) -> Result<R, SimError> {
         let (reply, result) = oneshot::channel();
         self.cast(move |state| {
-            // The caller may no longer wait for the result.
+            // The caller may have stopped waiting.
             let _ = reply.send(call(state));
         })?;
         result.await.map_err(|_| SimError::Stopped)
     }
 
-    /// As [`SimHandle::call`], if the thread begins the call within `limit`. Otherwise the call is not run at all.
+    /// Like [`SimHandle::call`], if the thread begins the call within `limit`. Otherwise the call is not run at all.
     ///
     /// # Errors
     /// [`SimError::Busy`] if the call was not run, and those of [`SimHandle::cast`].
@@ -209,7 +210,7 @@ impl SimHandle {
         limit: Duration,
         call: impl FnOnce(&mut SimState) -> R + Send + 'static,
     ) -> Result<R, SimError> {
-        // Set by the thread when it begins the call, or by the caller when it gives up, by the first of them.
+        // Set by the thread when it begins the call, or by the caller when it gives up, whichever is first.
         let decided = Arc::new(AtomicBool::new(false));
         let begins = decided.clone();
         let mut answer =
@@ -233,14 +234,14 @@ fn run(mut state: SimState, calls: &Inbox<Call>, schedule: Schedule, failed: imp
         state.report();
     }));
     if stepped.is_err() {
-        error!(world_id = state.world.id().0, "the world panicked and has ended");
+        error!(world_id = state.world.id().0, "world panicked; it has ended");
         failed();
     }
-    // After a panic the state may be inconsistent: what cannot be released then is lost with the worker's connection.
+    // After a panic the state may be inconsistent. NPCs that cannot be released stay with their worker until it leaves.
     let _ = catch_unwind(AssertUnwindSafe(|| state.world.release_all()));
 }
 
-/// Runs calls until `due`, at least for [`CALL_TIME`] if that many wait; false if the world is over.
+/// Runs calls until `due`, and waiting calls for at least [`CALL_TIME`]. Returns false if the world is over.
 fn run_calls(state: &mut SimState, calls: &Inbox<Call>, due: Instant) -> bool {
     let limit = due.max(Instant::now() + CALL_TIME);
     while !state.is_over {
@@ -282,7 +283,7 @@ fn run_lockstep(state: &mut SimState, calls: &Inbox<Call>) {
             continue;
         }
         state.report();
-        // Nothing but a call can make it ready.
+        // Only a call can make it ready.
         match calls.pop(started + IDLE) {
             Popped::Item(call) => state.run_call(call),
             Popped::Nothing => state.world.note_waiting(IDLE),
@@ -333,13 +334,13 @@ impl SimState {
         }
     }
 
-    /// Sends readers the events that they may see and have not been sent.
+    /// Sends readers the new events that they may see.
     fn hand_out_events(&mut self) {
         let latest = self.world.events().latest();
         while self.published < latest && self.events.receiver_count() > 0 {
             let after = self.published;
             let events = self.world.events().after(after, EVENTS_IN_A_BATCH).unwrap_or_default();
-            // The log may not have all of them any more. Then the batch is empty, and readers look into the log.
+            // If the log has dropped some of them, the batch is empty, and readers read the log.
             self.published = events.last().map_or(latest, |event| event.sequence);
             // The last reader may just have left.
             let _ = self.events.send(Arc::new(EventBatch { after, events }));
@@ -347,13 +348,13 @@ impl SimState {
         self.published = latest;
     }
 
-    /// What confirms all that has happened; `None` if it is confirmed already, or need not be.
+    /// The receipt for all changes so far; `None` if they are durable already, or the world is not in a fleet.
     pub fn receipt(&self) -> Option<Receipt> {
         let (sequence, events) = (self.world.events().written(), self.world.events());
         (events.latest() < sequence).then(|| Receipt { sequence, confirmed: self.latest_event.subscribe() })
     }
 
-    /// Wakes callers that wait for a receipt, if there are new events.
+    /// Wakes callers that wait for a receipt, if there are new confirmed events.
     fn notify_events(&self) {
         let latest = self.world.events().latest();
         self.latest_event.send_if_modified(|known| std::mem::replace(known, latest) != latest);

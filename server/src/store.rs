@@ -1,7 +1,7 @@
-//! Where worlds outlive the process: the interface of a store, and the folder of a single server, which implements it.
+//! Stores of worlds that outlive the process: the interface, and the folder of a single server, which implements it.
 //!
-//! A store may be shared by the servers of a fleet. Then a world belongs to one of them at a time, which has to hold a lease, and what
-//! happens between two saves is recorded before anybody is told.
+//! The servers of a fleet share a store. Then a world belongs to one server at a time, which must hold a lease, and
+//! events between two saves are written to the store before clients see them.
 
 use crate::hosted::{Journal, SavedError, SavedLog, StateFolder, WorldSave};
 use crate::ids::WorldId;
@@ -13,7 +13,7 @@ use std::time::Duration;
 /// A call of a store.
 pub type StoreCall<'a, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 'a>>;
 
-/// Why a store does not do what it is called for.
+/// Why a store does not carry out a call.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// A file cannot be read or written.
@@ -22,73 +22,73 @@ pub enum StoreError {
     /// Another server has the world.
     #[error("world {0} runs on another server")]
     Lost(WorldId),
-    /// The lease of this server is over: others may have its worlds.
+    /// The lease of this server has expired: other servers may have its worlds.
     #[error("the lease of this server has expired")]
     Expired,
-    /// The store of the fleet does not answer, or refuses.
+    /// The store of the fleet does not answer, or refuses the call.
     #[error("{0}")]
     Unavailable(String),
     /// Too many look-ups wait for the store.
     #[error("too many look-ups wait: try again")]
     Busy,
     /// The world's thread does not answer.
-    #[error("world {0} does not answer: it stays as it was saved before")]
+    #[error("world {0} does not answer: its previous save is kept")]
     Silent(WorldId),
-    /// This server has no memory or no thread for the world; says why.
+    /// This server has no memory or no thread for the world; holds the reason.
     #[error("this server cannot run the world now: {0}")]
     CannotRun(String),
 }
 
-/// What a store has of a world.
+/// A world as a store returns it.
 #[derive(Debug)]
 pub struct LoadedWorld {
-    /// The world as it was saved last.
+    /// The latest save.
     pub world: WorldSave,
-    /// Its events, and what has happened since; `None` if they end with the process.
+    /// The events at the save, and the journals since then; `None` if the store does not keep events.
     pub since: Option<(SavedLog, Vec<Journal>)>,
 }
 
-/// A time in which a server has worlds. It ends when others may have them; what was done in it must not count in the next.
+/// A period in which a server holds its lease without a gap. Writes of an earlier epoch are refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LeaseEpoch(pub i64);
 
 /// A server of a fleet.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServerInfo {
-    /// URI at which clients and workers reach it; empty: where this one was reached.
+    /// URI for clients and workers; empty: the URI at which this server was reached.
     pub address: String,
     /// Whether it is this server.
     pub is_here: bool,
-    /// Whether it holds its lease. Otherwise its worlds are about to be taken over.
+    /// Whether it holds its lease. Otherwise its worlds will be taken over.
     pub is_alive: bool,
     /// Number of its worlds.
     pub world_count: u64,
 }
 
-/// Where worlds are saved.
+/// A store of worlds.
 pub trait WorldStore: fmt::Debug + Send + Sync {
-    /// Worlds that this server restores at its start, in ascending order.
+    /// The worlds that this server restores at its start, in ascending order.
     fn list(&self) -> StoreCall<'_, Vec<WorldId>>;
 
     /// Reads a world.
     fn read(&self, id: WorldId) -> StoreCall<'_, LoadedWorld>;
 
-    /// Saves a world, as it was in a lease epoch, in place of what was saved of it before: whole or not at all, and durable when this returns.
+    /// Replaces the save of a world by one that was made in `lease_epoch`, atomically. It is durable when this returns.
     fn write(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> StoreCall<'_, ()>;
 
-    /// Deletes what was saved of a world.
+    /// Deletes the save of a world.
     fn forget(&self, id: WorldId) -> StoreCall<'_, ()>;
 
     /// The part that the servers of a fleet share; `None` if this server is alone.
     fn shared(&self) -> Option<&dyn SharedStore>;
 }
 
-/// What the servers of a fleet share.
+/// The part of a store that the servers of a fleet share.
 pub trait SharedStore: fmt::Debug + Send + Sync {
-    /// How long a silent server keeps its worlds.
+    /// Time after which a silent server loses its worlds.
     fn lease(&self) -> Duration;
 
-    /// The lease epoch of this server.
+    /// The current lease epoch of this server.
     fn lease_epoch(&self) -> LeaseEpoch;
 
     /// Whether this server certainly holds its lease.
@@ -97,38 +97,39 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     /// Extends the lease.
     ///
     /// # Errors
-    /// [`StoreError::Expired`] if it is over.
+    /// [`StoreError::Expired`] if it has expired.
     fn renew(&self) -> StoreCall<'_, ()>;
 
-    /// Gives up all worlds, and becomes a new server without any: the next lease epoch begins.
+    /// Gives up all worlds, and joins as a new server without worlds: the next lease epoch begins.
     fn rejoin(&self) -> StoreCall<'_, ()>;
 
-    /// Ends the lease, so that others take over at once.
+    /// Ends the lease, so that other servers take over at once.
     fn leave(&self) -> StoreCall<'_, ()>;
 
-    /// Resolves when servers may have left.
+    /// Resolves when a server may have left.
     fn changed(&self) -> Pin<Box<dyn Future<Output = ()> + Send + '_>>;
 
-    /// Returns an id of at least `earliest` that no world of the fleet has had.
+    /// Returns a new id of at least `earliest`, which no world of the fleet has had.
     fn new_id(&self, earliest: WorldId) -> StoreCall<'_, WorldId>;
 
-    /// Takes over worlds without a living server: this server's share of them, as long as it has at most `max_worlds`. Also takes in those
-    /// that are this server's in the store, such as after a claim whose answer was lost. `held` are neither: the server runs or restores
-    /// them, or leaves them alone for a while. What is under way with an earlier claim to a world, such as a save, fails.
+    /// Takes over this server's share of the worlds without a living server, up to `max_worlds` in all. Also returns
+    /// worlds that the store already assigns to this server, such as after a claim whose answer was lost. Worlds in
+    /// `held` are left out: the server runs or restores them, or waits after a failure. Calls with an earlier claim to
+    /// a world, such as a save, fail.
     fn claim<'a>(&'a self, max_worlds: usize, held: &'a [WorldId]) -> StoreCall<'a, Vec<WorldId>>;
 
-    /// Gives up a world that this server cannot run, so that any other takes it over.
+    /// Gives up a world that this server cannot run, so that another server takes it over.
     fn hand_back(&self, id: WorldId) -> StoreCall<'_, ()>;
 
-    /// Records what happened in a lease epoch. Says for each world whether it is recorded; if not, the world is another server's. Worlds that
-    /// were never saved are left out, and all are if the lease epoch is over.
+    /// Appends journals that were made in `lease_epoch`. Returns whether each was appended; if not, another server has
+    /// the world. Worlds that were never saved are left out. If the lease epoch has ended, all are left out.
     fn append_journals<'a>(
         &'a self,
         lease_epoch: LeaseEpoch,
         journals: &'a [(WorldId, Journal)],
     ) -> StoreCall<'a, BTreeMap<WorldId, bool>>;
 
-    /// Where a world runs; `None` if there is no such world.
+    /// The server that has a world; `None` if there is no such world.
     fn locate(&self, id: WorldId) -> StoreCall<'_, Option<ServerInfo>>;
 
     /// All servers that hold their lease.

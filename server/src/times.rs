@@ -23,8 +23,8 @@ impl Default for TickTimes {
 }
 
 impl TickTimes {
-    /// Creates a histogram from counts as [`TickTimes::counts`] returns them; missing counts are 0. The total is estimated
-    /// from the bounds.
+    /// Creates a histogram from counts as [`TickTimes::counts`] returns them; missing counts are 0. The total is
+    /// estimated from the bounds.
     pub fn from_counts(counts: &[u64]) -> Self {
         let mut times = Self::default();
         times.counts.iter_mut().zip(counts).for_each(|(count, given)| *count = *given);
@@ -60,12 +60,12 @@ impl TickTimes {
         Duration::from_micros(self.total_us)
     }
 
-    /// Returns the number of ticks that took less than `limit`, rounded down to the bound of a bucket.
+    /// Returns the number of ticks below `limit`, rounded down to the bound of a bucket.
     pub fn below(&self, limit: Duration) -> u64 {
         (0..BUCKETS - 1).take_while(|&idx| Self::bound(idx) <= limit).map(|idx| self.counts[idx]).sum()
     }
 
-    /// Returns the bound that a share of ticks, 0 to 1, stays below, us; 0 if there are no ticks.
+    /// Returns the bound below which a share of ticks (0 to 1) stays, us; 0 if there are no ticks.
     pub fn quantile_us(&self, share: f64) -> f32 {
         let wanted = (self.count() as f64 * share).ceil().max(1.0) as u64;
         let mut seen = 0;

@@ -1,4 +1,4 @@
-//! Turns for long CPU work: few run at a time, and of each client one, so that no client waits for all calls of
+//! Turns for long CPU work: few calls run at a time, and one of each client, so that no client waits for all calls of
 //! another.
 
 use parking_lot::Mutex;
@@ -13,7 +13,7 @@ pub struct Turns {
     clients: Mutex<BTreeMap<Arc<str>, Weak<Semaphore>>>,
 }
 
-/// The place of a call that is the next of its client.
+/// The place of a call that is the next one of its client.
 #[derive(Debug)]
 pub struct Place {
     all: Arc<Semaphore>,

@@ -1,4 +1,4 @@
-//! What one reader sees of a world: the NPCs of a region, either all of them or only changes.
+//! One reader's view of a world: the NPCs of a region, either all of them or only changes.
 
 use crate::hosted::{NpcState, Snapshot};
 use crate::ids::NpcId;
@@ -22,28 +22,28 @@ impl Region {
         [self.low, self.high]
     }
 
-    /// Whether a point lies in the region, its boundary included.
+    /// Whether the region contains a point; the boundary counts.
     pub fn holds(&self, point: Vec3) -> bool {
         self.low.cmple(point).all() && point.cmple(self.high).all()
     }
 }
 
-/// The part of a snapshot that one reader is sent.
+/// The part of a snapshot for one reader.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shown {
     /// Tick of the snapshot.
     pub tick: Tick,
     /// Time of the server's clock at the snapshot.
     pub time: SystemTime,
-    /// NPCs of the region: all of them, or those that the reader does not know yet.
+    /// NPCs of the region: all of them, or those that are new to the reader.
     pub npcs: Vec<NpcState>,
-    /// NPCs that the reader knows and that have changed: old state, new state.
+    /// Known NPCs that have changed: old state, new state.
     pub changed: Vec<(NpcState, NpcState)>,
-    /// Whether this holds only changes since the snapshot before.
+    /// Whether this has only changes since the previous snapshot.
     pub is_delta: bool,
-    /// NPCs that have left the region or the world since the snapshot before.
+    /// NPCs that have left the region or the world since the previous snapshot.
     pub gone: Vec<NpcId>,
-    /// What movers do and where they are, by index: of all, or of those that have changed since the snapshot before.
+    /// State and pose of movers by index: all of them, or those that have changed since the previous snapshot.
     pub movers: Vec<(usize, MoverState, MoverStop)>,
     /// All players.
     pub players: Vec<(PlayerSlot, Player)>,
@@ -51,24 +51,24 @@ pub struct Shown {
     pub map_revision: u64,
 }
 
-/// Reduces snapshots to what one reader has subscribed to.
+/// Reduces snapshots to the subscription of one reader.
 #[derive(Debug)]
 pub struct View {
     region: Option<Region>,
     delta: bool,
     /// With `delta`: the NPCs that the reader knows; `None` before the first snapshot.
     seen: Option<BTreeMap<NpcId, NpcState>>,
-    /// With `delta`: the movers as the reader knows them.
+    /// With `delta`: the movers as last sent.
     seen_movers: Vec<(MoverState, MoverStop)>,
 }
 
 impl View {
-    /// A view of the NPCs in `region` (`None`: everywhere); with `delta`, only of changes since the snapshot before.
+    /// A view of the NPCs in `region` (`None`: everywhere); with `delta`, only changes since the previous snapshot.
     pub fn new(region: Option<Region>, delta: bool) -> Self {
         Self { region, delta, seen: None, seen_movers: Vec::new() }
     }
 
-    /// Returns the part of `snapshot` to send to the reader.
+    /// Returns the part of `snapshot` for the reader.
     pub fn show(&mut self, snapshot: &Snapshot) -> Shown {
         let &Snapshot { tick, time, .. } = snapshot;
         let within = |npc: &&NpcState| self.region.is_none_or(|region| region.holds(npc.position));

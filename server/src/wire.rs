@@ -15,28 +15,21 @@ use crate::ids::NpcId;
 use crate::view::{Region, Shown};
 use std::collections::BTreeSet;
 use surefoot_net::status;
-use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::convert::{self, FieldError, WireEnum};
+use surefoot_proto::wire_enum;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::Vec3;
 use surefoot_world::sense::{Seen, Sight};
 use tonic::Status;
 
-/// Reads the time mode of a new world.
-///
-/// # Errors
-/// INVALID_ARGUMENT if the value is unknown.
-pub fn time_mode(mode: i32) -> Result<TimeMode, Status> {
-    match wire::TimeMode::try_from(mode) {
-        Ok(wire::TimeMode::Unspecified | wire::TimeMode::Realtime) => Ok(TimeMode::Realtime),
-        Ok(wire::TimeMode::Lockstep) => Ok(TimeMode::Lockstep),
-        Err(_) => Err(status::invalid("mode", format!("mode {mode} is unknown"))),
-    }
-}
+wire_enum!(TimeMode = wire::TimeMode: Realtime Lockstep);
+wire_enum!(NpcStatus = wire::NpcStatus: Idle Seeking Down);
+wire_enum!(Support = wire::Support: Air Ground Steep Water ZipLine);
 
 /// Reads a region; absent means everywhere.
 ///
 /// # Errors
-/// If a corner is missing or not finite, or a coordinate of the low corner exceeds that of the high one.
+/// If a corner is missing or not finite, or a coordinate of the low corner is greater than the high one.
 pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {
     let Some(region) = region else { return Ok(None) };
     let low = convert::point(region.low.as_ref(), "region.low")?;
@@ -64,21 +57,13 @@ pub(super) fn each_once(mut npcs: Vec<u64>, field: &'static str) -> Result<(), S
     Err(status::invalid(field, format!("{field} names npc {} twice", pair[0])))
 }
 
-/// Converts a time mode.
-pub fn time_mode_to_wire(mode: TimeMode) -> wire::TimeMode {
-    match mode {
-        TimeMode::Realtime => wire::TimeMode::Realtime,
-        TimeMode::Lockstep => wire::TimeMode::Lockstep,
-    }
-}
-
 /// Converts a world.
 pub fn world_to_wire(world: &WorldSummary) -> wire::World {
     wire::World {
         world_id: world.id.0,
         map: world.map.spec().map(convert::map_spec_to_wire),
         map_hash: world.map.built_hash().to_hex(),
-        mode: time_mode_to_wire(world.mode).into(),
+        mode: world.mode.to_wire().into(),
         npc_count: world.npc_count as u32,
         tick: world.tick.0,
         bodies: world.bodies.iter().map(convert::body_to_wire).collect(),
@@ -95,39 +80,21 @@ pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
         position: Some(convert::to_wire(npc.position)),
         velocity: Some(convert::to_wire(npc.velocity)),
         yaw: npc.yaw,
-        status: npc_status_to_wire(npc.status).into(),
+        status: npc.status.to_wire().into(),
         goal: npc.goal.map(convert::to_wire),
         waypoint: npc.waypoint.map(convert::to_wire),
         last_outcome: convert::outcome(npc.last_outcome).into(),
         attempts_begun: npc.attempts_begun,
         attempts_ended: npc.attempts_ended,
         worker_id: npc.worker.map_or(0, |worker| worker.0),
-        support: support_to_wire(npc.support).into(),
-        ability: convert::ability_to_wire(npc.ability).into(),
+        support: npc.support.to_wire().into(),
+        ability: npc.ability.to_wire().into(),
         cause: convert::outcome(npc.cause).into(),
         body_idx: npc.body.0.into(),
     }
 }
 
-fn npc_status_to_wire(status: NpcStatus) -> wire::NpcStatus {
-    match status {
-        NpcStatus::Idle => wire::NpcStatus::Idle,
-        NpcStatus::Seeking => wire::NpcStatus::Seeking,
-        NpcStatus::Down => wire::NpcStatus::Down,
-    }
-}
-
-fn support_to_wire(support: Support) -> wire::Support {
-    match support {
-        Support::Air => wire::Support::Air,
-        Support::Ground => wire::Support::Ground,
-        Support::Steep => wire::Support::Steep,
-        Support::Water => wire::Support::Water,
-        Support::ZipLine => wire::Support::ZipLine,
-    }
-}
-
-/// Converts what has changed about an NPC.
+/// Converts the changes of an NPC.
 fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
     /// The new value, if it differs from the old one.
     fn changed<T: PartialEq>(old: T, new: T) -> Option<T> {
@@ -139,7 +106,7 @@ fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
         position: changed(old.position, npc.position).map(convert::to_wire),
         velocity: changed(old.velocity, npc.velocity).map(convert::to_wire),
         yaw: changed(old.yaw, npc.yaw),
-        status: changed(old.status, npc.status).map(|status| npc_status_to_wire(status).into()),
+        status: changed(old.status, npc.status).map(|status| status.to_wire().into()),
         goal: place(old.goal, npc.goal),
         goal_cleared: old.goal.is_some() && npc.goal.is_none(),
         waypoint: place(old.waypoint, npc.waypoint),
@@ -148,14 +115,14 @@ fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
         attempts_begun: changed(old.attempts_begun, npc.attempts_begun),
         attempts_ended: changed(old.attempts_ended, npc.attempts_ended),
         worker_id: changed(old.worker, npc.worker).map(|worker| worker.map_or(0, |worker| worker.0)),
-        support: changed(old.support, npc.support).map(|support| support_to_wire(support).into()),
-        ability: changed(old.ability, npc.ability).map(|ability| convert::ability_to_wire(ability).into()),
+        support: changed(old.support, npc.support).map(|support| support.to_wire().into()),
+        ability: changed(old.ability, npc.ability).map(|ability| ability.to_wire().into()),
         cause: changed(old.cause, npc.cause).map(|cause| convert::outcome(cause).into()),
     }
 }
 
-/// Converts the events of one tick, with the cursor of the last; if `only` is not empty, only events of its NPCs are included.
-/// Returns `None` if there are no events.
+/// Converts the events of one tick, with the cursor of the last; if `only` is not empty, only events of its NPCs are
+/// included. Returns `None` if there are no events.
 pub fn events_to_wire(epoch: u64, events: &[NpcEvent], only: &BTreeSet<NpcId>) -> Option<wire::WatchEventsResponse> {
     let last = events.last()?;
     let wanted = events.iter().filter(|event| only.is_empty() || only.contains(&event.npc));
@@ -182,13 +149,13 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
             seconds: seconds.0,
         }),
         EventKind::Jumped { ability, position } => {
-            Event::Jumped(wire::Jumped { ability: convert::ability_to_wire(ability).into(), position: point(position) })
+            Event::Jumped(wire::Jumped { ability: ability.to_wire().into(), position: point(position) })
         }
         EventKind::Landed { position, impact_speed } => {
             Event::Landed(wire::Landed { position: point(position), impact_speed })
         }
         EventKind::Rode { ability, position } => {
-            Event::Rode(wire::Rode { ability: convert::ability_to_wire(ability).into(), position: point(position) })
+            Event::Rode(wire::Rode { ability: ability.to_wire().into(), position: point(position) })
         }
         EventKind::Died { cause, attempt, position } => Event::Died(wire::Died {
             cause: convert::outcome(Some(cause)).into(),
@@ -227,7 +194,7 @@ pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     }
 }
 
-/// Converts the part of a snapshot that a reader is sent.
+/// Converts the part of a snapshot for a reader.
 pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
     wire::WatchWorldResponse {
         tick: shown.tick.0,
@@ -245,7 +212,7 @@ pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
 /// Converts the plan of an NPC.
 pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
     let leg = |leg: &PlanLeg| wire::PlanLeg {
-        ability: convert::ability_to_wire(leg.ability).into(),
+        ability: leg.ability.to_wire().into(),
         seconds: leg.seconds.0,
         chance: leg.chance.get() as f32,
     };
@@ -266,11 +233,11 @@ pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
     }
 }
 
-/// Converts what an NPC sees, ray by ray.
+/// Converts the rays of an NPC.
 pub fn rays_to_wire(sight: &Sight) -> Vec<wire::Ray> {
     let surface = |seen: Option<Seen>| match seen {
         None => wire::Surface::Unspecified,
-        Some(Seen::Surface(surface)) => map::surface_to_wire(surface),
+        Some(Seen::Surface(surface)) => surface.to_wire(),
         Some(Seen::Body) => wire::Surface::Body,
     };
     let ray = |&(end, seen): &(Vec3, Option<Seen>)| wire::Ray {

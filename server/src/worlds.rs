@@ -1,5 +1,5 @@
 //! All worlds of a server: their owners and lifecycle. `npcs` has the calls about NPCs, `maps` those about the ground,
-//! `workers` those of workers, `persistence` how worlds outlive the process.
+//! `workers` those of workers. `persistence` saves and restores worlds, `takeovers` lists those being restored.
 
 mod maps;
 mod npcs;
@@ -31,15 +31,15 @@ use takeovers::Takeovers;
 use tokio::time::Instant;
 use tracing::info;
 
-/// Longest wait for the clock to reach a new id: far more than the ids that are created in a burst.
+/// Longest wait for the clock to reach a new id; far more than a burst of new ids needs.
 const MAX_ID_WAIT: Duration = Duration::from_secs(1);
 /// Longest wait until a change is durable in a fleet.
 const CONFIRM_LIMIT: Duration = Duration::from_secs(5);
-/// Most threads that survey maps, and most that draw places on maps, at the same time, so that worlds keep stepping.
+/// Most threads that survey maps, and most that sample the ground, at the same time, so that worlds keep stepping.
 const SURVEYS_AT_A_TIME: usize = 2;
 const SAMPLES_AT_A_TIME: usize = 2;
 
-/// Why the server cannot do what a client requests.
+/// Why the server cannot carry out a request.
 #[derive(Debug, thiserror::Error)]
 pub enum WorldsError {
     /// No world has this id.
@@ -60,31 +60,31 @@ pub enum WorldsError {
     /// The world belongs to another client.
     #[error("world {0} belongs to another client")]
     NotOwner(WorldId),
-    /// The world refuses.
+    /// The world refuses the call.
     #[error(transparent)]
     Npc(#[from] NpcError),
     /// The world's thread does not accept the call.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// An item of a batch is invalid: the field, and what is wrong with it.
+    /// An item of a batch is invalid: the field and the reason.
     #[error("{1}")]
     BadItem(String, String),
-    /// There is no map for it.
+    /// The map cannot be made.
     #[error(transparent)]
     Map(#[from] MapError),
-    /// Its map cannot be edited.
+    /// The map cannot be edited.
     #[error(transparent)]
     Edit(#[from] EditError),
-    /// What is saved cannot be changed.
+    /// The store cannot be changed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// Another server of the fleet runs it.
+    /// Another server of the fleet has the world.
     #[error("world {0} runs on {1}")]
     Elsewhere(WorldId, String),
-    /// The server may have lost its worlds to others.
-    #[error("world {0} may be moving to another server: look where it runs, and try again")]
+    /// The server may have lost its worlds to other servers.
+    #[error("world {0} may be moving to another server: call LocateWorld, and retry")]
     Moving(WorldId),
-    /// A change was made, and is not known to be durable.
+    /// A change was applied, but may not be durable.
     #[error("world {0}: the change was applied but is not durable: the database does not answer")]
     Unconfirmed(WorldId),
     /// Work in the background ended without a result.
@@ -103,19 +103,20 @@ pub struct WorldHandle {
     pub mode: TimeMode,
     /// When within a period its ticks are due, in [0, 1).
     phase: f64,
-    /// Usual body of its NPCs.
+    /// Default body of its NPCs.
     pub body: CharacterProfile,
     /// The world's place in its client's quota.
     ticket: Arc<Ticket>,
-    /// What the map takes of the memory budget.
+    /// The map's part of the memory budget.
     _memory: Arc<SharedMap>,
-    /// Held from the moment that it is saved: what is saved later is newer.
+    /// Held during a save, so that a later save is newer.
     saving: Arc<tokio::sync::Mutex<()>>,
-    /// Nothing of it is to be saved any more. Locked while a save is written, not while its thread is waited for.
+    /// Whether the world must not be saved any more. Locked while a save is written, but not while the thread is
+    /// called.
     is_dropped: Arc<tokio::sync::Mutex<bool>>,
 }
 
-/// The map of a running world, for those who only look at it.
+/// The map of a running world, for calls that only read it.
 #[derive(Debug, Clone)]
 pub struct ShownMap(Arc<RwLock<Arc<Map>>>);
 
@@ -124,34 +125,34 @@ impl ShownMap {
         Self(Arc::new(RwLock::new(map)))
     }
 
-    /// The map as it is now.
+    /// The current map.
     pub fn get(&self) -> Arc<Map> {
         self.0.read().clone()
     }
 
-    /// Shows another map from now on. Called on the world's thread, so that the last edit stays.
+    /// Replaces the map. Called on the world's thread, so that the last edit wins.
     pub fn show(&self, map: &Arc<Map>) {
         *self.0.write() = map.clone();
     }
 }
 
-/// What a caller wants of an NPC.
+/// Access of a call to an NPC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NpcAccess {
-    /// Its state: anybody may.
+    /// Reads its state: any caller may.
     Read,
-    /// To change it: whoever spawned it, the owner of its world, or an admin may.
+    /// Changes it: the client that spawned it, the owner of its world, and admins may.
     Change,
 }
 
-/// What a new world is like, beside its map.
+/// Settings of a new world, except its map.
 #[derive(Debug, Clone)]
 pub struct WorldSettings {
     /// How its time passes.
     pub mode: TimeMode,
-    /// The usual body of its NPCs.
+    /// The default body of its NPCs.
     pub body: CharacterProfile,
-    /// Whether they get in each other's way.
+    /// Whether they collide with each other.
     pub solid_npcs: bool,
 }
 
@@ -164,17 +165,17 @@ pub struct Worlds {
 #[derive(Debug)]
 struct WorldsInner {
     config: ServerConfig,
-    /// When the ticks of all worlds began.
+    /// Epoch of the tick schedules of all worlds.
     started: std::time::Instant,
     worlds: RwLock<BTreeMap<WorldId, WorldHandle>>,
     last_world: AtomicU64,
-    /// The smallest id that a new world may get.
+    /// The smallest id for new worlds.
     epoch: WorldId,
     world_quota: Arc<Quota>,
     npc_quota: Arc<Quota>,
     registry: Arc<Registry>,
     levels: LevelStore,
-    /// Held while saving: two saves at a time would write the same files.
+    /// Held while all worlds are saved: two saves at a time would write the same files.
     saving: tokio::sync::Mutex<()>,
     /// Where worlds are saved.
     store: OnceLock<Arc<dyn WorldStore>>,
@@ -184,11 +185,11 @@ struct WorldsInner {
     failed_save_count: AtomicU64,
     /// Worlds that were taken over from other servers of the fleet.
     taken_over_count: AtomicU64,
-    /// Worlds of the fleet that are this server's and do not run.
+    /// Worlds of this server, in a fleet, that do not run.
     takeovers: Takeovers,
     /// Turns of surveys.
     surveys: Turns,
-    /// Turns of draws of places.
+    /// Turns of sampling the ground.
     samples: Turns,
     shutdown: Shutdown,
 }
@@ -243,8 +244,6 @@ impl Worlds {
         &self.inner.shutdown
     }
 
-    // --- worlds ---
-
     /// Creates a world for `client` and starts it.
     ///
     /// # Errors
@@ -276,7 +275,7 @@ impl Worlds {
         self.describe(caller, id).await
     }
 
-    /// Returns an id that no world of this or an earlier epoch has had.
+    /// Returns an id that is unique across epochs.
     async fn next_id(&self) -> Result<WorldId, StoreError> {
         if let Some(shared) = self.shared_store() {
             return shared.new_id(WorldId::at(SystemTime::now())).await;
@@ -286,8 +285,8 @@ impl Worlds {
         let next = |last: u64| earliest.max(last + 1);
         let before = last.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |last| Some(next(last)));
         let id = WorldId(next(before.unwrap_or_else(|last| last)));
-        // Ids must not run ahead of the clock, or the next epoch could assign the same ones. Those of restored worlds do, if the clock
-        // was set back: there is no waiting for these, because the next epoch restores them too.
+        // Ids must not be ahead of the clock, or the next epoch could assign the same ones. If the clock was set back,
+        // ids of restored worlds are ahead; this does not wait for them, because the next epoch restores them too.
         let enough = Instant::now() + MAX_ID_WAIT;
         while WorldId::at(SystemTime::now()) < id && Instant::now() < enough {
             tokio::time::sleep(ID_PERIOD).await;
@@ -295,12 +294,12 @@ impl Worlds {
         Ok(id)
     }
 
-    /// Returns the epoch, which is greater after every restart of the server.
+    /// Returns the epoch, which grows with each restart of the server.
     pub fn epoch(&self) -> u64 {
         self.inner.epoch.0
     }
 
-    /// Starts a world's thread and lists it, unless there are `limit` worlds; `made` is its map without pieces.
+    /// Starts a world's thread and adds it, unless there are `limit` worlds; `base` is its map without pieces.
     fn start(
         &self,
         id: WorldId,
@@ -323,7 +322,7 @@ impl Worlds {
             move || {
                 let Some(shared) = shared.upgrade() else { return };
                 shared.failed_count.fetch_add(1, Ordering::Relaxed);
-                // What was saved of it stays: it is restored when the server starts the next time, in a fleet after a pause.
+                // Its save is kept. It is restored at the next start of the server; in a fleet, after a pause.
                 shared.takeovers.note_failure(id);
                 shared.worlds.write().remove(&id);
             }
@@ -358,7 +357,7 @@ impl Worlds {
         worlds.get(&id).cloned().ok_or(WorldsError::UnknownWorld(id))
     }
 
-    /// A running world, with the caller's queue to its thread.
+    /// A running world, whose thread queues the calls as those of the caller.
     ///
     /// # Errors
     /// If there is none of that id.
@@ -367,10 +366,10 @@ impl Worlds {
         Ok(WorldHandle { sim: handle.sim.for_client(&caller.name), ..handle })
     }
 
-    /// Access to a world to which the caller may add: its own, or, for designers, any.
+    /// A running world to which the caller may add: its own, or, for designers, any.
     ///
     /// # Errors
-    /// If there is none of that id, or it belongs to somebody else.
+    /// If there is none of that id, or it belongs to another client.
     pub fn handle_to_change(&self, caller: &Caller, id: WorldId) -> Result<WorldHandle, WorldsError> {
         let handle = self.handle_for(caller, id)?;
         if caller.may_add_to(handle.ticket.client()) { Ok(handle) } else { Err(WorldsError::NotOwner(id)) }
@@ -384,7 +383,7 @@ impl Worlds {
         Ok(self.handle_for(caller, id)?.sim.call(|state| WorldSummary::of(&state.world)).await?)
     }
 
-    /// The figures of all worlds after their latest ticks, in the order of their ids. Never waits for a world.
+    /// The figures of all worlds after their latest ticks, ordered by id. Does not wait for a world.
     pub fn figures(&self) -> Vec<Arc<WorldFigures>> {
         self.inner.worlds.read().values().map(|world| world.sim.figures()).collect()
     }
@@ -394,10 +393,11 @@ impl Worlds {
         self.inner.worlds.read().keys().copied().collect()
     }
 
-    /// Ends a world and deletes what was saved of it, also if its thread is stuck. A save that is being written ends first.
+    /// Ends a world and deletes its save, even if its thread is stuck. A save that is being written ends first.
     ///
     /// # Errors
-    /// If there is none of that id, it belongs to somebody else, or its file cannot be deleted; then the world goes on.
+    /// If there is none of that id, or it belongs to another client. Also if the save cannot be deleted; then the world
+    /// continues.
     pub async fn drop_world(&self, caller: &Caller, id: WorldId) -> Result<(), WorldsError> {
         let handle = self.handle(id)?;
         if !caller.may_change(handle.ticket.client()) {
@@ -406,22 +406,22 @@ impl Worlds {
         if let Some(store) = self.store().cloned() {
             let is_dropped = handle.is_dropped.clone();
             let forget = async move {
-                // Whoever saves the world just now finishes first, and nobody saves it any more.
+                // A save in progress finishes first, and no other save follows.
                 let mut is_dropped = is_dropped.lock().await;
                 store.forget(id).await?;
                 *is_dropped = true;
                 Ok::<(), StoreError>(())
             };
-            // Goes on if the client disconnects.
+            // Continues if the client disconnects.
             let forgotten = tokio::spawn(forget).await;
             forgotten.map_err(|error| WorldsError::Lost("dropping a world", error))??;
         }
         let dropped = self.inner.worlds.write().remove(&id);
-        // In a fleet, it goes as well when what happened in it cannot be recorded any more, because it is forgotten.
+        // In a fleet, the journal task may have removed the world first, because the store no longer has it.
         if dropped.is_none() && self.shared_store().is_none() {
             return Err(WorldsError::UnknownWorld(id));
         }
-        // A thread that takes no more calls ends with the last handle.
+        // A thread that accepts no calls ends with its last handle.
         let _ = handle.sim.cast(|state| state.is_over = true);
         info!(world_id = id.0, "world dropped");
         Ok(())

@@ -1,5 +1,6 @@
-//! A simulated network between hosted worlds and their workers: connections that delay, stall and break, workers that fall silent and die,
-//! servers that restart. Everything follows from a seed; a failing seed is printed, and `SUREFOOT_SEED=N` runs it alone.
+//! A simulated network between hosted worlds and their workers: connections that delay, stall and break, workers that
+//! fall silent and die, servers that restart. Everything follows from a seed; a failing seed is printed, and
+//! `SUREFOOT_SEED=N` runs it alone.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};

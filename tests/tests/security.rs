@@ -39,14 +39,13 @@ use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
 fn secret_of(role: Role) -> String {
-    format!("the-secret-of-a-{}", role.name())
+    format!("the-secret-of-a-{}", role)
 }
 
 /// One token for every role, with the name of the role.
 fn tokens() -> Tokens {
-    let entry = |role: Role| {
-        format!("[[token]]\nname = \"{0}\"\nrole = \"{0}\"\nsecret = \"{1}\"\n", role.name(), secret_of(role))
-    };
+    let entry =
+        |role: Role| format!("[[token]]\nname = \"{0}\"\nrole = \"{0}\"\nsecret = \"{1}\"\n", role, secret_of(role));
     Tokens::parse(&Role::ALL.map(entry).concat()).unwrap()
 }
 
@@ -205,7 +204,7 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
             let graph = graph_of(&mut admin, &graph_id).await;
             let now = graph.edges.iter().find(|edge| key(edge) == key(&probed)).unwrap().clone();
             let listed = reports(&mut admin, &graph_id).await;
-            let is_listed = listed.iter().any(|(name, count)| name == role.name() && *count > 0);
+            let is_listed = listed.iter().any(|(name, count)| *name == role.to_string() && *count > 0);
             assert!(is_listed, "{role:?} is missing in {listed:?}");
             if dropped_by_cap || now.tries > probed.tries + probed.tries / 2 {
                 break now;
@@ -213,8 +212,7 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
         };
         assert_eq!(now.tries <= probed.tries + probed.tries / 2, dropped_by_cap, "{role:?}: {now:?}");
     }
-    let drop_of =
-        |role: Role| plan::DropReportsRequest { graph_id: graph_id.clone(), reporter: role.name().to_owned() };
+    let drop_of = |role: Role| plan::DropReportsRequest { graph_id: graph_id.clone(), reporter: role.to_string() };
     let refused = planner_of(&planner, Role::Designer).await.drop_reports(drop_of(Role::Worker)).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
     let unnamed = plan::DropReportsRequest { graph_id: graph_id.clone(), reporter: String::new() };

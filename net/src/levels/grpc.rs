@@ -24,7 +24,7 @@ const CHUNK_BYTES: usize = 1 << 18;
 const CHUNKS_PER_READER: u64 = 4;
 /// Longest name of a level, bytes.
 const MAX_NAME: f64 = 128.0;
-/// Typical time for which an archive is away.
+/// Typical time for which an archive is unavailable.
 const RETRY_AFTER: Duration = Duration::from_secs(2);
 
 impl From<LevelError> for Status {
@@ -36,7 +36,7 @@ impl From<LevelError> for Status {
             LevelError::Full(_) => status::quota(Reason::TooManyMaps, "server", message),
             LevelError::Unknown(map_hash) => status::not_found(Reason::MapNotFound, "map", map_hash, message),
             LevelError::File(_) => status::invalid("file", message),
-            LevelError::Away(_) => status::retry(Reason::StoreUnavailable, RETRY_AFTER, message),
+            LevelError::Unavailable(_) => status::retry(Reason::StoreUnavailable, RETRY_AFTER, message),
         }
     }
 }
@@ -61,10 +61,11 @@ impl From<UploadError> for Status {
     }
 }
 
-/// The map that a request names: by spec or by the hash of a kept one.
+/// The base map of a request: a spec, or the hash of a kept map.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if the request sets neither or both, or the spec is out of range; NOT_FOUND if no map with that hash is kept.
+/// INVALID_ARGUMENT if the request sets neither or both, or the spec is out of range; NOT_FOUND if no map with that
+/// hash is kept.
 pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str) -> Result<BaseMap, Status> {
     match (spec, map_hash) {
         (Some(_), hash) if !hash.is_empty() => {
@@ -75,7 +76,7 @@ pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str)
     }
 }
 
-/// What a request's map is made of, with the request's pieces.
+/// The base map of a request with the request's pieces.
 ///
 /// # Errors
 /// INVALID_ARGUMENT if one of them is not valid; RESOURCE_EXHAUSTED if they are too many.
@@ -84,7 +85,7 @@ pub fn with_pieces(base: BaseMap, pieces: &[wire::Piece]) -> Result<MapSource, S
     MapSource::from(base).with_pieces(pieces).map_err(|error| piece_error(&error, "pieces"))
 }
 
-/// Converts what is wrong with pieces in `field`.
+/// The status for invalid pieces in `field`.
 pub fn piece_error(error: &PieceError, field: &'static str) -> Status {
     match error {
         PieceError::TooMany(_) => status::quota(Reason::TooManyPieces, "map", error.to_string()),
@@ -109,16 +110,16 @@ fn format(format: wire::MapFormat) -> Result<LevelFormat, Status> {
     }
 }
 
-/// How the level of a request is to be read.
+/// The import options of a request.
 fn import_options(request: &wire::ImportMapRequest) -> Result<ImportOptions, Status> {
     let up = match wire::UpAxis::try_from(request.up) {
         Ok(wire::UpAxis::Unspecified | wire::UpAxis::Y) => UpAxis::Y,
         Ok(wire::UpAxis::Z) => UpAxis::Z,
-        Err(_) => return Err(status::invalid("up", format!("up is {}: there is no such axis", request.up))),
+        Err(_) => return Err(status::invalid("up", format!("up has the unknown value {}", request.up))),
     };
     let scale = match request.scale {
         0.0 => 1.0,
-        // The import says what is wrong with others.
+        // The import refuses invalid scales.
         scale => scale,
     };
     Ok(ImportOptions { scale, up, keep_sides: request.keep_sides })
@@ -171,7 +172,7 @@ impl MapService for LevelStore {
             return Err(status::invalid("upload_id", message));
         }
         let turn = self.turn().await;
-        // An upload stays where it is until its turn, and until there is memory for reading it.
+        // An upload stays where it is until its turn comes and there is memory to read it.
         let (file, memory) = if upload_id.is_empty() {
             let memory = self.reserve(&caller.name, file.len() + sidecar.len())?;
             (file, memory)
@@ -182,7 +183,7 @@ impl MapService for LevelStore {
         };
         let levels = self.clone();
         let task = tokio::task::spawn_blocking(move || {
-            // The caller may be gone: turn and memory are released when the work is done.
+            // The caller may disconnect; turn and memory are released when the work is done.
             let _held = (turn, memory);
             let sidecar = (!sidecar.is_empty()).then_some(sidecar.as_str());
             let Read { map, origin, warnings } = read(format, &file, sidecar, &options)?;

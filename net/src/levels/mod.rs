@@ -1,7 +1,9 @@
-//! Maps that services use: imported levels that are kept, generated maps that are shared, and `MapService` in front of the former.
+//! Maps that services use: imported levels, generated maps, and `MapService` for the imported ones. Server and planner
+//! both have a store of levels.
 //!
-//! `store` knows levels, names and limits, `archive` is where several services share them, `pool` generates and shares, `uploads` holds files that arrive in parts, `file` has those that are read; `grpc` decodes, calls and encodes. Server and planner both
-//! have a store.
+//! `store` has the levels with their names and limits, and the interface of an archive that several services share.
+//! `pool` generates maps and shares equal ones, `uploads` holds files that arrive in parts, `file` files that clients
+//! read. `grpc` decodes, calls and encodes.
 
 mod file;
 pub mod grpc;

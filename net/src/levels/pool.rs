@@ -1,4 +1,4 @@
-//! Generated maps in use: equal ones are shared, and each is paid for from the memory budget before it is generated.
+//! Generated maps in use. Equal maps are shared; memory for a map is reserved before it is generated.
 
 use super::store::BaseMap;
 use crate::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
@@ -9,14 +9,14 @@ use surefoot_world::map::MapSize;
 use surefoot_world::{Map, MapSpec};
 use tokio::sync::{OwnedMutexGuard, Semaphore};
 
-/// Maps that are generated at the same time: each uses all cores in parts.
+/// Maps that are generated at the same time. Parts of a generation use all cores.
 const GENERATED_AT_A_TIME: usize = 2;
 
-/// A map that somebody uses; its memory is returned with the last user.
+/// A map in use. Its memory is returned with the last user.
 #[derive(Debug)]
 pub struct SharedMap {
     map: Arc<Map>,
-    /// None for an imported level: that one is paid for where it is kept.
+    /// None for an imported level, whose store has the reservation.
     _memory: Option<Reservation>,
 }
 
@@ -30,7 +30,7 @@ impl SharedMap {
 /// Why there is no map.
 #[derive(Debug, thiserror::Error)]
 pub enum MapError {
-    /// There is no memory for it.
+    /// The memory budget is exhausted.
     #[error(transparent)]
     Memory(#[from] MemoryError),
     /// Generating it panicked.
@@ -38,7 +38,7 @@ pub enum MapError {
     Lost(#[from] tokio::task::JoinError),
 }
 
-/// A map that may be in use, behind the lock of whoever generates it.
+/// A map that may be in use. The task that generates it holds the lock.
 type Slot = Arc<tokio::sync::Mutex<Weak<SharedMap>>>;
 
 /// The generated maps of a service; clones share them.
@@ -56,12 +56,12 @@ impl Default for MapPool {
 }
 
 impl MapPool {
-    /// No maps yet; their memory comes from `memory`.
+    /// An empty pool whose maps count against `memory`.
     pub fn new(memory: MemoryBudget) -> Self {
         Self { memory, turns: Arc::new(Semaphore::new(GENERATED_AT_A_TIME)), by_spec: Arc::default() }
     }
 
-    /// No maps yet; they may take `max_bytes` in all.
+    /// An empty pool with a budget of `max_bytes`.
     pub fn within(max_bytes: u64) -> Self {
         Self::new(MemoryBudget::new(max_bytes))
     }
@@ -71,11 +71,11 @@ impl MapPool {
         &self.memory
     }
 
-    /// The map that is made of this, without pieces. An equal one that is in use or being generated is shared. A generation goes on when its caller is gone,
-    /// and holds its memory until it is done.
+    /// The base map. An equal map that is in use or being generated is shared. A generation continues when its caller
+    /// disconnects, and holds its memory until it is done.
     ///
     /// # Errors
-    /// If there is no memory for it.
+    /// If the memory budget is exhausted.
     pub async fn get(&self, client: &str, source: &BaseMap) -> Result<Arc<SharedMap>, MapError> {
         let spec = match source {
             BaseMap::Level(level) => return Ok(Arc::new(SharedMap { map: level.map.clone(), _memory: None })),
@@ -86,7 +86,7 @@ impl MapPool {
         if let Some(shared) = shared.upgrade() {
             return Ok(shared);
         }
-        // Never closed. Those that wait hold no memory: generating a map takes three times what is kept of it.
+        // Never closed. Waiting callers hold no memory: a generation needs three times the memory of the map.
         let turn = self.turns.clone().acquire_owned().await.ok();
         let memory = self.memory.reserve(client, generation_bytes(spec.size))?;
         let task = tokio::task::spawn_blocking(move || {
@@ -96,7 +96,7 @@ impl MapPool {
         Ok(task.await?)
     }
 
-    /// Counts a map that exists already, such as a restored one, whether or not there is memory for it.
+    /// Counts a map that exists already, such as a restored one, even beyond the budget.
     pub fn adopt(&self, client: &str, map: Arc<Map>) -> Arc<SharedMap> {
         let memory = map.spec().is_some().then(|| self.memory.grant(client, map.memory_bytes() as u64));
         Arc::new(SharedMap { map, _memory: memory })
@@ -104,7 +104,7 @@ impl MapPool {
 
     fn slot(&self, key: String) -> Slot {
         let mut by_spec = self.by_spec.lock();
-        // Maps that nobody uses any more are forgotten.
+        // Removes maps that are no longer in use.
         by_spec
             .retain(|_, slot| Arc::strong_count(slot) > 1 || slot.try_lock().is_ok_and(|map| map.strong_count() > 0));
         by_spec.entry(key).or_default().clone()
@@ -113,15 +113,15 @@ impl MapPool {
 
 fn generate(spec: &MapSpec, mut memory: Reservation, mut slot: OwnedMutexGuard<Weak<SharedMap>>) -> Arc<SharedMap> {
     let map = Arc::new(Map::generate(spec));
-    // Less than generating it took: it always fits.
+    // Less than the estimate: it always fits.
     let _ = memory.resize(map.memory_bytes() as u64);
     let shared = Arc::new(SharedMap { map, _memory: Some(memory) });
     *slot = Arc::downgrade(&shared);
     shared
 }
 
-/// Most bytes that generating a map takes at a time, as measured: 54 MB for 250 x 80 x 250 m, 0.78 GB for 1000 x 80 x 1000 m, 0.88 GB
-/// for 1000 x 200 x 1000 m.
+/// Peak memory of a generation, as measured: 54 MB for 250 x 80 x 250 m, 0.78 GB for 1000 x 80 x 1000 m, 0.88 GB for
+/// 1000 x 200 x 1000 m.
 fn generation_bytes(size: MapSize) -> u64 {
     let area = u64::from(size.width) * u64::from(size.depth);
     4_000_000 + area * (730 + u64::from(size.height))

@@ -1,4 +1,4 @@
-//! The levels that a service keeps, and the sources of maps.
+//! The imported levels of a service, and the sources of maps.
 
 use super::file::LevelFile;
 use super::uploads::Uploads;
@@ -19,12 +19,12 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 /// Most imported maps that a service keeps by default.
 pub const DEFAULT_MAX_MAPS: usize = 16;
 
-/// Bytes that reading a file takes at most for each byte of it, the index aside.
+/// Most bytes that parsing needs for each byte of a file, not counting the index.
 pub(super) const PARSE_FACTOR: u64 = 8;
-/// Time without use after which any import may take the place of a level.
+/// Time without use after which any import may replace a level.
 const UNUSED_LIMIT: Duration = Duration::from_secs(600);
 
-/// A map made elsewhere, with the name of its level.
+/// An imported map, with the name of its level.
 #[derive(Debug)]
 pub struct Level {
     /// Name of the level; edits belong to it.
@@ -33,23 +33,23 @@ pub struct Level {
     pub map: Arc<Map>,
     /// The client that imported it.
     pub owner: Arc<str>,
-    /// Its file while a client reads it.
+    /// The level as a file, while a client reads it.
     pub(super) file: Arc<tokio::sync::Mutex<Weak<LevelFile>>>,
-    /// What it takes of the memory budget.
+    /// Its part of the memory budget.
     _memory: Reservation,
 }
 
-/// What a map was made of.
+/// A map without pieces: how it is made.
 #[derive(Debug, Clone)]
 pub enum BaseMap {
-    /// It is generated from a spec.
+    /// Generated from a spec.
     Spec(MapSpec),
-    /// It was imported.
+    /// Imported.
     Level(Arc<Level>),
 }
 
 impl BaseMap {
-    /// Returns a key that is different for all that differ.
+    /// A key that is unique for each base map.
     pub fn key(&self) -> String {
         match self {
             Self::Spec(spec) => format!("{spec:?}"),
@@ -65,7 +65,7 @@ impl BaseMap {
     }
 }
 
-/// Source of a map: what it was made of, and the pieces that were put onto it.
+/// Source of a map: its base map, and the pieces on it.
 #[derive(Debug, Clone)]
 pub struct MapSource {
     base: BaseMap,
@@ -79,7 +79,7 @@ impl From<BaseMap> for MapSource {
 }
 
 impl MapSource {
-    /// The map of the same making with these pieces.
+    /// The same base map with these pieces.
     ///
     /// # Errors
     /// If one of them is not valid, or they are too many.
@@ -88,7 +88,7 @@ impl MapSource {
         Ok(Self { pieces: pieces.into(), ..self })
     }
 
-    /// What the map was made of.
+    /// The base map.
     pub fn base(&self) -> &BaseMap {
         &self.base
     }
@@ -98,7 +98,7 @@ impl MapSource {
         &self.pieces
     }
 
-    /// Returns the map. Generating one takes a while: call this from a thread that may block.
+    /// Generates the map if needed. Blocks: do not call it from async code.
     pub fn map(&self) -> Arc<Map> {
         let base = match &self.base {
             BaseMap::Spec(spec) => Arc::new(Map::generate(spec)),
@@ -107,12 +107,12 @@ impl MapSource {
         self.finish(&base)
     }
 
-    /// Puts the pieces of the source onto the map that was made.
+    /// Puts the pieces onto the base map.
     pub fn finish(&self, base: &Arc<Map>) -> Arc<Map> {
         base.holding(&self.pieces).expect("the pieces of a source were checked")
     }
 
-    /// Returns a key that is different for every source.
+    /// A key that is unique for each source.
     pub fn key(&self) -> String {
         let base = self.base.key();
         if self.pieces.is_empty() { base } else { format!("{base} with {:?}", self.pieces) }
@@ -122,31 +122,27 @@ impl MapSource {
 /// Why a level cannot be kept or found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
-    /// The store is full, and no map in it may be replaced; holds the limit.
-    #[error(
-        "all {0} maps that may be kept are in use, or were used less than ten minutes ago by clients with fewer maps (--max-maps)"
-    )]
+    /// The store is full, and no map in it may be replaced. Holds the limit.
+    #[error("all {0} kept maps (--max-maps) are in use, or were used within ten minutes by clients with fewer maps")]
     Full(usize),
     /// There is no memory for it.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// Somebody else imported this very map under another name.
-    #[error(
-        "this map was imported as level `{0}` by another client: import it under that name, or ask its owner to rename it"
-    )]
+    /// Another client imported the same map under another name.
+    #[error("another client imported this map as level `{0}`: use that name, or ask its owner to rename the level")]
     OtherName(String),
     /// No such map is kept.
     #[error("map {0} is not kept here: call ImportMap first")]
     Unknown(String),
-    /// The file holds no valid map; says why.
+    /// The file has no valid map; holds the reason.
     #[error("{0}")]
     File(String),
-    /// The archive that services share cannot be used now; says why.
+    /// The shared archive is unavailable; holds the reason.
     #[error("{0}")]
-    Away(String),
+    Unavailable(String),
 }
 
-/// A level as it is kept.
+/// A level in an archive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SavedLevel {
     /// Content hash of the map, 64 hexadecimal digits.
@@ -161,16 +157,16 @@ pub struct SavedLevel {
 
 /// Keeps levels for all services that share it. Calls block.
 pub trait LevelArchive: Send + Sync + Debug {
-    /// Keeps a level, in place of one with the same map.
+    /// Saves a level. It replaces one with the same map.
     ///
     /// # Errors
-    /// If it cannot be kept; says why.
+    /// If the archive cannot be written; the text is the reason.
     fn save(&self, level: SavedLevel) -> Result<(), String>;
 
     /// Returns the level whose map has this hash; `None` if there is none.
     ///
     /// # Errors
-    /// If the archive cannot be read; says why.
+    /// If the archive cannot be read; the text is the reason.
     fn load(&self, map_hash: &str) -> Result<Option<SavedLevel>, String>;
 }
 
@@ -180,7 +176,7 @@ pub struct LevelStore {
     limit: usize,
     memory: MemoryBudget,
     uploads: Uploads,
-    /// One import at a time: what it needs is known only when it has been read.
+    /// One import at a time: the memory that it needs is known only after parsing.
     importing: Arc<Semaphore>,
     /// How long a reader of a level may read nothing.
     patience: Duration,
@@ -195,7 +191,7 @@ struct Kept {
 }
 
 impl LevelStore {
-    /// Keeps at most `limit` maps, which are paid for from `memory`.
+    /// A store of at most `limit` maps, which count against `memory`.
     pub fn new(limit: usize, memory: MemoryBudget) -> Self {
         Self {
             limit,
@@ -208,13 +204,13 @@ impl LevelStore {
         }
     }
 
-    /// Keeps levels in an archive as well, where other services find them.
+    /// Also keeps levels in an archive that other services share.
     #[must_use]
     pub fn archived(self, archive: Arc<dyn LevelArchive>) -> Self {
         Self { archive: Some(archive), ..self }
     }
 
-    /// Cuts off readers of levels that read nothing for so long.
+    /// Cuts off readers of levels that read nothing for `patience`.
     #[must_use]
     pub fn with_patience(self, patience: Duration) -> Self {
         Self { patience, ..self }
@@ -224,12 +220,12 @@ impl LevelStore {
         self.patience
     }
 
-    /// The memory budget that levels are paid for from.
+    /// The memory budget of levels.
     pub fn memory(&self) -> &MemoryBudget {
         &self.memory
     }
 
-    /// Keeps a level in the archive as well, if there is one. Call this from a thread that may block.
+    /// Saves a level to the archive, if there is one. Blocks.
     pub(super) fn archive(&self, level: &Level) -> Result<(), LevelError> {
         let Some(archive) = &self.archive else { return Ok(()) };
         let saved = SavedLevel {
@@ -238,17 +234,17 @@ impl LevelStore {
             owner: level.owner.to_string(),
             file: exchange::encode(&level.map),
         };
-        archive.save(saved).map_err(LevelError::Away)
+        archive.save(saved).map_err(LevelError::Unavailable)
     }
 
-    /// Returns the level whose map has the hash `map_hash`, which is loaded from the archive if it is not in memory.
+    /// Returns the level whose map has the hash `map_hash`, from memory or from the archive.
     ///
     /// # Errors
-    /// [`LevelError::Unknown`] if there is none; if the archive cannot be read, or there is no room for the level.
+    /// [`LevelError::Unknown`] if there is none. Also if the archive cannot be read, or there is no room for the level.
     pub async fn fetch(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
         let found = self.get(map_hash);
         let (Some(archive), Err(LevelError::Unknown(_))) = (self.archive.clone(), &found) else { return found };
-        // One at a time: what a level needs is known only when its file is here.
+        // One at a time: the memory that a level needs is known only after loading its file.
         let turn = self.turn().await;
         if let Ok(level) = self.get(map_hash) {
             return Ok(level);
@@ -256,20 +252,20 @@ impl LevelStore {
         let (levels, hash) = (self.clone(), map_hash.to_owned());
         let task = tokio::task::spawn_blocking(move || {
             let _turn = turn;
-            let Some(saved) = archive.load(&hash).map_err(LevelError::Away)? else {
+            let Some(saved) = archive.load(&hash).map_err(LevelError::Unavailable)? else {
                 return Err(LevelError::Unknown(hash));
             };
             let _memory = levels.reserve(&saved.owner, saved.file.len())?;
             let map = exchange::decode(&saved.file).map_err(|error| LevelError::File(error.to_string()))?;
             if map.hash().to_hex() != hash {
-                return Err(LevelError::File(format!("the archive holds another map as {hash}")));
+                return Err(LevelError::File(format!("the archive has another map under the hash {hash}")));
             }
-            levels.keep(&saved.owner.into(), |_| true, saved.name, Arc::new(map))
+            levels.retain(&saved.owner.into(), |_| true, saved.name, Arc::new(map))
         });
         task.await.map_err(|error| LevelError::File(format!("the map cannot be read: {error}")))?
     }
 
-    /// The level as a file. A client that asks while another one reads it gets the same bytes.
+    /// The level as a file. Clients that read it at the same time share its bytes.
     ///
     /// # Errors
     /// If there is no memory for it.
@@ -281,7 +277,7 @@ impl LevelStore {
         let turn = self.turn().await;
         let memory = LevelFile::reserve(&self.memory, client, &level.map)?;
         let task = tokio::task::spawn_blocking(move || {
-            // The caller may be gone: turn and memory are released when the work is done.
+            // The caller may disconnect; turn and memory are released when the work is done.
             let _turn = turn;
             let file = Arc::new(LevelFile::encode(&level.map, memory));
             *slot = Arc::downgrade(&file);
@@ -295,16 +291,16 @@ impl LevelStore {
         &self.uploads
     }
 
-    /// The turn of an import, to be held until it is done.
+    /// The turn of an import, to be held until its end.
     pub(super) async fn turn(&self) -> Option<OwnedSemaphorePermit> {
         // Never closed.
         self.importing.clone().acquire_owned().await.ok()
     }
 
-    /// Memory for reading a file of a client.
+    /// Reserves memory to parse a file of a client.
     ///
     /// # Errors
-    /// If there is not enough left.
+    /// If the memory budget is exhausted.
     pub(super) fn reserve(&self, client: &str, file_bytes: usize) -> Result<Reservation, MemoryError> {
         self.memory.reserve(client, PARSE_FACTOR * file_bytes as u64)
     }
@@ -313,17 +309,17 @@ impl LevelStore {
         self.kept.lock()
     }
 
-    /// Keeps a level. If there is no room, it takes the place of levels that nobody uses now: first of the client with
-    /// the most levels, the longest unused one first. A client with fewer levels loses only those that were not used for
+    /// Adds a level. If there is no room, it replaces levels that are not in use: first those of the client with the
+    /// most levels, the least recently used first. A client with fewer levels loses only levels that were not used for
     /// ten minutes.
     ///
     /// # Errors
     /// If no kept map may be replaced, or another client gave the level another name.
     pub fn put(&self, caller: &Caller, name: String, map: Arc<Map>) -> Result<Arc<Level>, LevelError> {
-        self.keep(&caller.name, |owner| caller.may_change(owner), name, map)
+        self.retain(&caller.name, |owner| caller.may_change(owner), name, map)
     }
 
-    fn keep(
+    fn retain(
         &self,
         owner: &Arc<str>,
         may_change: impl Fn(&str) -> bool,
@@ -341,13 +337,13 @@ impl LevelStore {
                 return Err(LevelError::OtherName(level.name.clone()));
             }
         } else if kept.levels.len() >= self.limit {
-            kept.forget_one(owner, 1, |_| 1).ok_or(LevelError::Full(self.limit))?;
+            kept.evict_one(owner, 1, |_| 1).ok_or(LevelError::Full(self.limit))?;
         }
         let bytes = map.memory_bytes() as u64;
         let memory = loop {
             match self.memory.reserve(owner, bytes) {
                 Ok(memory) => break memory,
-                Err(error) => kept.forget_one(owner, bytes, Level::memory_bytes).ok_or(error)?,
+                Err(error) => kept.evict_one(owner, bytes, Level::memory_bytes).ok_or(error)?,
             }
         };
         let level = Arc::new(Level { name, map, owner: owner.clone(), file: Arc::default(), _memory: memory });
@@ -384,15 +380,15 @@ impl Level {
         self.map.memory_bytes() as u64
     }
 
-    /// Whether nobody uses it now.
+    /// Whether the level is not in use.
     fn is_idle(self: &Arc<Self>) -> bool {
         Arc::strong_count(self) == 1 && Arc::strong_count(&self.map) == 1
     }
 }
 
 impl Kept {
-    /// Forgets an idle level to make room for one of `client` that weighs `added`; `None` if none may be forgotten.
-    fn forget_one(&mut self, client: &Arc<str>, added: u64, weight: impl Fn(&Level) -> u64) -> Option<()> {
+    /// Removes an idle level to make room for one of `client` with the weight `added`; `None` if none may be removed.
+    fn evict_one(&mut self, client: &Arc<str>, added: u64, weight: impl Fn(&Level) -> u64) -> Option<()> {
         let mut weights = BTreeMap::from([(client.clone(), added)]);
         for (_, level) in self.levels.values() {
             *weights.entry(level.owner.clone()).or_default() += weight(level);
@@ -401,7 +397,7 @@ impl Kept {
         let may_go =
             |used: &Instant, level: &Level| weights[&level.owner] >= own || now.duration_since(*used) >= UNUSED_LIMIT;
         let idle = self.levels.iter().filter(|(_, (used, level))| level.is_idle() && may_go(used, level));
-        // Among clients that weigh the same, the one that imports gives way.
+        // Among clients of equal weight, the client that imports loses a level.
         let rank = |used: &Instant, level: &Level| (Reverse(weights[&level.owner]), level.owner != *client, *used);
         let hash = idle.min_by_key(|(_, (used, level))| rank(used, level)).map(|(hash, _)| hash.clone())?;
         self.levels.remove(&hash);
@@ -409,7 +405,7 @@ impl Kept {
     }
 }
 
-/// What a file may hold.
+/// Format of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum LevelFormat {
     /// A saved map (`.sfmap`).
@@ -420,19 +416,19 @@ pub(super) enum LevelFormat {
     Obj,
 }
 
-/// A level as it was read.
+/// A parsed level.
 pub(super) struct Read {
     pub map: Map,
-    /// Where the level's origin lies on the map, m.
+    /// Position of the level's origin on the map, m.
     pub origin: Vec3,
-    /// Problems that a designer may want to correct.
+    /// Problems that a designer may want to fix.
     pub warnings: Vec<String>,
 }
 
-/// Reads the map in a file.
+/// Parses the map in a file.
 ///
 /// # Errors
-/// [`LevelError::File`] with what is wrong with the file.
+/// [`LevelError::File`].
 pub(super) fn read(
     format: LevelFormat,
     file: &[u8],

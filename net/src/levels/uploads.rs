@@ -1,4 +1,4 @@
-//! Files that arrive in parts, until they are imported.
+//! Files that arrive in parts, before they are imported.
 
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use parking_lot::{Mutex, MutexGuard};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 /// Largest file, bytes.
 pub const MAX_FILE_BYTES: u64 = 256 << 20;
-/// Uploads that a client may have at a time.
+/// Most uploads of one client.
 const MAX_UPLOADS: usize = 4;
 /// Time without a part after which an upload is dropped.
 const KEPT_FOR: Duration = Duration::from_secs(300);
@@ -33,9 +33,9 @@ pub enum UploadError {
     #[error("the file is larger than {MAX_FILE_BYTES} bytes: simplify the level or split it")]
     TooLarge,
     /// The client has too many uploads.
-    #[error("{MAX_UPLOADS} uploads are under way already: import them, or wait five minutes")]
+    #[error("this client already has {MAX_UPLOADS} uploads: import them, or wait five minutes")]
     TooMany,
-    /// There is no memory for the file.
+    /// The memory budget is exhausted.
     #[error(transparent)]
     Memory(#[from] MemoryError),
     /// There is no such upload.
@@ -43,12 +43,12 @@ pub enum UploadError {
     Unknown(String),
 }
 
-/// A file, as far as it has arrived.
+/// The received part of a file.
 #[derive(Debug)]
 pub struct Upload {
     /// Its content.
     pub bytes: Vec<u8>,
-    /// What it takes of the memory budget.
+    /// Its part of the memory budget.
     pub memory: Reservation,
     latest: Instant,
 }
@@ -63,7 +63,7 @@ pub struct Uploads {
 }
 
 impl Uploads {
-    /// No uploads yet; they are paid for from `memory`.
+    /// No uploads yet; they count against `memory`.
     pub fn new(memory: MemoryBudget) -> Self {
         Self { memory, by_id: Arc::default() }
     }
@@ -74,10 +74,10 @@ impl Uploads {
         uploads
     }
 
-    /// Adds a part and returns how many bytes have arrived. A part that has arrived already changes nothing.
+    /// Adds a part, and returns the number of bytes received. A part that was received before has no effect.
     ///
     /// # Errors
-    /// If the part leaves a gap, or there is no room for it.
+    /// If the part leaves a gap, or exceeds a limit.
     pub fn append(&self, client: &Arc<str>, id: &str, offset: u64, data: &[u8]) -> Result<u64, UploadError> {
         if !(1..=MAX_ID).contains(&id.len()) {
             return Err(UploadError::Id(id.len()));
@@ -97,14 +97,14 @@ impl Uploads {
         if offset > received {
             return Err(UploadError::Offset { offset, received });
         }
-        // The beginning may have arrived before.
+        // The start of the part may have been received before.
         let Some(new) = data.get((received - offset) as usize..) else { return Ok(received) };
         let total = received + new.len() as u64;
         if total > MAX_FILE_BYTES {
             return Err(UploadError::TooLarge);
         }
         if total > upload.bytes.capacity() as u64 {
-            // With room for more, or each part would copy all former ones.
+            // With spare room, or each part would copy all earlier ones.
             let roomy = (total + total / 4).min(MAX_FILE_BYTES);
             let capacity =
                 upload.memory.resize(roomy).map(|()| roomy).or_else(|_| upload.memory.resize(total).map(|()| total))?;
@@ -114,8 +114,8 @@ impl Uploads {
         Ok(total)
     }
 
-    /// Takes the file of an upload once its reservation has grown to what `needed` returns for its length, bytes. If there is
-    /// not enough memory, the upload stays.
+    /// Takes the file of an upload after its reservation has grown to `needed` bytes of its length. If the memory
+    /// budget is exhausted, the upload stays.
     ///
     /// # Errors
     /// [`UploadError::Unknown`], [`UploadError::Memory`].

@@ -1,15 +1,18 @@
-//! Which roles may call which methods: one table for all services, which is the whole policy.
+//! The roles that may call each method: one table for all services, which is the whole policy.
 
 use Role::{Admin, Client, Designer, Worker};
 
-/// Role of a token, which determines the methods that its holder may call.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Role of a token. It determines the methods that may be called with the token.
+///
+/// Its name in a file of tokens is that of the variant in lower case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumString)]
+#[strum(serialize_all = "lowercase")]
 pub enum Role {
     /// A game: worlds, NPCs, plans.
     Client,
     /// An NPC worker.
     Worker,
-    /// A level designer: everything that a client may do, and edits.
+    /// A level designer: everything that a client may call, and edits.
     Designer,
     /// An administrator, who may call every method.
     Admin,
@@ -18,24 +21,15 @@ pub enum Role {
 impl Role {
     /// All roles.
     pub const ALL: [Role; 4] = [Client, Worker, Designer, Admin];
-
-    /// Returns the name of the role in a file of tokens.
-    pub fn name(self) -> &'static str {
-        match self {
-            Client => "client",
-            Worker => "worker",
-            Designer => "designer",
-            Admin => "admin",
-        }
-    }
 }
 
-const EVERYBODY: &[Role] = &Role::ALL;
+const ALL_ROLES: &[Role] = &Role::ALL;
 const GAMES: &[Role] = &[Client, Designer, Admin];
 const WORKERS: &[Role] = &[Worker, Admin];
 const DESIGNERS: &[Role] = &[Designer, Admin];
 
-/// Methods by their full names, and who may call them. A method that is missing here is refused to everybody.
+/// Methods by their full names, and the roles that may call them. A method that is missing here is refused to all
+/// callers.
 const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.world.v1.WorldService/GetServer", GAMES),
     ("surefoot.world.v1.WorldService/CreateWorld", GAMES),
@@ -69,29 +63,29 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.world.v1.WorldService/MovePlayers", GAMES),
     ("surefoot.world.v1.WorldService/RemovePlayer", GAMES),
     ("surefoot.world.v1.WorldService/Work", WORKERS),
-    ("surefoot.world.v1.DirectoryService/LocateWorld", EVERYBODY),
-    ("surefoot.world.v1.DirectoryService/ListServers", EVERYBODY),
+    ("surefoot.world.v1.DirectoryService/LocateWorld", ALL_ROLES),
+    ("surefoot.world.v1.DirectoryService/ListServers", ALL_ROLES),
     ("surefoot.world.v1.EnvService/CreateEnv", GAMES),
     ("surefoot.world.v1.EnvService/StepEnv", GAMES),
     ("surefoot.world.v1.EnvService/StreamEnv", GAMES),
     ("surefoot.world.v1.EnvService/CloseEnv", GAMES),
     ("surefoot.learn.v1.LearnerService/Feed", WORKERS),
-    ("surefoot.world.v1.MapService/ImportMap", EVERYBODY),
-    ("surefoot.world.v1.MapService/UploadChunk", EVERYBODY),
-    ("surefoot.world.v1.MapService/GetMap", EVERYBODY),
-    ("surefoot.world.v1.MapService/ListMaps", EVERYBODY),
-    ("surefoot.planner.v1.PlannerService/StartBuild", EVERYBODY),
-    ("surefoot.planner.v1.PlannerService/WatchBuild", EVERYBODY),
+    ("surefoot.world.v1.MapService/ImportMap", ALL_ROLES),
+    ("surefoot.world.v1.MapService/UploadChunk", ALL_ROLES),
+    ("surefoot.world.v1.MapService/GetMap", ALL_ROLES),
+    ("surefoot.world.v1.MapService/ListMaps", ALL_ROLES),
+    ("surefoot.planner.v1.PlannerService/StartBuild", ALL_ROLES),
+    ("surefoot.planner.v1.PlannerService/WatchBuild", ALL_ROLES),
     ("surefoot.planner.v1.PlannerService/ListBuilds", GAMES),
     ("surefoot.planner.v1.PlannerService/CancelBuild", GAMES),
-    ("surefoot.planner.v1.PlannerService/GetGraph", EVERYBODY),
-    ("surefoot.planner.v1.PlannerService/FindPath", EVERYBODY),
-    ("surefoot.planner.v1.PlannerService/FindPaths", EVERYBODY),
-    ("surefoot.planner.v1.PlannerService/ReportTraversals", EVERYBODY),
+    ("surefoot.planner.v1.PlannerService/GetGraph", ALL_ROLES),
+    ("surefoot.planner.v1.PlannerService/FindPath", ALL_ROLES),
+    ("surefoot.planner.v1.PlannerService/FindPaths", ALL_ROLES),
+    ("surefoot.planner.v1.PlannerService/ReportTraversals", ALL_ROLES),
     ("surefoot.planner.v1.PlannerService/ListReports", GAMES),
     ("surefoot.planner.v1.PlannerService/DropReports", &[Admin]),
     ("surefoot.planner.v1.PlannerService/GetLayers", GAMES),
-    ("surefoot.planner.v1.PlannerService/WatchGraph", EVERYBODY),
+    ("surefoot.planner.v1.PlannerService/WatchGraph", ALL_ROLES),
     ("surefoot.planner.v1.PlannerService/ListGraphs", GAMES),
     ("surefoot.planner.v1.PlannerService/ProbeEdge", GAMES),
     ("surefoot.planner.v1.PlannerService/CompareGraphs", GAMES),
@@ -100,18 +94,18 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.planner.v1.PlannerService/UndoEdits", DESIGNERS),
 ];
 
-/// What a caller needs to be answered.
+/// The credentials that a call needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Access {
     /// Nothing.
     Open,
     /// Any valid token.
     AnyToken,
-    /// A token of one of these roles; if there are none, nobody is answered.
+    /// A token of one of these roles; if the list is empty, all callers are refused.
     Roles(&'static [Role]),
 }
 
-/// Returns what a caller needs to be answered at a path, such as `/surefoot.world.v1.WorldService/Work`.
+/// Returns the credentials that a call of a path needs, such as `/surefoot.world.v1.WorldService/Work`.
 pub(super) fn access(path: &str) -> Access {
     let path = path.trim_start_matches('/');
     match path.split_once('/') {
@@ -122,8 +116,8 @@ pub(super) fn access(path: &str) -> Access {
     }
 }
 
-/// Returns the roles that may call the method with a full name such as `surefoot.world.v1.WorldService/Work`; `None` if the
-/// table lacks the method.
+/// Returns the roles that may call the method with a full name such as `surefoot.world.v1.WorldService/Work`; `None` if
+/// the table lacks the method.
 pub fn roles(method: &str) -> Option<&'static [Role]> {
     METHODS.iter().find(|(name, _)| *name == method).map(|(_, roles)| *roles)
 }

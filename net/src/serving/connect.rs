@@ -1,10 +1,10 @@
-//! The Connect protocol (<https://connectrpc.com/docs/protocol>) in front of the gRPC services, for engines and scripts that have
-//! HTTP and JSON but no protobuf.
+//! The Connect protocol (<https://connectrpc.com/docs/protocol>) in front of the gRPC services: for browsers, and for
+//! engines and scripts that have HTTP and JSON but no protobuf.
 //!
-//! A call is translated into a gRPC call of the same service within the process, and its answer is translated back. Unary calls
-//! use `application/json` (or `application/proto`), server streams `application/connect+json` (or `+proto`). A server stream
-//! that is called with plain `application/json` answers with one JSON document per line (`application/x-ndjson`); if the stream
-//! fails, the last line is `{"error": ...}`. Client streams need gRPC.
+//! A call is translated into a gRPC call of the same service within the process, and its answer is translated back.
+//! Unary calls use `application/json` (or `application/proto`), server streams `application/connect+json` (or
+//! `+proto`). A server stream that is called with plain `application/json` answers with one JSON document per line
+//! (`application/x-ndjson`); if the stream fails, the last line is `{"error": ...}`. Client streams need gRPC.
 
 use super::limits::Limits;
 use super::metered::SMALL_BYTES;
@@ -26,19 +26,19 @@ use tokio::sync::{Semaphore, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
 
-/// Service whose requests hold levels.
+/// The service whose requests contain levels.
 const MAPS: &str = "surefoot.world.v1.MapService";
-/// Longest JSON, as a multiple of the length of its message: numbers and base64 take more bytes there.
+/// Longest JSON, as a multiple of the length of its message: numbers and base64 take more bytes in JSON.
 const JSON_FACTOR: usize = 4;
-/// That multiple for a message that is mostly base64.
+/// The same for a message that is mostly base64.
 const BASE64_FACTOR: usize = 2;
 /// Large messages that are translated at the same time.
 const TRANSLATED_AT_A_TIME: usize = 2;
 
-/// What translates calls of the Connect protocol.
+/// Translates calls of the Connect protocol.
 pub(super) struct Translator {
     limits: Limits,
-    /// What translating a large request is paid for from.
+    /// Budget for the translation of large requests.
     memory: MemoryBudget,
     turns: Semaphore,
 }
@@ -56,7 +56,8 @@ impl Translator {
         }
     }
 
-    /// Does work on so many bytes: at once if they are few, otherwise on a thread that may block, when its turn comes.
+    /// Runs `work` on a message of `bytes` bytes: at once if it is small, otherwise on a blocking thread, when its turn
+    /// comes.
     async fn run<T: Send + 'static>(
         &self,
         bytes: usize,
@@ -89,7 +90,7 @@ impl Translator {
         };
         let input = method.input();
         self.run(body.len(), move || {
-            // The caller may be gone: memory is released when the work is done.
+            // The caller may disconnect; memory is released when the work is done.
             let _memory = memory;
             from_json(input, &body)
         })
@@ -97,7 +98,7 @@ impl Translator {
     }
 }
 
-/// Most bytes that JSON takes once it is parsed: so many for each object and for each value in it, and its text.
+/// Upper bound of the bytes of parsed JSON: a constant for each object and each value, and twice the text.
 fn parsed_bytes(json: &[u8]) -> u64 {
     const OBJECT_BYTES: u64 = 1024;
     const VALUE_BYTES: u64 = 128;
@@ -173,11 +174,11 @@ impl Call {
     }
 }
 
-/// Reads a body of at most so many bytes.
+/// Reads a body of at most `max_bytes` bytes.
 async fn collect(body: Body, max_bytes: usize) -> Result<Bytes, Status> {
     match Limited::new(body, max_bytes).collect().await {
         Ok(body) => Ok(body.to_bytes()),
-        // The request broke off with a status of its own, such as for a lack of memory.
+        // The request ended with a status of its own, such as for a lack of memory.
         Err(error) => Err(Status::try_from_error(error).map(status::with_reason).unwrap_or_else(|_| {
             let message = format!("the request is larger than {max_bytes} bytes, or was cut off");
             status::failure(Reason::TooLarge, message)
@@ -211,7 +212,7 @@ fn unframed(body: &Bytes) -> Result<Bytes, Status> {
     }
 }
 
-/// Returns the status in headers or trailers, if it is a failure.
+/// The status in headers or trailers, if it is a failure.
 fn failure_in(headers: &HeaderMap) -> Option<Status> {
     let status = Status::from_header_map(headers)?;
     (status.code() != tonic::Code::Ok).then(|| status::with_reason(status))

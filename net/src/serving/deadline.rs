@@ -1,4 +1,4 @@
-//! When the answer to a call is due: what its client asks for, within limits.
+//! The deadline of a call: the one that its client sets, within limits.
 
 use super::limits::Limits;
 use crate::status;
@@ -7,12 +7,12 @@ use std::time::Duration;
 use surefoot_proto::reason::Reason;
 use tonic::Status;
 
-/// When an answer is due.
+/// The deadline of a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Deadline {
     /// Time from the request to the answer.
     pub after: Duration,
-    /// What set it.
+    /// Its origin.
     by: By,
 }
 
@@ -24,7 +24,7 @@ enum By {
 }
 
 impl Deadline {
-    /// The deadline of a call whose client asks for `own`.
+    /// The deadline of a call whose client sets `own`.
     pub fn new(own: Option<Duration>, limits: &Limits) -> Self {
         match own {
             None => Self { after: limits.default_deadline, by: By::Default },
@@ -38,7 +38,7 @@ impl Deadline {
         let seconds = self.after.as_secs_f64();
         let message = match self.by {
             By::Default => format!(
-                "no answer within {seconds} s, the default deadline (--default-deadline): set a longer deadline on the call"
+                "no answer within {seconds} s, the default deadline (--default-deadline): set a longer one for the call"
             ),
             By::Client => format!("no answer within {seconds} s, the deadline of the call"),
             By::Limit => format!("no answer within {seconds} s, the longest deadline of a call (--max-deadline)"),
@@ -58,7 +58,7 @@ pub(super) fn of_connect(headers: &HeaderMap) -> Result<Option<Duration>, Status
     milliseconds.map(Duration::from_millis).ok_or_else(refusal).map(Some)
 }
 
-/// The deadline in the header of gRPC; `None` also if the header is malformed.
+/// The deadline in the header of gRPC; `None` if there is none or it is malformed.
 pub(super) fn of_grpc(headers: &HeaderMap) -> Option<Duration> {
     let text = headers.get("grpc-timeout")?.to_str().ok()?;
     let (number, unit) = text.split_at_checked(text.len().checked_sub(1)?)?;

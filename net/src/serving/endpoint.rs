@@ -1,4 +1,4 @@
-//! An endpoint: one address with its services, from binding to the end of the drain.
+//! An endpoint: one address with its services, from bind to the end of the drain.
 
 use super::connect::{self, Translator};
 use super::gate::{self, Gate};
@@ -29,15 +29,15 @@ use tracing::{info, warn};
 
 /// Largest header list of a request, bytes.
 const MAX_HEADER_BYTES: u32 = 16 * 1024;
-/// How long health checks are still answered after a shutdown began, so that load balancers notice it.
+/// How long health checks are answered after the start of a shutdown, so that load balancers notice it.
 const NOTICE: Duration = Duration::from_millis(250);
-/// Longest time from the start of a shutdown to its end: a silent peer must not keep a process alive.
+/// Longest duration of a shutdown: a silent peer must not keep a process alive.
 const DRAIN_LIMIT: Duration = Duration::from_secs(5);
 
 /// Why an endpoint cannot serve.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The endpoint cannot listen on the address.
+    /// The address cannot be bound.
     #[error("cannot listen on {address}: {source}")]
     Bind {
         /// The address that was configured.
@@ -45,7 +45,7 @@ pub enum ServeError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Other machines could reach the address, and nothing would be encrypted.
+    /// Other machines can reach the address, and the connection would not be encrypted.
     #[error(
         "{0} can be reached from other machines: set --tls-cert and --tls-key, or --insecure to serve it without TLS"
     )]
@@ -63,7 +63,7 @@ pub enum ServeError {
 pub struct EndpointConfig {
     /// Limits on what peers may use.
     pub limits: Limits,
-    /// Who may call, and whether connections are encrypted.
+    /// Tokens and encryption.
     pub security: Security,
 }
 
@@ -80,7 +80,7 @@ pub struct Endpoint {
 }
 
 impl Endpoint {
-    /// Binds a loopback `address` with the default limits, open to everybody on this machine; port 0 means any free port.
+    /// Binds a loopback `address` with the default limits and without tokens; port 0 means any free port.
     ///
     /// # Errors
     /// If the address is in use, not permitted, or not a loopback address.
@@ -101,8 +101,8 @@ impl Endpoint {
         if !address.ip().to_canonical().is_loopback() && (tls.is_none() || tokens.is_none()) {
             let missing = match (tls, tokens) {
                 (None, None) => "TLS or tokens: give --tls-cert, --tls-key and --tokens",
-                (None, Some(_)) => "TLS, so tokens can be read on the way: give --tls-cert and --tls-key",
-                _ => "tokens, so everybody may do everything: give --tokens",
+                (None, Some(_)) => "TLS, so others can read the tokens: give --tls-cert and --tls-key",
+                _ => "tokens, so any caller may do everything: give --tokens",
             };
             warn!(%address, "INSECURE: other machines can reach this address without {missing}");
         }
@@ -126,13 +126,13 @@ impl Endpoint {
         Self { ready, ..self }
     }
 
-    /// While `lease` is false, the health of each named service is NOT_SERVING, so that load balancers prefer others.
-    /// The health of the whole process, whose name is empty, stays: a restart would not help.
+    /// While `lease` is false, each named service reports NOT_SERVING, so that load balancers prefer other servers. The
+    /// process, whose name is empty, is not affected: a restart would not help.
     pub fn with_lease(self, lease: watch::Receiver<bool>) -> Self {
         Self { lease, ..self }
     }
 
-    /// Large requests are paid for from `memory`.
+    /// Counts large requests against `memory`.
     pub fn with_memory(self, memory: MemoryBudget) -> Self {
         Self { memory, ..self }
     }
@@ -157,7 +157,7 @@ impl Endpoint {
         format!("{scheme}://{}", SocketAddr::new(ip, self.address.port()))
     }
 
-    /// Serves `services` (already added to the builder) until `shutdown`, then drains for at most five seconds.
+    /// Serves `services` until `shutdown`, then drains for at most five seconds.
     ///
     /// `names` are the services whose health is reported; `metrics` renders the answer to `GET /metrics`.
     ///

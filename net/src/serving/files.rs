@@ -1,10 +1,10 @@
-//! Reads the files that protect connections: certificates, keys, tokens.
+//! Reads certificates, keys and tokens.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 use tonic::transport::Identity;
 
-/// Time between two looks at a file that is read again when it changes.
+/// Period of checks for changed files.
 pub(crate) const RELOAD_PERIOD: Duration = Duration::from_secs(2);
 
 /// A file that cannot be read.
@@ -27,7 +27,7 @@ pub(crate) fn read_identity(certificate: &Path, key: &Path) -> Result<Identity, 
     Ok(Identity::from_pem(read(certificate)?, read(key)?))
 }
 
-/// What changes when a file is written or replaced: its time and its length.
+/// Modification time and length of a file; `None` if it cannot be read.
 pub(crate) type Stamp = Option<(SystemTime, u64)>;
 
 pub(crate) fn stamp(path: &Path) -> Stamp {

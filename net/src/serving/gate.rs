@@ -1,4 +1,4 @@
-//! Checks every request before a service sees it: who calls, whether they may, and by when the answer is due.
+//! Checks each request before a service sees it: the caller, its role, and the deadline.
 
 use super::access::{Access, Role, access};
 use super::deadline::{self, Deadline};
@@ -25,58 +25,58 @@ use tonic::transport::server::TlsConnectInfo;
 use tower_service::Service;
 use tracing::{Instrument, info_span};
 
-/// Who makes a request: an extension of every request.
+/// The caller of a request: an extension of each request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Caller {
     /// Name of the token; without tokens, the peer's IP address.
     pub name: Arc<str>,
-    /// Role of the token; `None` on an endpoint without tokens, where everybody may do everything.
+    /// Role of the token; `None` on an endpoint without tokens, where any caller may do everything.
     role: Option<Role>,
 }
 
 impl Caller {
     /// The caller of a request that has passed the gate.
     pub fn of<T>(request: &tonic::Request<T>) -> Self {
-        // Only tests call services past the gate: their requests get the role of a game.
+        // Requests built in tests get the role Client.
         let unknown = || Self { name: "unknown".into(), role: Some(Role::Client) };
         request.extensions().get::<Self>().cloned().unwrap_or_else(unknown)
     }
 
-    /// The service itself, on behalf of a client: it restores what belongs to that one.
+    /// The service itself, which restores the objects of a client.
     pub fn on_behalf_of(name: &str) -> Self {
         Self { name: name.into(), role: None }
     }
 
-    /// Whether the caller may change or remove what belongs to `owner`.
+    /// Whether the caller may change or remove objects of `owner`.
     pub fn may_change(&self, owner: &str) -> bool {
         matches!(self.role, None | Some(Role::Admin)) || *self.name == *owner
     }
 
-    /// Whether what the caller reports of NPCs counts in full: workers and admins see them move, and without tokens everybody is an
-    /// admin.
+    /// Whether reports of the caller count in full: workers and admins see NPCs move. Without tokens, every caller is
+    /// an admin.
     pub fn is_trusted_reporter(&self) -> bool {
         matches!(self.role, None | Some(Role::Worker | Role::Admin))
     }
 
-    /// Whether the caller may add to what belongs to `owner`, as designers do to the worlds of games.
+    /// Whether the caller may add to objects of `owner`, as designers do to the worlds of games.
     pub fn may_add_to(&self, owner: &str) -> bool {
         self.may_change(owner) || self.role == Some(Role::Designer)
     }
 }
 
-/// What requests are checked with.
+/// The configuration that requests are checked against.
 #[derive(Debug)]
 pub(super) struct Gate {
     pub tokens: Option<Tokens>,
     pub origins: Origins,
     pub limits: Limits,
-    /// What large requests are paid for from.
+    /// Budget for large requests.
     pub memory: MemoryBudget,
     /// False while the service is starting.
     pub ready: watch::Receiver<bool>,
 }
 
-/// When a caller is to try again while the service is starting.
+/// Retry delay for callers while the service is starting.
 const START_TIME: Duration = Duration::from_secs(1);
 
 /// Lets a request through to its service, or answers it.
@@ -97,7 +97,7 @@ pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, ne
     if let Some(holder) = holder {
         request.extensions_mut().insert(holder);
     }
-    // A stream of requests is never there as a whole: the limit of a message bounds it.
+    // A stream of requests is never in memory as a whole; the message limit bounds it.
     let is_metered = request.method() == Method::POST && !takes_stream(request.uri().path());
     let (request, _held) = match is_metered {
         true => meter(request, &gate.memory, &caller.name),
@@ -140,11 +140,11 @@ impl Gate {
         })?;
         let holder = tokens.holder(secret);
         let holder =
-            holder.ok_or_else(|| status::failure(Reason::TokenUnknown, "this service does not know the token"))?;
+            holder.ok_or_else(|| status::failure(Reason::TokenUnknown, "the token is unknown to this service"))?;
         let (name, role) = holder.caller();
         match access {
             Access::Roles(roles) if !roles.contains(&role) => {
-                let (role, path) = (role.name(), request.uri().path());
+                let path = request.uri().path();
                 Err(status::failure(Reason::RoleForbidden, format!("`{name}` is a {role} and may not call {path}")))
             }
             _ => {
@@ -159,7 +159,7 @@ impl Gate {
         if *self.ready.borrow() || !request.uri().path().starts_with("/surefoot.") {
             return Ok(());
         }
-        Err(status::retry(Reason::Starting, START_TIME, "the service is starting: try again in a second"))
+        Err(status::retry(Reason::Starting, START_TIME, "the service is starting: retry in a second"))
     }
 }
 
@@ -182,7 +182,7 @@ fn bearer(request: &Request) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then(|| secret.trim())
 }
 
-/// What is known of a request's connection.
+/// The connection of a request.
 fn connection(request: &Request) -> Option<&ConnectionInfo> {
     let extensions = request.extensions();
     let secured = || Some(extensions.get::<TlsConnectInfo<ConnectionInfo>>()?.get_ref());
@@ -194,7 +194,7 @@ fn peer(request: &Request) -> String {
     address.map_or_else(|| "unknown".to_owned(), |address| address.ip().to_canonical().to_string())
 }
 
-/// Protocol of a caller, which determines how a refusal is encoded.
+/// Protocol of a call, which determines how a refusal is encoded.
 enum Protocol {
     Grpc,
     Connect(Connect),
@@ -205,7 +205,7 @@ impl Protocol {
         Connect::of(request).map_or(Self::Grpc, Self::Connect)
     }
 
-    /// When the answer is due. Only the header of the protocol counts.
+    /// The deadline of a call. Only the header of its protocol counts.
     fn deadline(&self, request: &Request, limits: &Limits) -> Result<Deadline, Status> {
         let own = match self {
             Self::Connect(_) => deadline::of_connect(request.headers())?,

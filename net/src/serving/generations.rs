@@ -1,7 +1,7 @@
-//! Serves connections with the present certificate.
+//! Serves connections with the current certificate.
 //!
-//! When its files change, new connections go to a new generation of the server, and the former one ends what it has begun: its
-//! peers are told to connect again for their next calls, and streams go on.
+//! When its files change, new connections go to a new generation of the server. The old generation finishes its calls
+//! and streams, and asks its peers to reconnect for their next calls.
 
 use super::files::RELOAD_PERIOD;
 use super::incoming::{Connection, Incoming};
@@ -16,7 +16,9 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Error, Server};
 use tracing::{info, warn};
 
-/// A server and what all its generations share.
+const UNCHANGED: &str = "endpoint: cannot use the changed certificate; the previous one stays in use";
+
+/// A server, and the parts that all its generations share.
 pub(super) struct Generations {
     /// Without TLS.
     pub server: Server,
@@ -32,7 +34,7 @@ impl Generations {
     /// Serves until all connections have ended after `stop`.
     pub async fn serve(self, mut incoming: Incoming, mut tls: Option<ServerTls>) -> Result<(), Error> {
         let mut running = JoinSet::new();
-        let mut present = self.start(tls.as_ref(), &mut running)?;
+        let mut current = self.start(tls.as_ref(), &mut running)?;
         let mut looks = interval(RELOAD_PERIOD);
         looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -40,23 +42,23 @@ impl Generations {
                 () = self.stop.wait() => break,
                 connection = incoming.next() => {
                     let Some(connection) = connection else { break };
-                    // Generations accept until they are told to stop.
-                    let _ = present.send(connection).await;
+                    // Generations accept connections until `stop`.
+                    let _ = current.send(connection).await;
                 }
                 _ = looks.tick() => match tls.as_mut().and_then(ServerTls::renew) {
                     None => {}
                     Some(Ok(())) => match self.start(tls.as_ref(), &mut running) {
                         Ok(next) => {
-                            present = next;
-                            info!("the certificate has been reloaded");
+                            current = next;
+                            info!("endpoint: certificate reloaded");
                         }
-                        Err(error) => warn!(%error, "the certificate stays as it was"),
+                        Err(error) => warn!(%error, "{UNCHANGED}"),
                     },
-                    Some(Err(error)) => warn!(%error, "the certificate stays as it was"),
+                    Some(Err(error)) => warn!(%error, "{UNCHANGED}"),
                 },
             }
         }
-        drop((incoming, present));
+        drop((incoming, current));
         while let Some(ended) = running.join_next().await {
             match ended {
                 Ok(result) => result?,
@@ -66,7 +68,7 @@ impl Generations {
         Ok(())
     }
 
-    /// Starts a generation and returns where it takes connections from.
+    /// Starts a generation, and returns the queue of its connections.
     fn start(
         &self,
         tls: Option<&ServerTls>,

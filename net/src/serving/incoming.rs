@@ -1,7 +1,7 @@
-//! Accepts connections up to a limit, and cuts off silent ones.
+//! Accepts connections up to a limit, and closes silent ones.
 //!
-//! A connection beyond the limit takes the place of the oldest one without an authorized request. If there is none, it is closed
-//! at once instead of queued, so that a load balancer can try another server.
+//! A connection beyond the limit replaces the oldest one without an authorized request. If there is none, the new
+//! connection is closed at once instead of queued, so that a load balancer can try another server.
 
 use super::limits::Limits;
 use super::shutdown::Shutdown;
@@ -41,10 +41,11 @@ impl Counters {
     pub fn render(&self) -> String {
         let of = |value: &AtomicU64| value.load(Ordering::Relaxed);
         format!(
-            "# HELP surefoot_connections Open connections.\n# TYPE surefoot_connections gauge\nsurefoot_connections {}\n\
-             # HELP surefoot_connections_refused_total Connections closed at once because there were too many.\n\
+            "# HELP surefoot_connections Open connections.\n\
+             # TYPE surefoot_connections gauge\nsurefoot_connections {}\n\
+             # HELP surefoot_connections_refused_total Connections refused because there were too many.\n\
              # TYPE surefoot_connections_refused_total counter\nsurefoot_connections_refused_total {}\n\
-             # HELP surefoot_connections_cut_total Connections cut off because they were silent.\n\
+             # HELP surefoot_connections_cut_total Connections closed because they were silent.\n\
              # TYPE surefoot_connections_cut_total counter\nsurefoot_connections_cut_total {}\n",
             of(&self.open),
             of(&self.refused),
@@ -53,26 +54,26 @@ impl Counters {
     }
 }
 
-/// A connection as the gate and the listener see it.
+/// The state of a connection that the gate and the listener share.
 #[derive(Debug)]
 struct Guest {
     /// Whether a request of the connection was authorized.
     is_known: AtomicBool,
-    /// Taken away when another connection gets the place.
+    /// None once another connection has replaced this one.
     permit: Mutex<Option<OwnedSemaphorePermit>>,
     evicted: Shutdown,
 }
 
-/// What a request knows of its connection.
+/// The connection of a request, as an extension of the request.
 #[derive(Debug, Clone)]
 pub(super) struct ConnectionInfo {
-    /// Address of the peer, if the system tells.
+    /// Address of the peer, if the system reports it.
     pub peer: Option<SocketAddr>,
     guest: Arc<Guest>,
 }
 
 impl ConnectionInfo {
-    /// Notes that a request of the connection was authorized: it keeps its place.
+    /// Notes that a request of the connection was authorized: it will not be replaced.
     pub fn note_authorized(&self) {
         self.guest.is_known.store(true, Ordering::Relaxed);
     }
@@ -100,11 +101,11 @@ impl Incoming {
     fn admit(&mut self, stream: TcpStream) -> Option<Connection> {
         let Some(permit) = self.permits.clone().try_acquire_owned().ok().or_else(|| self.evict()) else {
             self.counters.refused.fetch_add(1, Ordering::Relaxed);
-            debug!("connection refused: there are too many");
+            debug!("endpoint: connection refused, --max-connections is reached");
             return None;
         };
         if let Err(error) = stream.set_nodelay(true) {
-            debug!(%error, "cannot set TCP_NODELAY: small messages may be delayed");
+            debug!(%error, "endpoint: cannot set TCP_NODELAY; small messages may be delayed");
         }
         let guest =
             Guest { is_known: AtomicBool::new(false), permit: Mutex::new(Some(permit)), evicted: Shutdown::default() };
@@ -116,7 +117,7 @@ impl Incoming {
         Some(Connection::new(stream, self.limits, guest, self.counters.clone(), &self.cut))
     }
 
-    /// Cuts off the oldest connection without an authorized request, and returns its place.
+    /// Closes the oldest connection without an authorized request, and returns its permit.
     fn evict(&mut self) -> Option<OwnedSemaphorePermit> {
         self.guests.retain(|guest| guest.strong_count() > 0);
         let is_unknown = |guest: &Arc<Guest>| !guest.is_known.load(Ordering::Relaxed);
@@ -127,7 +128,7 @@ impl Incoming {
         let (guest, permit) = guest?;
         guest.evicted.trigger();
         self.counters.cut.fetch_add(1, Ordering::Relaxed);
-        debug!("a connection without an authorized request is cut off: there are too many");
+        debug!("endpoint: closed the oldest connection without an authorized request, --max-connections is reached");
         Some(permit)
     }
 }
@@ -150,7 +151,7 @@ impl Stream for Incoming {
                 // The peer closed the connection before it was accepted.
                 Err(error) if matches!(error.kind(), ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset) => {}
                 Err(error) => {
-                    warn!(%error, "cannot accept connections: trying again");
+                    warn!(%error, "endpoint: cannot accept connections; trying again in 0.1 s");
                     self.pause = Some(Box::pin(sleep(ACCEPT_PAUSE)));
                 }
             }
@@ -161,11 +162,11 @@ impl Stream for Incoming {
 /// An accepted connection. Reads and writes fail once its peer has been silent for too long.
 pub(super) struct Connection {
     stream: TcpStream,
-    /// Fires when it is time to check for how long the peer has been silent.
+    /// Fires when the silence of the peer must be checked.
     alarm: Pin<Box<Sleep>>,
     last_byte: Instant,
     idle_timeout: Duration,
-    /// Bytes of the preface that have not been read yet; until all are, `alarm` is not postponed.
+    /// Bytes of the preface that have not been read yet. Until it is complete, `alarm` is not postponed.
     preface_left: usize,
     cut: Pin<Box<dyn Future<Output = ()> + Send>>,
     evicted: Pin<Box<dyn Future<Output = ()> + Send>>,
@@ -205,13 +206,13 @@ impl Connection {
         }
     }
 
-    /// Returns an error once the peer is to be cut off; polled whenever the socket is not ready.
+    /// Returns an error once the connection must be closed; polled whenever the socket is not ready.
     fn poll_overdue<T>(&mut self, cx: &mut Context<'_>) -> Poll<Result<T>> {
         if self.cut.as_mut().poll(cx).is_ready() {
             return Poll::Ready(Err(Error::new(ErrorKind::ConnectionAborted, "the endpoint has stopped")));
         }
         if self.evicted.as_mut().poll(cx).is_ready() {
-            return Poll::Ready(Err(Error::new(ErrorKind::ConnectionAborted, "another connection got the place")));
+            return Poll::Ready(Err(Error::new(ErrorKind::ConnectionAborted, "another connection replaced this one")));
         }
         loop {
             ready!(self.alarm.as_mut().poll(cx));

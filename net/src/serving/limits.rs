@@ -1,11 +1,11 @@
-//! Limits on what peers may use of an endpoint.
+//! Limits on the use of an endpoint by its peers.
 
 use std::time::Duration;
 
 /// Largest message that a service sends, bytes; clients should accept messages of this size.
 pub const MAX_MESSAGE_BYTES: usize = 16 * 1024 * 1024;
 
-/// Limits of one endpoint. A peer that exceeds one is refused or cut off; other peers are not affected.
+/// Limits of one endpoint. A peer that exceeds one is refused or disconnected; other peers are not affected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Largest request message, bytes (`--max-message-bytes`).
@@ -14,13 +14,13 @@ pub struct Limits {
     pub max_import_bytes: usize,
     /// Most open streams of one connection (`--max-streams`); further ones wait at the client.
     pub max_streams: u32,
-    /// Most open connections (`--max-connections`). A further one takes the place of the oldest one without an authorized
-    /// request; if there is none, it is closed.
+    /// Most open connections (`--max-connections`). Another connection replaces the oldest one without an authorized
+    /// request; if there is none, it is refused.
     pub max_connections: usize,
     /// Longest time from accepting a connection to the first bytes of HTTP, TLS included (`--handshake-timeout`).
     pub handshake_timeout: Duration,
-    /// Longest time without a byte in either direction (`--idle-timeout`). Pings are sent more often, so only a dead peer
-    /// is silent for that long. HTTP/1 has no pings: only the bytes of its requests and answers keep a connection open.
+    /// Longest time without a byte in either direction (`--idle-timeout`). Pings are sent more often, so only a dead
+    /// peer is silent for that long. HTTP/1 has no pings: only requests and answers keep such a connection open.
     pub idle_timeout: Duration,
     /// Longest time until a call without a deadline of its own is answered (`--default-deadline`). A stream counts as
     /// answered once it begins; its duration is not limited.

@@ -10,15 +10,15 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use tonic::Status;
 
-/// A request of at most so many bytes is not counted.
+/// Requests up to this size are not counted, bytes.
 pub(super) const SMALL_BYTES: usize = 64 << 10;
-/// Copies of a request that exist at a time: as it arrives, decoded, and as it is translated.
+/// Copies of a request that exist at a time: received, decoded and translated.
 const COPIES: u64 = 3;
 
-/// What is reserved for a request; to be held until it is answered.
+/// The reservation of a request, to be held until it is answered.
 pub(super) type Held = Arc<Mutex<Option<Reservation>>>;
 
-/// Counts the bytes of a request for `client` from now on. If there is no memory for them, the request breaks off with
+/// Counts the bytes of a request for `client` as they arrive. If the budget is exhausted, the request fails with
 /// RESOURCE_EXHAUSTED.
 pub(super) fn meter(request: Request, memory: &MemoryBudget, client: &Arc<str>) -> (Request, Held) {
     let held = Held::default();

@@ -1,4 +1,4 @@
-//! What the contracts say of methods.
+//! Properties of methods, from the contracts.
 
 use crate::status;
 use prost_reflect::{DescriptorPool, MethodDescriptor};

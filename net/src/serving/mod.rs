@@ -1,8 +1,10 @@
-//! The server's side of every Surefoot endpoint: limits, TLS and tokens, health checking, reflection, Connect with JSON, and
-//! a bounded drain.
+//! The server's side of every Surefoot endpoint: limits, TLS, tokens, health checks, reflection, Connect, and a bounded
+//! drain.
 //!
-//! [`Endpoint`] combines the modules: `incoming` accepts connections (how many, how long silent), `generations` serves them with the
-//! present certificate, `gate` checks requests (who, by [`access`], and by when: `deadline`), `metered` counts large ones, `revocation` ends calls whose token is removed, `connect` translates requests of the Connect protocol into gRPC.
+//! [`Endpoint`] combines the modules. `incoming` accepts connections and closes silent ones, `generations` serves them
+//! with the current certificate, `gate` checks requests ([`access`] has the roles, `deadline` the deadlines). `metered`
+//! counts large requests, `revocation` ends calls whose token is removed, `connect` translates calls of the Connect
+//! protocol into gRPC, `health` reports the state of the services.
 
 pub mod access;
 mod connect;

@@ -1,11 +1,11 @@
-//! The contracts as an OpenAPI document, for callers with HTTP and JSON; built from the descriptors, comments included.
+//! The contracts as an OpenAPI document for clients with HTTP and JSON, built from the descriptors with their comments.
 
 use super::methods::POOL;
 use prost_reflect::{EnumDescriptor, FieldDescriptor, Kind, MessageDescriptor, MethodDescriptor};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// Numbers of the fields in `descriptor.proto` that the paths of comments consist of.
+/// Field numbers in `descriptor.proto` that occur in the paths of comments.
 const MESSAGES: i32 = 4;
 const ENUMS: i32 = 5;
 const SERVICES: i32 = 6;
@@ -30,8 +30,9 @@ pub(super) fn document(services: &[String]) -> String {
         "info": {
             "title": "Surefoot",
             "version": env!("CARGO_PKG_VERSION"),
-            "description": "Unary calls take and return JSON (the Connect protocol). Streams return one JSON document per line; \
-                            a last line {\"error\": ...} means that the stream failed. Integers of 64 bits are strings.",
+            "description": "Unary calls take and return JSON (the Connect protocol). Streams return one JSON document \
+                            per line; a last line {\"error\": ...} means that the stream failed. 64-bit integers are \
+                            strings.",
         },
         "paths": paths,
         "components": {
@@ -93,7 +94,10 @@ impl Schemas<'_> {
             "operationId": format!("{service}_{}", method.name()),
             "tags": [service],
             "description": self.comment(method.full_name()).to_owned(),
-            "requestBody": { "required": true, "content": { "application/json": { "schema": self.message(&method.input()) } } },
+            "requestBody": {
+                "required": true,
+                "content": { "application/json": { "schema": self.message(&method.input()) } },
+            },
             "responses": {
                 "200": { "description": "", "content": { kind: { "schema": self.message(&method.output()) } } },
                 "default": {
@@ -163,7 +167,7 @@ fn error_schema() -> Value {
             "message": { "type": "string", "description": "What went wrong, for developers." },
             "details": {
                 "type": "array",
-                "description": "google.rpc details; the one of type google.rpc.ErrorInfo has a stable reason in debug.reason.",
+                "description": "Details of google.rpc; debug.reason of the google.rpc.ErrorInfo is a stable reason.",
                 "items": {
                     "type": "object",
                     "properties": {

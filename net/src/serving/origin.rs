@@ -1,4 +1,4 @@
-//! Which web pages may call. Browsers send the origin of a page; requests of other clients have no origin and pass.
+//! The web pages that may call. Browsers send the origin of a page; other clients send none and pass.
 
 use crate::status;
 use axum::http::request::Parts;
@@ -16,20 +16,21 @@ const PREFLIGHT_MAX_AGE: Duration = Duration::from_secs(600);
 /// The origins whose pages may call.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Origins {
-    /// Origins that the configuration names, such as `https://studio.example`.
+    /// Configured origins, such as `https://studio.example`.
     pub named: Arc<[String]>,
-    /// Whether TLS or tokens protect the endpoint. If so, pages may call from any host name that the request is sent to.
+    /// Whether TLS or tokens protect the endpoint. If so, a page may call the host name that it was loaded from.
     pub guarded: bool,
 }
 
 impl Origins {
-    /// Refuses a request of a page that may not call.
+    /// Refuses requests of pages that may not call.
     pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), Status> {
         match headers.get(header::ORIGIN) {
             Some(origin) if !self.admit(origin, uri, headers) => {
                 let origin = origin.to_str().unwrap_or("elsewhere");
                 let message = format!(
-                    "a page from {origin} may not call this service: serve it from the same host or allow its origin (--allow-origin)"
+                    "a page from {origin} may not call this service: serve the page from the same host, or allow its \
+                     origin (--allow-origin)"
                 );
                 Err(status::failure(Reason::OriginForbidden, message))
             }
@@ -37,8 +38,9 @@ impl Origins {
         }
     }
 
-    /// Whether a page of `origin` may call: the configuration names it, or it comes from the same host, at any port. A host
-    /// name counts as the same host only if the endpoint is guarded: anybody can make a name of theirs resolve to this machine.
+    /// Whether a page of `origin` may call: the configuration lists it, or it comes from the same host, at any port. A
+    /// host name counts as the same host only if the endpoint is guarded, because a foreign name may resolve to this
+    /// machine.
     fn admit(&self, origin: &HeaderValue, uri: &Uri, headers: &HeaderMap) -> bool {
         let Ok(origin) = origin.to_str() else { return false };
         if self.named.iter().any(|named| named == origin) {
@@ -51,7 +53,7 @@ impl Origins {
         (page == here && (is_address || self.guarded)) || (is_loopback(&page) && is_loopback(&here))
     }
 
-    /// Returns the CORS layer that tells browsers which pages may call.
+    /// The CORS layer, which browsers enforce.
     pub fn layer(&self) -> CorsLayer {
         let origins = self.clone();
         let admit = move |origin: &HeaderValue, request: &Parts| origins.admit(origin, &request.uri, &request.headers);

@@ -1,4 +1,4 @@
-//! The Connect protocol's framing, content types and errors, and the frames that it shares with gRPC.
+//! Framing, content types and errors of the Connect protocol. gRPC has the same frames.
 
 use axum::body::Body;
 use axum::extract::Request;
@@ -96,7 +96,7 @@ impl Connect {
     }
 }
 
-/// The field of `google.rpc.Status` that is needed here.
+/// The only field of `google.rpc.Status` that is read.
 #[derive(Clone, PartialEq, Message)]
 struct RpcStatus {
     #[prost(message, repeated, tag = "3")]

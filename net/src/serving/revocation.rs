@@ -1,4 +1,4 @@
-//! Ends calls whose token is removed while they run: their requests and their answers break off with UNAUTHENTICATED.
+//! Ends running calls whose token is removed: requests and answers end with UNAUTHENTICATED.
 
 use super::tokens::Holder;
 use crate::status;
@@ -12,7 +12,7 @@ use std::pin::Pin;
 use std::task::{Context, Poll};
 use surefoot_proto::reason::Reason;
 
-/// Runs a gRPC call for as long as its token is accepted. Calls of Connect have been translated into gRPC before.
+/// Runs a gRPC call while its token is accepted. Connect calls are gRPC calls at this layer.
 pub(super) async fn watch(request: Request, next: Next) -> Response<Body> {
     let Some(holder) = request.extensions().get::<Holder>().cloned() else { return next.run(request).await };
     let guard =
@@ -26,7 +26,7 @@ pub(super) async fn watch(request: Request, next: Next) -> Response<Body> {
     }
 }
 
-/// How a body breaks off.
+/// How a body ends when the token is removed.
 #[derive(Debug, Clone, Copy)]
 enum End {
     /// With an error: a request.
@@ -49,7 +49,7 @@ impl End {
     }
 }
 
-/// A body that breaks off when the token of its call is removed.
+/// A body that ends when the token of its call is removed.
 struct Guarded {
     body: Body,
     removed: Pin<Box<dyn Future<Output = ()> + Send>>,

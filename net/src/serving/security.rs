@@ -8,12 +8,12 @@ use std::sync::Arc;
 use std::time::Duration;
 use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 
-/// How an endpoint is protected. The default protects nothing and suffices only on a loopback address.
+/// How an endpoint is protected. The default protects nothing, which suffices only on a loopback address.
 #[derive(Debug, Clone, Default)]
 pub struct Security {
     /// TLS with the endpoint's certificate; `None` serves without TLS.
     pub tls: Option<ServerTls>,
-    /// Tokens of those who may call; `None` lets everybody call.
+    /// Accepted tokens; `None` accepts all callers.
     pub tokens: Option<Tokens>,
     /// Whether to serve other machines without TLS (`--insecure`).
     pub insecure: bool,
@@ -32,7 +32,7 @@ pub enum SecurityError {
     Tls(String),
 }
 
-/// Converts an error of tonic, whose chain of sources holds the actual reason.
+/// Converts an error of tonic, whose sources contain the actual reason.
 pub(crate) fn tls_error(error: &tonic::transport::Error) -> SecurityError {
     let mut text = error.to_string();
     let mut source = std::error::Error::source(error);
@@ -52,7 +52,7 @@ pub struct ServerTls {
     stamps: Vec<Stamp>,
 }
 
-/// Where the parts of [`ServerTls`] were read from.
+/// The files of [`ServerTls`].
 struct TlsFiles {
     certificate: PathBuf,
     key: PathBuf,
@@ -72,7 +72,8 @@ impl fmt::Debug for ServerTls {
 }
 
 impl ServerTls {
-    /// Reads a certificate chain, its key and, if clients must present certificates, the authority that issues them; all PEM.
+    /// Reads a certificate chain, its key and, if clients must present certificates, the authority that issues them;
+    /// all PEM.
     ///
     /// # Errors
     /// If a file cannot be read, or a TLS server cannot be set up with the files.
@@ -86,7 +87,7 @@ impl ServerTls {
     }
 
     fn read(files: Arc<TlsFiles>) -> Result<Self, SecurityError> {
-        // Taken first: a file that changes while it is read is read once more.
+        // Taken before reading, so that a file that changes meanwhile is read again.
         let stamps = files.stamps();
         let client_authority =
             files.client_authority.as_deref().map(|path| read(path).map(Certificate::from_pem)).transpose()?;
@@ -95,7 +96,7 @@ impl ServerTls {
         Ok(tls)
     }
 
-    /// Reads the files again if one of them has changed since the last look.
+    /// Reloads the files if one of them has changed since the last call.
     ///
     /// # Errors
     /// If they cannot be used, for example because only one of certificate and key has been replaced yet.

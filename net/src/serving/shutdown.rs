@@ -10,7 +10,7 @@ use tonic::Status;
 /// Typical time that a service needs to restart.
 const RESTART: Duration = Duration::from_secs(2);
 
-/// A signal that tells every part of a process to stop; clones share it.
+/// The signal that stops every part of a process; clones share it.
 #[derive(Debug, Clone)]
 pub struct Shutdown {
     sender: watch::Sender<bool>,
@@ -45,5 +45,5 @@ impl Shutdown {
 
 /// Returns the status that ends streams when an endpoint drains.
 pub fn shutting_down() -> Status {
-    status::retry(Reason::ShuttingDown, RESTART, "the service is shutting down: connect again later")
+    status::retry(Reason::ShuttingDown, RESTART, "the service is shutting down: reconnect later")
 }

@@ -19,7 +19,7 @@ pub enum TokenFileError {
     /// The file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The content of the file is refused.
+    /// The content is invalid.
     #[error("cannot use the tokens in {}: {reason}", path.display())]
     Refused {
         /// Path of the file.
@@ -73,11 +73,11 @@ struct Token {
     hash: blake3::Hash,
 }
 
-/// The tokens that an endpoint accepts. Only hashes of the secrets are kept. Clones share them, also when they are reloaded.
+/// The tokens that an endpoint accepts. Only hashes of the secrets are kept. Clones share them, reloads included.
 #[derive(Clone)]
 pub struct Tokens {
     accepted: watch::Sender<Arc<[Token]>>,
-    /// The file that they were read from.
+    /// The file of the tokens, if there is one.
     path: Option<Arc<Path>>,
 }
 
@@ -97,7 +97,7 @@ impl Holder {
     /// Resolves once the token is no longer accepted, or has another role.
     pub async fn removed(mut self) {
         if self.accepted.wait_for(|tokens| !tokens.contains(&self.token)).await.is_err() {
-            // The endpoint is gone, and its tokens can no longer change.
+            // The endpoint has stopped: its tokens can no longer change.
             std::future::pending().await
         }
     }
@@ -120,8 +120,8 @@ impl Tokens {
         Ok(Self { path: Some(path.into()), ..tokens })
     }
 
-    /// Reads the file again whenever it has changed; returns at once if there is none. A file that cannot be used is named, and the
-    /// tokens stay as they were.
+    /// Reloads the file whenever it changes, without end; returns at once if there is no file. If the file is invalid,
+    /// the previous tokens stay in use.
     pub(super) async fn reload_on_change(&self) {
         let Some(path) = self.path.clone() else { return };
         let mut known = stamp(&path);
@@ -135,9 +135,9 @@ impl Tokens {
             match Self::load(&path) {
                 Ok(tokens) => {
                     self.accepted.send_replace(tokens.accepted());
-                    info!(path = %path.display(), ?tokens, "the tokens have been reloaded");
+                    info!(path = %path.display(), ?tokens, "endpoint: tokens reloaded");
                 }
-                Err(error) => warn!(%error, "the tokens stay as they were"),
+                Err(error) => warn!(%error, "endpoint: cannot use the changed tokens; the previous ones stay in use"),
             }
         }
     }
@@ -149,10 +149,10 @@ impl Tokens {
     /// Parses tokens: TOML with `[[token]]` entries of `name`, `role` and `secret`.
     ///
     /// # Errors
-    /// If there is no entry, a key is missing or unknown, a role is unknown, two entries share a name or a secret, or a secret
-    /// is too short or cannot be sent in a header.
+    /// If there is no entry, a key is missing or unknown, a role is unknown, two entries share a name or a secret, or a
+    /// secret is too short or cannot be sent in a header.
     pub fn parse(text: &str) -> Result<Self, TokenError> {
-        // The parser's message may quote the line, and with it a secret.
+        // The parser's message may quote a line with a secret.
         let table = text.parse::<Table>().map_err(|error| {
             let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
             TokenError::Syntax { line: before.matches('\n').count() + 1 }
@@ -175,7 +175,7 @@ impl Tokens {
         Ok(Self { accepted: watch::Sender::new(tokens.into()), path: None })
     }
 
-    /// Returns the token with this secret. The time taken does not depend on whether there is one.
+    /// Returns the token with this secret, in constant time.
     pub(super) fn holder(&self, secret: &str) -> Option<Holder> {
         let (hash, accepted) = (blake3::hash(secret.as_bytes()), self.accepted.subscribe());
         // All hashes are compared, each in constant time.
@@ -195,9 +195,7 @@ fn parse_token(entry: &Value, position: usize) -> Result<Token, TokenError> {
         return Err(TokenError::UnknownKey(key.clone()));
     }
     let (name, role, secret) = (text("name")?.to_owned(), text("role")?, Secret::new(text("secret")?));
-    let Some(role) = Role::ALL.into_iter().find(|known| known.name() == role) else {
-        return Err(TokenError::Role(name));
-    };
+    let Ok(role) = role.parse() else { return Err(TokenError::Role(name)) };
     if secret.reveal().len() < MIN_SECRET_LEN {
         return Err(TokenError::Short(name));
     }

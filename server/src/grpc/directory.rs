@@ -1,4 +1,4 @@
-//! `DirectoryService`: where worlds run.
+//! `DirectoryService`: the servers of a fleet, and the server of each world.
 
 use super::errors::TAKEOVER_TIME;
 use crate::ids::WorldId;
@@ -26,8 +26,8 @@ impl DirectoryService for DirectoryApi {
         let id = WorldId(request.into_inner().world_id);
         match self.worlds.locate(id).await? {
             None => Err(WorldsError::UnknownWorld(id).into()),
-            Some(place) if !place.is_alive => Err(moving(id)),
-            Some(place) => Ok(Response::new(wire::LocateWorldResponse { server: Some(place_to_wire(place)) })),
+            Some(server) if !server.is_alive => Err(moving(id)),
+            Some(server) => Ok(Response::new(wire::LocateWorldResponse { server: Some(server_to_wire(server)) })),
         }
     }
 
@@ -36,17 +36,17 @@ impl DirectoryService for DirectoryApi {
         _: Request<wire::ListServersRequest>,
     ) -> Result<Response<wire::ListServersResponse>, Status> {
         let servers = self.worlds.servers().await?;
-        Ok(Response::new(wire::ListServersResponse { servers: servers.into_iter().map(place_to_wire).collect() }))
+        Ok(Response::new(wire::ListServersResponse { servers: servers.into_iter().map(server_to_wire).collect() }))
     }
 }
 
 /// The status for a world whose server is gone.
 pub(super) fn moving(id: WorldId) -> Status {
-    let message = format!("the server of world {id} is gone, and another one takes it over: try again");
+    let message = format!("the server of world {id} is gone, and another server takes it over: retry");
     status::retry(Reason::WorldMoving, TAKEOVER_TIME, message)
 }
 
-fn place_to_wire(place: ServerInfo) -> wire::ServerInfo {
-    let ServerInfo { address, is_here, world_count, .. } = place;
+fn server_to_wire(server: ServerInfo) -> wire::ServerInfo {
+    let ServerInfo { address, is_here, world_count, .. } = server;
     wire::ServerInfo { address, is_this: is_here, world_count }
 }

@@ -25,7 +25,7 @@ const QUEUE: usize = 2;
 pub struct EnvApi {
     /// All environments of the server.
     pub envs: Envs,
-    /// Maps that clients imported; `None` for a game, which runs its own level whatever map is chosen.
+    /// Imported maps; `None` for a game, which always runs its own level.
     pub levels: Option<LevelStore>,
     /// Signal that ends open streams.
     pub shutdown: Shutdown,

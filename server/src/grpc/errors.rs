@@ -14,14 +14,14 @@ use surefoot_proto::reason::Reason;
 use tonic::Status;
 use tracing::warn;
 
-/// When to retry a call to a busy world, which empties its inbox within a tick or two.
+/// Retry delay for a busy world, which empties its inbox within a tick or two.
 const INBOX_TIME: Duration = Duration::from_millis(50);
-/// When to look again for a world whose server is gone.
+/// Retry delay for a world whose server is gone.
 pub(super) const TAKEOVER_TIME: Duration = Duration::from_secs(1);
 
-/// Logs an error whose text is for operators only, such as one of a database or a file; clients get `shown`.
+/// Logs an error of a database or file, whose text is for operators only; clients get `shown`.
 fn hidden(reason: Reason, shown: &str, error: &dyn Display) -> Status {
-    warn!(%error, reason = reason.name(), "a call failed: {shown}");
+    warn!(%error, reason = reason.name(), "call failed: {shown}");
     status::failure(reason, shown)
 }
 
@@ -88,7 +88,7 @@ impl From<WorldsError> for Status {
             }
             WorldsError::TooManyWorlds(_) => status::quota(Reason::TooManyWorlds, "server", message),
             WorldsError::NoThread(error) => {
-                warn!(%error, "a world was not created: the system refuses a thread for it");
+                warn!(%error, "cannot create a world: the system refuses a thread");
                 status::quota(Reason::TooManyWorlds, "server", "the system refuses a thread for another world")
             }
             WorldsError::WorldQuota(error) => status::quota(Reason::TooManyWorlds, error.subject(), message),
@@ -122,7 +122,7 @@ fn store_error(error: StoreError) -> Status {
         }
         StoreError::Unavailable(error) => hidden(
             Reason::NotConfirmed,
-            "the record of the fleet does not answer: the call had no certain effect",
+            "the database of the fleet does not answer: the call may or may not have had an effect",
             &error,
         ),
         StoreError::Silent(_) => status::failure(Reason::NotConfirmed, error.to_string()),

@@ -1,8 +1,9 @@
 //! `WorldService`: decode, call, encode. Each method calls the free function of the same name.
 //!
-//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `living` those about movers, players and
-//! pieces, `readers` the streams to readers, `work` the stream of a worker. `env` implements `EnvService`, `directory`
-//! `DirectoryService`. `redirect` says where worlds run that other servers have, `errors` converts errors to statuses.
+//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `living` those about movers, players
+//! and pieces, `readers` the streams to readers, `work` the stream of a worker. `env` implements `EnvService`,
+//! `directory` `DirectoryService`. `redirect` says where worlds run that other servers have, `errors` converts errors
+//! to statuses.
 
 pub mod directory;
 pub mod env;

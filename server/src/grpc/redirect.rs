@@ -1,6 +1,6 @@
-//! What a server of a fleet answers about worlds that other servers have: where they run.
+//! Redirects callers to the server that has a world, in a fleet.
 //!
-//! Calls fail as those about worlds that do not exist; this looks at such answers on their way out, and asks the directory.
+//! Calls about worlds of other servers fail with NOT_FOUND. This layer looks such worlds up, and replaces the status.
 
 use super::directory::moving;
 use crate::ids::{NpcId, WorldId};
@@ -16,7 +16,7 @@ use tonic::server::NamedService;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
-/// A service whose callers learn where a world runs that is not here.
+/// Adds redirects to a service.
 #[derive(Debug, Clone)]
 pub struct RedirectToOwner<S> {
     /// The service.
@@ -58,7 +58,7 @@ where
     }
 }
 
-/// The world that an answer says is not here.
+/// The world that was not found, by the status of an answer.
 fn not_here(answer: &http::Response<Body>) -> Option<WorldId> {
     let status = Status::from_header_map(answer.headers()).filter(|status| status.code() == Code::NotFound)?;
     let id = status.get_details_resource_info()?.resource_name.parse().ok()?;
@@ -69,11 +69,11 @@ fn not_here(answer: &http::Response<Body>) -> Option<WorldId> {
     }
 }
 
-/// What to answer about a world that is not here; `None`: what was answered is right.
+/// The status for a world that is not here; `None`: the answer is correct.
 async fn redirect(worlds: &Worlds, id: WorldId) -> Option<Status> {
     match worlds.locate(id).await {
         Ok(Some(place)) if place.is_here => {
-            // It is about to be restored here; an NPC may really be unknown.
+            // It is being restored here, unless it runs and the NPC does not exist.
             worlds.handle(id).is_err().then(|| moving(id))
         }
         Ok(Some(place)) if place.is_alive => Some(status::elsewhere(id.to_string(), &place.address)),

@@ -72,7 +72,7 @@ async fn read_answers(
             Some(Ok(_)) => Err(Goodbye::Unexpected),
         };
         if let Err(goodbye) = result {
-            warn!(worker = worker.0, %goodbye, "worker is cut off");
+            warn!(worker = worker.0, %goodbye, "worker disconnected");
             break Some(goodbye);
         }
     };

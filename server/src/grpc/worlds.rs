@@ -4,7 +4,7 @@ use super::{WorldApi, parts};
 use crate::hosted::TimeMode;
 use crate::ids::WorldId;
 use crate::wire::map::{MAX_CUT_OFF, MAX_SURVEYED, features_to_wire, survey_to_wire};
-use crate::wire::{time_mode, world_to_wire};
+use crate::wire::world_to_wire;
 use crate::worlds::WorldSettings;
 use std::time::{Duration, SystemTime};
 use surefoot_net::idempotency::Repeatable;
@@ -45,7 +45,7 @@ pub(super) async fn create_world(
     let (caller, request) = parts(request);
     let base = levels::source(api.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
     let source = levels::with_pieces(base, &request.pieces)?;
-    let mode = time_mode(request.mode)?;
+    let mode = convert::enum_or(request.mode, TimeMode::Realtime, "mode")?;
     let settings = WorldSettings {
         mode,
         body: convert::body(request.body.as_ref())?,

@@ -15,7 +15,7 @@ use surefoot_world::map::Liquid;
 use surefoot_world::sense::Sight;
 use surefoot_world::{CharacterProfile, Map, ProfileIdx, Seed, Vec3, navigable};
 
-/// Why a world cannot do what a client requests.
+/// Why a world cannot carry out a request about an NPC.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NpcError {
     /// No NPC has this id.
@@ -66,12 +66,12 @@ pub struct SpawnOrder {
     pub yaw: f32,
     /// Goal of the first attempt, m; `None`: the NPC is idle.
     pub goal: Option<Vec3>,
-    /// Body of the NPC; `None`: the usual one of the world.
+    /// Body of the NPC; `None`: the default body of the world.
     pub body: Option<CharacterProfile>,
 }
 
 impl HostedWorld {
-    /// Adds an NPC and sets its goal, if there is one. If this fails, no NPC is added.
+    /// Adds an NPC and sets its goal, if there is one. On an error, no NPC is added.
     ///
     /// # Errors
     /// Those of [`spawn`](Self::spawn) and [`set_goal`](Self::set_goal), and if the world has too many bodies.
@@ -90,7 +90,7 @@ impl HostedWorld {
         Ok(id)
     }
 
-    /// Adds an NPC with the world's usual body for the client that holds `ticket` and returns its id.
+    /// Adds an NPC with the default body for the client of `ticket`, and returns its id.
     ///
     /// # Errors
     /// If the world is full or the position lies outside the map.
@@ -159,7 +159,8 @@ impl HostedWorld {
         Ok(attempt)
     }
 
-    /// Moves an NPC to `position` (m) and heading `yaw` (rad) at once, at rest and without a goal; revives one that is down.
+    /// Places an NPC at `position` (m) with heading `yaw` (rad), at rest and without a goal. Revives an NPC that is
+    /// down.
     ///
     /// # Errors
     /// If the NPC does not exist, or the position lies outside the map.
@@ -207,7 +208,7 @@ impl HostedWorld {
         Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.history.iter().copied().collect())
     }
 
-    /// Casts the rays of an NPC and returns what they hit.
+    /// Casts the rays of an NPC and returns their hits.
     ///
     /// # Errors
     /// If the NPC does not exist.
@@ -256,7 +257,7 @@ impl HostedWorld {
         tally
     }
 
-    /// Draws `count` random places where a character with this body can stand.
+    /// Samples `count` random places where a character with this body can stand.
     ///
     /// # Errors
     /// If the map has no navigable ground.
@@ -270,7 +271,7 @@ impl HostedWorld {
         Ok(navigable::sample_many(map, body, count, &mut rng)?)
     }
 
-    /// Whether a point lies on the map; `Err` is the extent of the map, m.
+    /// Checks that a point is on the map; `Err` is the extent of the map, m.
     pub(super) fn within_map(&self, point: Vec3) -> Result<(), [f32; 3]> {
         let extent = self.world.map().extent();
         let is_outside = self.world.map().is_outside(point) || point.y > extent.y;

@@ -1,4 +1,4 @@
-//! A bounded, ordered log of a world's events, which readers follow at their own pace.
+//! The bounded, ordered log of a world's events. Readers follow it at their own pace.
 
 use crate::ids::NpcId;
 use std::collections::VecDeque;
@@ -11,7 +11,7 @@ pub const KEPT_EVENTS: usize = 65_536;
 /// Something that happened to an NPC.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NpcEvent {
-    /// Sequence number, greater by one than that of the event before; the first is 1.
+    /// Sequence number: consecutive, from 1.
     pub sequence: u64,
     /// Tick at which it happened.
     pub tick: Tick,
@@ -101,16 +101,16 @@ pub struct EventsLost {
 #[derive(Debug, Default)]
 pub struct EventLog {
     written: u64,
-    /// Sequence number of the last event before those that are kept.
+    /// Sequence number of the last event that was dropped.
     dropped: u64,
-    /// Sequence number of the last event that readers may see; `None`: they see all.
+    /// Sequence number of the last event that readers may see; `None`: all.
     confirmed: Option<u64>,
     kept: VecDeque<NpcEvent>,
 }
 
 impl EventLog {
-    /// The events of a restored world, all of them confirmed: those in `kept`, in order, and no others after `dropped`. The next one follows
-    /// `written`.
+    /// The log of a restored world, with the events `kept` after the number `dropped`. All are confirmed. The next
+    /// event follows the number `written`.
     pub(super) fn resumed(dropped: u64, kept: impl IntoIterator<Item = NpcEvent>, written: u64) -> Self {
         let mut log = Self { written, dropped, confirmed: Some(written), kept: kept.into_iter().collect() };
         log.drop_beyond(KEPT_EVENTS);
@@ -127,7 +127,7 @@ impl EventLog {
         self.written
     }
 
-    /// Returns the sequence number of the last event before those that are kept.
+    /// Returns the sequence number of the last event that was dropped.
     pub(super) fn dropped(&self) -> u64 {
         self.dropped
     }
@@ -137,19 +137,19 @@ impl EventLog {
         self.confirmed.get_or_insert(self.written);
     }
 
-    /// Lets readers see events up to that number.
+    /// Lets readers see events up to the number `through`.
     pub(super) fn confirm(&mut self, through: u64) {
         if let Some(confirmed) = &mut self.confirmed {
             *confirmed = (*confirmed).max(through.min(self.written));
         }
     }
 
-    /// Events after that number, whether or not readers may see them.
+    /// Events after the number `after`, including unconfirmed ones.
     pub(super) fn since(&self, after: u64) -> impl Iterator<Item = &NpcEvent> {
         self.kept.range(self.kept.partition_point(|event| event.sequence <= after)..)
     }
 
-    /// Drops the oldest events but `count`.
+    /// Drops all but the latest `count` events.
     fn drop_beyond(&mut self, count: usize) {
         let surplus = self.kept.len().saturating_sub(count);
         self.dropped = self.kept.drain(..surplus).next_back().map_or(self.dropped, |event| event.sequence);
@@ -181,7 +181,7 @@ mod tests {
     use crate::ids::WorldId;
 
     #[test]
-    fn readers_get_every_event_once_or_are_told_that_some_are_gone() {
+    fn readers_get_every_event_once_or_an_error_if_some_are_gone() {
         let mut log = EventLog::default();
         let npc = NpcId::new(WorldId(1), 1);
         let numbers = |found: Vec<NpcEvent>| found.iter().map(|event| event.sequence).collect::<Vec<_>>();
@@ -207,7 +207,7 @@ mod tests {
         log.confirm(3);
         log.confirm(2);
         assert_eq!(log.after(1, 10).unwrap().len(), 2);
-        // Restored without the second, which told of motion, and with a later one that nobody kept.
+        // Restored without the second event, which described motion, and with a later one that was not kept.
         let kept: Vec<NpcEvent> = log.since(0).filter(|event| event.sequence != 2).take(2).copied().collect();
         let mut resumed = EventLog::resumed(0, kept, 5);
         assert_eq!(resumed.after(1, 10).unwrap().len(), 1);

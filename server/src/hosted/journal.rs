@@ -1,7 +1,7 @@
-//! What a fleet must know of a world between two saves: which NPCs came and went, and which attempts began and ended. Whoever takes the
-//! world over applies it to the save, so that no attempt that a client knows of is lost or ends twice.
+//! The journal of a world in a fleet: NPCs that were added or removed, and attempts that began or ended, since the last
+//! save. The server that takes the world over applies it to the save, so that no attempt is lost or ends twice.
 //!
-//! Events that only describe motion are left out: they are gone with the server.
+//! Events that only describe motion are left out, and are lost with the server.
 
 use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
@@ -22,7 +22,7 @@ const VERSION: u32 = 1;
 /// Most events that are saved with a world, so that readers can resume on the server that takes it over.
 const SAVED_EVENTS: usize = 4096;
 
-/// A world as it was saved, with its latest events.
+/// The save of a world in a fleet, with its latest events.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FleetSave {
     /// The world.
@@ -39,10 +39,10 @@ pub struct SavedLog {
     entries: Vec<Entry>,
 }
 
-/// What happened in a world up to an event.
+/// Changes of a world, up to an event.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Journal {
-    /// Sequence number of the event.
+    /// Sequence number of that event.
     pub through: u64,
     entries: Vec<Entry>,
 }
@@ -65,7 +65,7 @@ enum Change {
     Removed,
 }
 
-/// What must be known of an NPC to add it again.
+/// Data for adding an NPC again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Newcomer {
     yaw: f32,
@@ -83,7 +83,7 @@ impl FleetSave {
     /// Decodes what [`encode`](Self::encode) returned.
     ///
     /// # Errors
-    /// If `bytes`, which are at `place`, are no such world, of another version, or damaged.
+    /// If `bytes`, which are at `place`, are no such save, of another version, or damaged.
     pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
         let damaged = |_| SavedError::Damaged(place.to_owned());
         let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
@@ -105,7 +105,7 @@ impl SavedLog {
 }
 
 impl Journal {
-    /// Encodes what happened.
+    /// Encodes the journal.
     pub fn encode(&self) -> Vec<u8> {
         postcard::to_stdvec(&self.entries).expect("plain data")
     }
@@ -113,7 +113,7 @@ impl Journal {
     /// Decodes what [`encode`](Self::encode) returned.
     ///
     /// # Errors
-    /// If `bytes` are no such thing.
+    /// If `bytes` are no journal.
     pub fn decode(through: u64, bytes: &[u8]) -> Result<Self, SealError> {
         let entries: Vec<Entry> = postcard::from_bytes(bytes).map_err(|_| SealError::Damaged)?;
         let is_sound = entries.is_sorted_by(|a, b| a.sequence < b.sequence)
@@ -142,17 +142,17 @@ impl Entry {
 }
 
 impl HostedWorld {
-    /// Hides events from readers until [`confirm`](Self::confirm) says that the fleet knows them.
+    /// Hides events from readers until [`confirm`](Self::confirm) is called.
     pub fn await_confirmation(&mut self) {
         self.events.await_confirmation();
     }
 
-    /// Lets readers see events up to that number, if they are hidden.
+    /// Lets readers see hidden events up to the number `through`.
     pub fn confirm(&mut self, through: u64) {
         self.events.confirm(through);
     }
 
-    /// What happened that is not confirmed yet; `None` if nothing did.
+    /// The journal of unconfirmed events; `None` if there are none.
     pub fn unconfirmed(&self) -> Option<Journal> {
         let (known, through) = (self.events.latest(), self.events.written());
         let entries = || self.events.since(known).filter_map(|event| Entry::of(event, |it| self.change(event.npc, it)));
@@ -167,7 +167,7 @@ impl HostedWorld {
         let dropped = entries.drain(..surplus).next_back().map_or(self.events.dropped(), |entry| entry.sequence);
         for entry in &mut entries {
             if let Change::Spawned { newcomer, .. } = &mut entry.change {
-                // The save has the NPC.
+                // The save contains the NPC.
                 *newcomer = None;
             }
         }
@@ -198,12 +198,12 @@ impl HostedWorld {
         })
     }
 
-    /// Applies what happened to a restored world after it was saved. Events go on with the number after the last one.
+    /// Applies journals to a restored world. Events continue with the number after the last one.
     pub fn resume(&mut self, log: SavedLog, journals: Vec<Journal>, npc_quota: &Arc<Quota>) {
         let SavedLog { mut written, dropped, mut entries } = log;
         for Journal { through, entries: later } in journals {
             for entry in later {
-                // A journal may have been sent again together with what happened later.
+                // A journal may repeat entries of the previous one.
                 if entry.sequence > written {
                     self.apply(&entry, npc_quota);
                     written = entry.sequence;
@@ -216,7 +216,7 @@ impl HostedWorld {
         self.assign_workers();
     }
 
-    /// Repeats a change. What cannot be, because the record of the fleet was changed by hand, is left out.
+    /// Repeats a change. A change that is impossible, because the database was edited by hand, is left out.
     fn apply(&mut self, entry: &Entry, npc_quota: &Arc<Quota>) {
         if let Change::Spawned { position, newcomer: Some(newcomer) } = &entry.change {
             let is_new = entry.npc.world() == self.id && !self.records.contains_key(&entry.npc);

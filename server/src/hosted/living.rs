@@ -1,4 +1,4 @@
-//! What clients do with the movers and the players of a world.
+//! Calls about the movers and players of a world.
 
 use super::world::HostedWorld;
 use crate::ids::WorldId;
@@ -13,21 +13,21 @@ pub enum LivingError {
     /// The map has no mover of that name.
     #[error("world {0} has no mover `{1}`: ListMovers names them")]
     NoSuchMover(WorldId, String),
-    /// The mover does not have the stop, cannot cycle, or the pace is out of range.
+    /// The mover has no such stop, cannot cycle, or the pace is out of range.
     #[error("{field}: {message}")]
     Order {
         /// Field of the request.
         field: &'static str,
-        /// What would be allowed.
+        /// The allowed values.
         message: String,
     },
     /// There is no such player.
     #[error("world {0} has no player {1}")]
     NoSuchPlayer(WorldId, u32),
-    /// There are as many players as a world holds.
-    #[error("world {0} has {MAX_PLAYERS} players, the most that a world holds: remove one first")]
+    /// The world has the maximum number of players.
+    #[error("world {0} has {MAX_PLAYERS} players, the most allowed: remove one first")]
     TooManyPlayers(WorldId),
-    /// A player's place lies outside the map.
+    /// The position of a player lies outside the map.
     #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
     Outside {
         /// Field of the request.
@@ -37,14 +37,14 @@ pub enum LivingError {
     },
 }
 
-/// Where a mover is told to go.
+/// Destination of a mover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Destination {
-    /// To a stop.
+    /// A stop, by its index.
     Stop(u32),
-    /// A door opens, or closes; a floor appears, or vanishes.
+    /// Opens or closes a door; makes a floor appear or vanish.
     Open(bool),
-    /// From stop to stop.
+    /// All stops in turn.
     Cycle,
 }
 
@@ -54,15 +54,15 @@ impl HostedWorld {
         self.world.map().movers()
     }
 
-    /// What the movers do, in the order of the map.
+    /// States of the movers, in the order of the map.
     pub fn mover_states(&self) -> &[MoverState] {
         self.world.movers()
     }
 
-    /// Tells the mover of that name where to go, and at what pace, in multiples of the usual one. Returns its index and what it does.
+    /// Sets the destination and the pace (in multiples of the default) of a mover. Returns its index and state.
     ///
     /// # Errors
-    /// If there is no such mover, or it cannot follow; then nothing changes.
+    /// If there is no such mover, or the order is invalid. Nothing changes then.
     pub fn set_mover(
         &mut self,
         name: &str,
@@ -77,16 +77,16 @@ impl HostedWorld {
         }
         let order = destination.map(|destination| order_of(&self.movers()[idx], destination)).transpose()?;
         for order in order.into_iter().chain(pace.map(MoverOrder::Pace)) {
-            // It was checked.
+            // The order was checked.
             self.world.order(MoverId(idx as u16), order);
         }
         Ok((idx, self.mover_states()[idx]))
     }
 
-    /// Adds a player, which must be sound, and returns its id.
+    /// Adds a valid player, and returns its id.
     ///
     /// # Errors
-    /// If the world has too many, or it stands outside the map.
+    /// If the world has too many players, or the position is outside the map.
     pub fn spawn_player(&mut self, player: Player) -> Result<PlayerSlot, LivingError> {
         self.check_on_map(player.feet, "position")?;
         if self.world.players().count() >= MAX_PLAYERS {
@@ -95,10 +95,10 @@ impl HostedWorld {
         Ok(self.world.spawn_player(player))
     }
 
-    /// Moves players: id, place of the feet, m, and velocity, m/s.
+    /// Moves players: id, position of the feet, m, and velocity, m/s.
     ///
     /// # Errors
-    /// If one of them does not exist, or leaves the map; then none is moved.
+    /// If one of them does not exist, or leaves the map. No player is moved then.
     pub fn move_players(&mut self, moves: &[(PlayerSlot, Vec3, Vec3)]) -> Result<(), LivingError> {
         let players: BTreeSet<PlayerSlot> = self.world.players().map(|(slot, _)| slot).collect();
         for (slot, feet, _) in moves {
@@ -134,16 +134,16 @@ fn order_of(mover: &Mover, destination: Destination) -> Result<MoverOrder, Livin
             let message = format!("`{}` has the stops 0 to {}, but no stop {stop}", mover.name, count - 1);
             Err(LivingError::Order { field: "stop", message })
         }
-        // A floor is there at stop 0.
+        // A floor is present at stop 0.
         Destination::Open(open) if mover.kind == MoverKind::Door => Ok(MoverOrder::GoTo(StopIdx(u8::from(open)))),
         Destination::Open(open) if mover.kind == MoverKind::Floor => Ok(MoverOrder::GoTo(StopIdx(u8::from(!open)))),
         Destination::Open(_) => {
-            let message = format!("`{}` is neither a door nor a floor: give a stop", mover.name);
+            let message = format!("`{}` is neither a door nor a floor: set stop instead", mover.name);
             Err(LivingError::Order { field: "open", message })
         }
         Destination::Cycle if count > 1 => Ok(MoverOrder::Cycle),
         Destination::Cycle => {
-            Err(LivingError::Order { field: "cycle", message: format!("`{}` has one stop only", mover.name) })
+            Err(LivingError::Order { field: "cycle", message: format!("`{}` has only one stop", mover.name) })
         }
     }
 }

@@ -1,10 +1,10 @@
-//! One world on the server: its NPCs, which decisions are due, which worker makes them, and how attempts end.
+//! One world on the server: its NPCs, their decisions, their workers and their attempts.
 //!
-//! A tick is [`HostedWorld::step`] (in `tick`): move, end attempts, request decisions. Answers arrive between ticks.
-//! `workers` hands NPCs from one worker to another, `commands` has the calls of clients (`living` those about movers
-//! and players, `pieces` edits of the map), `snapshot` and `events` what clients see (`motion` detects jumps and
-//! landings), `saved` what outlives the process (`journal`: what a fleet knows beyond it). Nothing here awaits, and
-//! nothing knows wire types.
+//! A tick is [`HostedWorld::step`] (in `tick`): move, log motion, end attempts, request decisions. Answers arrive
+//! between ticks. `workers` assigns NPCs to workers, `commands` has the calls of clients (`living` those about movers
+//! and players, `pieces` edits of the map), `snapshot` and `events` the data for clients (`motion` detects jumps and
+//! landings), `saved` the save of a world, and `journal` the changes since then in a fleet. Nothing here awaits or
+//! knows wire types.
 
 mod commands;
 mod events;

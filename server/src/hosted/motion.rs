@@ -3,11 +3,11 @@
 use super::events::EventKind;
 use surefoot_world::{Ability, AbilitySet, Npc, TICKS_PER_SECOND};
 
-/// Least time in the air, in ticks (0.1 s), that ends with a landing if the NPC neither jumped nor used a device; bumps cause
-/// shorter ones.
+/// Least time in the air, in ticks (0.1 s), that counts as a landing if the NPC neither jumped nor used a device; bumps
+/// are shorter.
 const MIN_AIRBORNE_TICKS: u32 = TICKS_PER_SECOND / 10;
 
-/// What must be known about an NPC's movement up to the last tick.
+/// An NPC's movement up to the last tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Motion {
     airborne_ticks: u32,
@@ -20,7 +20,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Compares an NPC with its state one tick ago, and emits the events between; `attempt` is the attempt under way.
+    /// Compares an NPC with its previous state, and emits the events of the tick; `attempt` is the current attempt.
     pub fn note(&mut self, npc: &Npc, used: AbilitySet, attempt: Option<u32>, mut emit: impl FnMut(EventKind)) {
         let position = npc.body.feet;
         for ability in used.iter() {

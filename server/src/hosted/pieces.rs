@@ -1,4 +1,4 @@
-//! What clients put onto the map of a running world, and take away again.
+//! Edits of the pieces on the map of a running world.
 
 use super::world::HostedWorld;
 use crate::ids::{NpcId, WorldId};
@@ -10,32 +10,32 @@ use surefoot_world::{Map, NpcSlot, Tick};
 /// Why a map cannot be edited.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EditError {
-    /// A piece is not valid, or they are too many.
+    /// A piece is invalid, or there are too many.
     #[error(transparent)]
     Piece(#[from] PieceError),
-    /// No piece of that name is there to be removed.
+    /// There is no piece of that name to remove.
     #[error("the map of world {0} has no piece `{1}`: ListPieces names them")]
     NoSuchPiece(WorldId, String),
     /// An NPC would be enclosed.
     #[error("NPC {0} stands where a piece would be and finds no place within 4.5 m: move it first")]
     Enclosed(NpcId),
-    /// Others edit the map all the time.
-    #[error("others edit the map of world {0} at the same time: try again")]
+    /// Other clients keep editing the map.
+    #[error("other clients edit the map of world {0} at the same time: retry")]
     Contended(WorldId),
 }
 
 /// A change of the pieces on a map.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MapEdit {
-    /// Pieces to add, or to put in place of those of the same name.
+    /// Pieces to add, or to replace those of the same name.
     pub put: Vec<Piece>,
     /// Names of pieces to remove.
     pub remove: Vec<String>,
-    /// Whether all pieces that are there are removed first.
+    /// Whether all existing pieces are removed first.
     pub clear: bool,
 }
 
-/// What an edit has done.
+/// Result of an edit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MapEdited {
     /// Revision of the map.
@@ -52,7 +52,7 @@ impl MapEdit {
     /// The pieces of the map of `world` after the edit.
     ///
     /// # Errors
-    /// If one that is to be removed is not there.
+    /// If a piece to remove does not exist.
     pub fn apply(&self, world: WorldId, pieces: &[Piece]) -> Result<Vec<Piece>, EditError> {
         let mut pieces = if self.clear { Vec::new() } else { pieces.to_vec() };
         for name in &self.remove {
@@ -66,21 +66,21 @@ impl MapEdit {
 }
 
 impl HostedWorld {
-    /// Revision of the map: changes with every edit.
+    /// Revision of the map, which grows with each edit.
     pub fn map_revision(&self) -> u64 {
         self.map_revision
     }
 
-    /// Goes on on `map`, this world's map of revision `from` with other pieces, and tells workers. `None`, and nothing changes, if the map
-    /// has another revision by now.
+    /// Replaces the map by `map`, which was made from revision `from`, and notifies workers. Returns `None` and changes
+    /// nothing if the map has another revision by now.
     ///
     /// # Errors
-    /// If an NPC would be enclosed; then nothing changes.
+    /// If an NPC would be enclosed. Nothing changes then.
     pub fn edit(&mut self, from: u64, map: Arc<Map>) -> Result<Option<MapEdited>, EditError> {
         if from != self.map_revision {
             return Ok(None);
         }
-        // What workers have not been told yet is of the map as it was.
+        // Pending messages to workers are about the old map.
         self.flush();
         let slots = self.world.edit(map).map_err(|enclosed| EditError::Enclosed(self.id_of(enclosed.0)))?;
         self.map_revision += 1;

@@ -1,4 +1,4 @@
-//! The part of a world that outlives the process, and its file format.
+//! The save of a world, and its file format.
 
 use super::commands::MAX_BODIES;
 use super::snapshot::Counters;
@@ -22,19 +22,19 @@ use tracing::warn;
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`WorldSave`] or anything inside it is.
 ///
-/// From 0.3.0 on, a server reads saves of the minor version before it. A change that raises this number keeps the former
-/// struct as a private `WorldSaveV9` with `impl From<WorldSaveV9> for WorldSave`, and tries the former version in
-/// [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A server
-/// of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a server that
-/// was upgraded takes them over.
+/// From 0.3.0 on, a server reads saves of the minor version before it. A change that raises this number keeps the
+/// former struct as a private `WorldSaveV9` with `impl From<WorldSaveV9> for WorldSave`, and tries the former version
+/// in [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A
+/// server of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a
+/// server that was upgraded takes them over.
 const VERSION: u32 = 9;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
-/// Numbers that NPCs may have been given after the world was saved for the last time: no other NPC gets them.
+/// Numbers reserved for NPCs that were added after the save, so that no other NPC gets them.
 const UNSAVED_SERIALS: u32 = 1 << 16;
 
-/// A world as it was when it was saved.
+/// The save of a world.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorldSave {
     id: WorldId,
@@ -62,8 +62,8 @@ pub enum SavedMap {
 }
 
 impl SavedMap {
-    /// Returns what is needed to restore `map`, its pieces aside; `level` is the level's name if the map was imported. Encoding an imported
-    /// map takes a while.
+    /// The source of `map` without its pieces; `level` is the level's name if the map was imported. Encoding an
+    /// imported map takes a while.
     pub fn of(map: &Map, level: String) -> Self {
         let encode = || exchange::encode(&map.with_pieces(Vec::new()).expect("no piece is not valid"));
         map.spec().map_or_else(|| SavedMap::File(level, encode()), |spec| SavedMap::Spec(*spec))
@@ -75,7 +75,7 @@ impl SavedMap {
 pub struct RestoredMap {
     /// Without its pieces.
     pub base: Arc<Map>,
-    /// As it was.
+    /// With its pieces.
     pub map: Arc<Map>,
 }
 
@@ -100,9 +100,9 @@ pub enum SavedError {
     #[error("{} is used by another server: give each its own folder (--state)", .0.display())]
     InUse(PathBuf),
     /// Not all worlds could be saved in time.
-    #[error("saving took longer than {} s: some worlds stay as they were saved before", .0.as_secs_f32())]
+    #[error("saving took longer than {} s: the previous saves of some worlds are kept", .0.as_secs_f32())]
     TooSlow(Duration),
-    /// It was written by another version of the program.
+    /// Another version of the program has written it.
     #[error("{place} was written by version {written} of this format, this server reads version {read}")]
     Version {
         /// The file or blob.
@@ -112,8 +112,8 @@ pub enum SavedError {
         /// The version that can be read.
         read: u32,
     },
-    /// The file is no saved world, or it is truncated or corrupted.
-    #[error("{0} is damaged")]
+    /// The file is no save of a world, or it is truncated or corrupted.
+    #[error("{0}: checksum mismatch or truncated; it was left in place")]
     Damaged(PathBuf),
     /// The program that saved the world generated a different map from the spec.
     #[error("world {0} was saved with a different map: this version generates it differently")]
@@ -127,7 +127,7 @@ pub enum SavedError {
 }
 
 impl SavedError {
-    /// Why what is sealed at `place` cannot be opened, which should have the version `read`.
+    /// The error for a sealed save at `place` that cannot be opened; `read` is the supported version.
     pub(super) fn sealed(error: SealError, place: &Path, read: u32) -> Self {
         let place = place.to_owned();
         match error {
@@ -156,7 +156,7 @@ impl WorldSave {
         }
     }
 
-    /// Generates or decodes the world's map, and puts its pieces onto it.
+    /// Generates or decodes the world's map, and adds its pieces.
     ///
     /// # Errors
     /// If the map cannot be decoded, or it is not the one that the world was saved with.
@@ -168,7 +168,7 @@ impl WorldSave {
         self.maps_on(base)
     }
 
-    /// Puts the world's pieces onto its map, which exists already.
+    /// Adds the world's pieces to its base map.
     ///
     /// # Errors
     /// If it is not the one that the world was saved with.
@@ -211,7 +211,7 @@ impl WorldSave {
         Self::decode(&bytes, path)
     }
 
-    /// Whether a world can have been saved with this content, which the checksum does not prove.
+    /// Whether the content is consistent, which the checksum does not prove.
     fn is_consistent(&self) -> bool {
         let slots: BTreeSet<NpcSlot> = self.npcs.iter().map(|npc| npc.slot).collect();
         let is_ours = |npc: &SavedNpc| npc.id.world() == self.id && npc.goal.is_none_or(|goal| goal.is_finite());
@@ -247,7 +247,7 @@ impl StateFolder {
         }
     }
 
-    /// The worlds that it holds by the names of the files, in the order of their ids. Files may be damaged.
+    /// The saved worlds by file name, ordered by id. The files are not read.
     ///
     /// # Errors
     /// If the folder cannot be read.
@@ -261,22 +261,22 @@ impl StateFolder {
             }
             match path.file_stem().and_then(|stem| stem.to_str()?.parse().ok()) {
                 Some(id) => _ = found.insert(WorldId(id), path),
-                None => warn!(path = %path.display(), "not the file of a world: its name is no id"),
+                None => warn!(path = %path.display(), "not the save of a world: its name is not an id"),
             }
         }
         Ok(found)
     }
 
-    /// Writes a world in place of what was saved of it before: whole or not at all, and durable when this returns.
+    /// Replaces the save of a world, atomically. It is durable when this returns.
     ///
     /// # Errors
-    /// If it cannot be written; what was saved before is kept.
+    /// If it cannot be written; the previous save is kept.
     pub fn replace(&self, saved: &WorldSave) -> Result<(), SavedError> {
         let path = self.file_of(saved.id);
         durable::replace(&path, &saved.encode()).map_err(|error| SavedError::Io(path, error))
     }
 
-    /// Deletes what was saved of a world.
+    /// Deletes the save of a world.
     ///
     /// # Errors
     /// If the file cannot be removed.
@@ -295,7 +295,7 @@ impl StateFolder {
 }
 
 impl HostedWorld {
-    /// Copies what must outlive the process; `source` is the source of the world's map.
+    /// Makes a save; `source` is the source of the world's map.
     pub fn save(&self, owner: &str, source: SavedMap) -> WorldSave {
         let npcs = self.records.iter().map(|(&id, record)| SavedNpc {
             id,
@@ -337,7 +337,7 @@ impl HostedWorld {
             record.began = saved.state.tick();
             world.add_record(npc.id, record);
             if let Some(goal) = npc.goal {
-                // The world's state may hold a waypoint of a plan that is gone.
+                // The world's state may have a waypoint of a plan that was not saved.
                 world.world.set_waypoint(npc.slot, goal);
             }
         }

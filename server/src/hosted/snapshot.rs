@@ -1,4 +1,4 @@
-//! What clients see of a hosted world: plain data, copied out of the world's thread.
+//! Data of a hosted world for clients, copied from the world's thread.
 
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
@@ -8,12 +8,12 @@ use std::time::SystemTime;
 use surefoot_world::map::MoverStop;
 use surefoot_world::{Ability, Chance, End, MoverState, Player, PlayerSlot, ProfileIdx, Seconds, Tick, Vec3};
 
-/// What an NPC is doing.
+/// Status of an NPC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NpcStatus {
     /// The NPC has no goal.
     Idle,
-    /// The NPC is under way to its goal.
+    /// The NPC is on its way to its goal.
     Seeking,
     /// The NPC fell, burnt or drowned.
     Down,
@@ -45,9 +45,9 @@ pub struct NpcState {
     pub velocity: Vec3,
     /// Heading, rad.
     pub yaw: f32,
-    /// What the NPC is doing.
+    /// Status of the NPC.
     pub status: NpcStatus,
-    /// Goal of the attempt under way, m.
+    /// Goal of the current attempt, m.
     pub goal: Option<Vec3>,
     /// Waypoint that the NPC heads for, m.
     pub waypoint: Option<Vec3>,
@@ -78,7 +78,7 @@ pub struct Snapshot {
     pub time: SystemTime,
     /// The NPCs, ordered by id.
     pub npcs: Vec<NpcState>,
-    /// What each mover of the map does, and where it is.
+    /// State and pose of each mover of the map.
     pub movers: Vec<(MoverState, MoverStop)>,
     /// The players.
     pub players: Vec<(PlayerSlot, Player)>,
@@ -119,9 +119,9 @@ pub struct Counters {
     pub answered: u64,
     /// Decisions not answered within their period.
     pub missed: u64,
-    /// Answers that came for decisions that were no longer pending.
+    /// Answers to decisions that were no longer pending.
     pub stale: u64,
-    /// Actions, waypoints and plans that were ignored because a number made no sense.
+    /// Actions, waypoints and plans that were ignored because a number was invalid.
     pub invalid: u64,
     /// Plans that planners failed to deliver to workers.
     pub plans_failed: u64,
@@ -138,7 +138,7 @@ pub struct Counters {
 pub struct Tally {
     /// NPCs without a goal.
     pub idle: u32,
-    /// NPCs under way to a goal.
+    /// NPCs on their way to a goal.
     pub seeking: u32,
     /// NPCs that fell, burnt or drowned.
     pub down: u32,
@@ -166,7 +166,7 @@ pub struct NpcPlan {
     pub waypoints: Vec<Vec3>,
     /// The legs, one for each waypoint.
     pub legs: Vec<PlanLeg>,
-    /// Why no path was found and the plan heads straight for the goal; empty if a path was found.
+    /// Why no path was found and the NPC heads straight for its goal; empty if a path was found.
     pub no_path: String,
 }
 

@@ -1,5 +1,5 @@
-//! The tick: move, log events, end attempts, request the decisions that are due next; and the answers that arrive
-//! between ticks. A lockstep world requests decisions before it moves, because it waits for the answers.
+//! The tick: move, log motion, end attempts, request the decisions that are due next. Answers arrive between ticks. A
+//! lockstep world requests decisions before it moves, because it waits for the answers.
 
 use super::events::EventKind;
 use super::workers::{ASSIGN_EVERY, hand_over};
@@ -15,8 +15,8 @@ use surefoot_world::{Action, End, MoverState, Npc, ProfileIdx, TICKS_PER_DECISIO
 const MISSES_UNTIL_NEUTRAL: u8 = 2;
 
 impl HostedWorld {
-    /// Requests the decisions that are due in a lockstep world, unless done already. Returns whether the world can be stepped:
-    /// some NPC is seeking, every seeking NPC has a worker, and no answer is missing.
+    /// Requests the decisions that are due in a lockstep world, once per tick. Returns whether the world can be
+    /// stepped: some NPC is seeking, every seeking NPC has a worker, and no answer is missing.
     pub fn is_ready(&mut self) -> bool {
         if self.requested_tick != Some(self.tick()) {
             let mut seeking = self.records.values().filter(|record| record.goal.is_some()).peekable();
@@ -30,10 +30,10 @@ impl HostedWorld {
         self.records.values().all(|record| record.awaiting.is_none())
     }
 
-    /// Steps the world by one tick. For lockstep worlds, [`HostedWorld::is_ready`] has requested the decisions already.
+    /// Steps the world by one tick. In lockstep worlds, [`HostedWorld::is_ready`] has requested the decisions before.
     ///
-    /// Realtime worlds request decisions after the tick, so that what is answered before the next one acts on the very state that was
-    /// observed.
+    /// Realtime worlds request decisions after the tick, so that an answer before the next tick acts on the observed
+    /// state.
     pub fn step(&mut self) {
         self.waited = Duration::ZERO;
         self.world.tick();
@@ -65,7 +65,7 @@ impl HostedWorld {
 
     /// Sends observations of all NPCs that are due for a decision to their workers.
     ///
-    /// In realtime a tenth of the NPCs is due at every tick; in lockstep all NPCs are due at every tenth tick.
+    /// In realtime a tenth of the NPCs is due at each tick; in lockstep all NPCs are due at each tenth tick.
     fn request_decisions(&mut self) {
         let tick = self.tick();
         let period = u64::from(TICKS_PER_DECISION);
@@ -101,7 +101,7 @@ impl HostedWorld {
             let touched = npc.episode.and_then(|episode| episode.end) == Some(End::Reached);
             batch.waypoint_reached.push(touched);
             batch.grounded.push(npc.body.is_grounded());
-            // Workers hold a world for each body.
+            // Workers have a world for each body.
             batch.states.push(Npc { profile: ProfileIdx::default(), ..*npc }.to_bytes());
             record.awaiting = Some(tick);
             self.unanswered_since.entry(worker).or_insert(tick);
@@ -114,7 +114,7 @@ impl HostedWorld {
         }
     }
 
-    /// Applies a worker's answers. Answers that are late, or about an attempt that is over, are counted and ignored.
+    /// Applies a worker's answers. Answers that are late, or about an attempt that has ended, are counted and ignored.
     pub fn answer(&mut self, worker: WorkerId, answer: Answer) {
         self.counters.plans_failed += u64::from(answer.plans_failed);
         self.counters.invalid += answer.invalid;
@@ -130,7 +130,7 @@ impl HostedWorld {
             record.awaiting = None;
             record.misses = 0;
             let Some(action) = action else {
-                // The NPC comes to rest; others of the same answer go on.
+                // The NPC comes to rest; other NPCs of the answer are not affected.
                 self.world.decide(record.slot, Action::default());
                 continue;
             };
@@ -192,7 +192,7 @@ impl HostedWorld {
         self.log_event(id, EventKind::AttemptEnded { attempt, end: Some(end), goal, seconds });
     }
 
-    /// Logs that the attempt under way, if any, ends without an outcome because it is replaced.
+    /// Logs that the current attempt, if any, ends without an outcome because it is replaced.
     pub(super) fn log_replaced_attempt(&mut self, id: NpcId) {
         let Some(record) = self.records.get(&id).filter(|record| record.goal.is_some()) else { return };
         let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(self.tick()));
@@ -201,7 +201,7 @@ impl HostedWorld {
 }
 
 impl NpcRecord {
-    /// Whether `worker` decides for this attempt, and it is under way.
+    /// Whether `worker` decides for the NPC and `attempt` is its current attempt.
     fn is_sought_by(&self, worker: WorkerId, attempt: u32) -> bool {
         self.worker == Some(worker) && self.goal.is_some() && self.attempts == attempt
     }

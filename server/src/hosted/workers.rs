@@ -1,4 +1,4 @@
-//! Which worker decides for which NPC: assignment, hand-over, loss, and notifying workers.
+//! Workers of NPCs: assignment, hand-over, loss, and messages to workers.
 
 use super::world::HostedWorld;
 use crate::ids::NpcId;
@@ -9,14 +9,14 @@ use std::time::Duration;
 use surefoot_world::{ProfileIdx, TICKS_PER_SECOND};
 use tracing::warn;
 
-/// Ticks from one look for NPCs without a worker, and for silent workers, to the next.
+/// Period of checks for NPCs without a worker, and for silent workers, ticks.
 pub(super) const ASSIGN_EVERY: u64 = 30;
-/// Ticks without an answer after which a worker's NPCs go to another.
+/// Ticks without an answer after which a worker's NPCs move to another worker.
 const SILENCE_LIMIT: u64 = TICKS_PER_SECOND as u64;
-/// The same for lockstep worlds, which wait longer: a worker may wait for plans itself.
+/// The same for lockstep worlds, which wait longer, because workers may wait for plans.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(150);
 
-/// What must be sent to a worker before its next observations. Releases are sent before assignments.
+/// Messages that a worker must get before its next observations. Releases are sent before assignments.
 #[derive(Debug, Default)]
 pub(super) struct Outbox {
     pub released: Vec<NpcId>,
@@ -25,12 +25,12 @@ pub(super) struct Outbox {
 }
 
 impl Outbox {
-    /// The worker decides for an NPC from now on.
+    /// Assigns an NPC to the worker.
     pub fn assign(&mut self, npc: NpcId) {
         self.assigned.insert(npc);
     }
 
-    /// The worker no longer decides for an NPC. An assignment that it has not been sent is withdrawn.
+    /// Releases an NPC from the worker. An assignment that has not been sent is withdrawn.
     pub fn release(&mut self, npc: NpcId) {
         if !self.assigned.remove(&npc) {
             self.released.push(npc);
@@ -52,7 +52,7 @@ impl HostedWorld {
         }
     }
 
-    /// Hands the NPCs of workers that have not answered for a second to others that have room.
+    /// Moves NPCs of workers that have not answered for a second to workers with room.
     pub(super) fn leave_silent_workers(&mut self) {
         let tick = self.tick();
         let silent: Vec<WorkerId> = self
@@ -64,7 +64,8 @@ impl HostedWorld {
         silent.into_iter().for_each(|worker| self.leave_silent_worker(worker));
     }
 
-    /// Counts time for which a lockstep world has waited for answers. After too much of it the NPCs that wait go to other workers.
+    /// Counts the time that a lockstep world has waited for answers. After the limit, the waiting NPCs move to other
+    /// workers.
     pub fn note_waiting(&mut self, time: Duration) {
         self.waited += time;
         if self.waited < LOCKSTEP_PATIENCE {
@@ -82,7 +83,7 @@ impl HostedWorld {
         self.registry.distrust(silent);
         let mut moved_count = 0;
         for (&id, record) in self.records.iter_mut().filter(|(_, record)| record.worker == Some(silent)) {
-            // A place with the next worker is taken already if there is one.
+            // If there is a next worker, its place is already reserved.
             record.next_worker = record.next_worker.or_else(|| self.registry.move_from_silent(silent));
             if record.next_worker.is_none() {
                 continue;
@@ -96,12 +97,12 @@ impl HostedWorld {
                 world_id = self.id.0,
                 worker = silent.0,
                 moved_count,
-                "a worker does not answer: its NPCs go to others"
+                "worker does not answer; its NPCs move to other workers"
             );
         }
     }
 
-    /// Lets less loaded workers take NPCs over, each at its next decision, so that none misses one.
+    /// Moves NPCs to less loaded workers, each at its next decision, so that no decision is missed.
     pub fn rebalance(&mut self) {
         self.assign_workers();
         for (&id, record) in &mut self.records {
@@ -138,19 +139,19 @@ impl HostedWorld {
         self.assign_workers();
     }
 
-    /// Gives back the place that an NPC, if it exists, has with its worker.
+    /// Returns the place of an NPC, if it exists, at its worker.
     pub(super) fn leave_worker(&mut self, id: NpcId) {
         let Some(record) = self.records.get(&id) else { return };
         if let Some(worker) = record.worker {
             self.outbox.entry(worker).or_default().release(id);
         }
-        // During a hand-over the NPC's place is with the next worker.
+        // During a hand-over, the place is at the next worker.
         if let Some(holder) = record.next_worker.or(record.worker) {
             self.registry.release(holder);
         }
     }
 
-    /// Removes all NPCs when the world ends, which gives their places back.
+    /// Removes all NPCs when the world ends, which returns their places.
     pub fn release_all(&mut self) {
         let ids: Vec<NpcId> = self.records.keys().copied().collect();
         for id in ids {
@@ -187,7 +188,7 @@ impl HostedWorld {
     fn assignments(&self, npcs: BTreeSet<NpcId>) -> impl Iterator<Item = Assignment> {
         let mut by_body: BTreeMap<u8, Vec<NpcId>> = BTreeMap::new();
         for id in npcs {
-            // An NPC that was removed since has been withdrawn.
+            // Assignments of removed NPCs were withdrawn.
             let Some(npc) = self.records.get(&id).and_then(|record| self.world.npc(record.slot)) else { continue };
             by_body.entry(npc.profile.0).or_default().push(id);
         }

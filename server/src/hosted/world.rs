@@ -1,4 +1,4 @@
-//! A hosted world: the world itself, and what the server knows about its NPCs beyond the world's own state.
+//! A hosted world: the world itself, and the server's data about its NPCs.
 
 use super::events::{EventKind, EventLog};
 use super::motion::Motion;
@@ -27,7 +27,7 @@ pub enum TimeMode {
     Lockstep,
 }
 
-/// What the server knows about an NPC beyond the world's own state.
+/// The server's data about an NPC, in addition to the world's state.
 #[derive(Debug)]
 pub(super) struct NpcRecord {
     pub slot: NpcSlot,
@@ -45,7 +45,7 @@ pub(super) struct NpcRecord {
     /// Tick of the observation that has not been answered yet.
     pub awaiting: Option<Tick>,
     pub misses: u8,
-    /// The plan that the NPC follows, as its worker reported it.
+    /// The plan of the NPC, as its worker reported it.
     pub plan: Option<Arc<NpcPlan>>,
     /// The last attempts that ended, the latest last.
     pub history: VecDeque<EndedAttempt>,
@@ -115,7 +115,7 @@ pub struct HostedWorld {
     pub(super) world: World,
     pub(super) mode: TimeMode,
     pub(super) records: BTreeMap<NpcId, NpcRecord>,
-    /// All NPCs without a worker; it may also hold some that have one or are gone, until workers are assigned.
+    /// All NPCs without a worker. It may also contain NPCs that have one or were removed, until workers are assigned.
     pub(super) unassigned: BTreeSet<NpcId>,
     pub(super) last_serial: u32,
     pub(super) counters: Counters,
@@ -125,11 +125,11 @@ pub struct HostedWorld {
     pub(super) outbox: BTreeMap<WorkerId, Outbox>,
     /// Observations by worker and body.
     pub(super) batches: BTreeMap<(WorkerId, u8), ObservationBatch>,
-    /// The tick that has been asked for but not stepped yet (lockstep).
+    /// The tick whose decisions were requested and that has not been stepped yet (lockstep).
     pub(super) requested_tick: Option<Tick>,
-    /// For workers that owe answers: the tick of the first observation since their last answer in time.
+    /// Workers with unanswered observations: the tick of the first one since their last answer in time.
     pub(super) unanswered_since: BTreeMap<WorkerId, Tick>,
-    /// Workers that know of this world, and must learn of its end.
+    /// Workers that were notified of this world, and must be notified of its end.
     pub(super) notified: BTreeSet<WorkerId>,
     /// Time for which the step has waited for answers (lockstep).
     pub(super) waited: Duration,
@@ -137,7 +137,7 @@ pub struct HostedWorld {
 }
 
 impl HostedWorld {
-    /// Creates a world without NPCs, which will have the default body.
+    /// Creates a world without NPCs. Its default body is the default profile.
     pub fn new(id: WorldId, map: Arc<Map>, mode: TimeMode, registry: Arc<Registry>) -> Self {
         Self {
             id,
@@ -160,14 +160,14 @@ impl HostedWorld {
         }
     }
 
-    /// Sets the bodies of the world's NPCs, at least one; NPCs have the first unless their spawn has another. For a world without NPCs.
+    /// Sets the bodies of the world's NPCs, at least one; the first is the default. For a world without NPCs.
     #[must_use]
     pub fn with_bodies(self, profiles: Vec<CharacterProfile>) -> Self {
         let config = WorldConfig { profiles, ..self.world.config().clone() };
         self.with_config(config)
     }
 
-    /// Sets whether NPCs get in each other's way. For a world without NPCs.
+    /// Sets whether NPCs collide with each other. For a world without NPCs.
     #[must_use]
     pub fn with_solid_npcs(self, npc_collision: bool) -> Self {
         let config = WorldConfig { npc_collision, ..self.world.config().clone() };
@@ -179,12 +179,12 @@ impl HostedWorld {
         self
     }
 
-    /// Whether NPCs get in each other's way.
+    /// Whether NPCs collide with each other.
     pub fn has_solid_npcs(&self) -> bool {
         self.world.config().npc_collision
     }
 
-    /// Bodies that NPCs of the world have or had, the usual one first.
+    /// Bodies that NPCs of the world have or had, the default one first.
     pub fn bodies(&self) -> &[CharacterProfile] {
         &self.world.config().profiles
     }
@@ -239,7 +239,7 @@ impl HostedWorld {
         self.records.len()
     }
 
-    /// Counts a tick that was done `took` after it was due; `is_late` says whether the next tick was due by then.
+    /// Counts a tick that ended `took` after it was due; `is_late` is whether the next tick was due by then.
     pub fn note_tick(&mut self, took: Duration, is_late: bool) {
         self.times.note(took);
         self.counters.ticks_late += u64::from(is_late);

@@ -60,8 +60,8 @@ fn env_goals(goals: &[wire::EnvGoal]) -> Result<Vec<Goal>, FieldError> {
 /// Reads the actions and the routes of an environment's NPCs.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, a value is not finite, a route is out of range, or an NPC has
-/// two routes.
+/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, a value is not finite, a route is out of
+/// range, or an NPC has two routes.
 pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Result<(Vec<Action>, Vec<Route>), Status> {
     let wire::EnvActions { actions, routes } = actions.ok_or(FieldError::Missing("actions"))?;
     let values = convert::unpack(&actions, npc_count * ACTION_LEN, "actions.actions")?;

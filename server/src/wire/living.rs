@@ -2,22 +2,22 @@
 
 use crate::hosted::Destination;
 use surefoot_net::status;
-use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::convert::{self, FieldError, WireEnum, enum_or};
 use surefoot_proto::world::v1 as wire;
-use surefoot_world::map::{Mover, MoverKind, MoverStop};
+use surefoot_world::map::{Mover, MoverStop};
 use surefoot_world::player::{PLAYER_HEIGHT_M, PLAYER_RADIUS_M};
 use surefoot_world::{MoverState, Player, PlayerContact, PlayerSlot, Vec3};
 use tonic::Status;
 
-/// Usual size of a player, m.
-const USUAL_RADIUS_M: f32 = 0.3;
-const USUAL_HEIGHT_M: f32 = 1.8;
+/// Default size of a player, m.
+const DEFAULT_RADIUS_M: f32 = 0.3;
+const DEFAULT_HEIGHT_M: f32 = 1.8;
 
 /// Converts a mover.
 pub fn mover_to_wire(mover: &Mover) -> wire::Mover {
     wire::Mover {
         name: mover.name.clone(),
-        kind: kind_to_wire(mover.kind).into(),
+        kind: mover.kind.to_wire().into(),
         positions: convert::pack(mover.triangles.iter().flatten().flat_map(|corner| corner.to_array())),
         pivot: Some(convert::to_wire(mover.pivot)),
         stops: mover.stops.iter().copied().map(stop_to_wire).collect(),
@@ -27,22 +27,11 @@ pub fn mover_to_wire(mover: &Mover) -> wire::Mover {
     }
 }
 
-fn kind_to_wire(kind: MoverKind) -> wire::MoverKind {
-    match kind {
-        MoverKind::Door => wire::MoverKind::Door,
-        MoverKind::Lift => wire::MoverKind::Lift,
-        MoverKind::Platform => wire::MoverKind::Platform,
-        MoverKind::Floor => wire::MoverKind::Floor,
-        MoverKind::Conveyor => wire::MoverKind::Conveyor,
-        MoverKind::Crate => wire::MoverKind::Crate,
-    }
-}
-
 fn stop_to_wire(stop: MoverStop) -> wire::MoverStop {
     wire::MoverStop { offset: Some(convert::to_wire(stop.offset)), yaw: stop.yaw, is_there: stop.is_there }
 }
 
-/// Converts what the mover of that index does, which is at `pose`.
+/// Converts the state of the mover with index `idx`, which is at `pose`.
 pub fn mover_state_to_wire(idx: usize, state: &MoverState, pose: MoverStop) -> wire::MoverState {
     wire::MoverState {
         mover: idx as u32,
@@ -56,7 +45,7 @@ pub fn mover_state_to_wire(idx: usize, state: &MoverState, pose: MoverStop) -> w
     }
 }
 
-/// Reads where a mover is told to go.
+/// Reads the destination of a mover.
 ///
 /// # Errors
 /// INVALID_ARGUMENT if `cycle` is false.
@@ -73,39 +62,29 @@ pub fn destination(request: &wire::SetMoverRequest) -> Result<Option<Destination
 
 /// Converts a player.
 pub fn player_to_wire(slot: PlayerSlot, player: &Player) -> wire::Player {
-    let contact = match player.contact {
-        PlayerContact::Block => wire::PlayerContact::Block,
-        PlayerContact::Push => wire::PlayerContact::Push,
-        PlayerContact::Ghost => wire::PlayerContact::Ghost,
-    };
     wire::Player {
         player_id: slot.0,
         position: Some(convert::to_wire(player.feet)),
         velocity: Some(convert::to_wire(player.velocity)),
         radius: player.radius,
         height: player.height,
-        contact: contact.into(),
+        contact: player.contact.to_wire().into(),
     }
 }
 
 /// Reads a new player.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if its size is out of range, or its place or its contact makes no sense.
+/// INVALID_ARGUMENT if its size is out of range, or its position or contact is invalid.
 pub fn player(request: &wire::SpawnPlayerRequest) -> Result<Player, Status> {
     let usual = |value: f32, usual: f32| if value == 0.0 { usual } else { value };
     let size = |value: f32, range: std::ops::RangeInclusive<f32>, field| {
         let (least, most) = (f64::from(*range.start()), f64::from(*range.end()));
         convert::in_range(f64::from(value), least - 1.0e-6, most + 1.0e-6, field).map(|_| value)
     };
-    let radius = size(usual(request.radius, USUAL_RADIUS_M), PLAYER_RADIUS_M, "radius")?;
-    let height = size(usual(request.height, USUAL_HEIGHT_M), PLAYER_HEIGHT_M, "height")?;
-    let contact = match wire::PlayerContact::try_from(request.contact) {
-        Ok(wire::PlayerContact::Unspecified | wire::PlayerContact::Block) => PlayerContact::Block,
-        Ok(wire::PlayerContact::Push) => PlayerContact::Push,
-        Ok(wire::PlayerContact::Ghost) => PlayerContact::Ghost,
-        Err(_) => return Err(status::invalid("contact", format!("contact {} is unknown", request.contact))),
-    };
+    let radius = size(usual(request.radius, DEFAULT_RADIUS_M), PLAYER_RADIUS_M, "radius")?;
+    let height = size(usual(request.height, DEFAULT_HEIGHT_M), PLAYER_HEIGHT_M, "height")?;
+    let contact = enum_or(request.contact, PlayerContact::Block, "contact")?;
     let feet = convert::point(request.position.as_ref(), "position")?;
     let player = Player { feet, velocity: Vec3::ZERO, radius, height, contact };
     if player.is_sound() {

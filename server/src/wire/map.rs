@@ -2,18 +2,17 @@
 
 use crate::geometry::TileMesh;
 use crate::worlds::Survey;
-use surefoot_proto::convert;
+use surefoot_proto::convert::{self, WireEnum};
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::Map;
 use surefoot_world::map::{Liquid, Outline};
-use surefoot_world::mesh::Surface;
 
 /// Most bodies in one survey.
 pub const MAX_SURVEYED: f64 = 8.0;
 /// Most places that a survey lists.
 pub const MAX_CUT_OFF: f64 = 10_000.0;
 
-/// Converts what a body finds on a map.
+/// Converts a survey.
 pub fn survey_to_wire(survey: &Survey) -> wire::Survey {
     wire::Survey {
         body: Some(convert::body_to_wire(&survey.body)),
@@ -35,20 +34,7 @@ pub fn tile_to_wire(tile: &TileMesh, tile_count: usize) -> wire::GetMeshResponse
         tile_count: tile_count as u32,
         positions: convert::pack(tile.positions.iter().flat_map(|point| point.to_array())),
         indices: tile.indices.iter().flat_map(|index| index.to_le_bytes()).collect(),
-        surfaces: tile.surfaces.iter().map(|&surface| surface_to_wire(surface) as u8).collect(),
-    }
-}
-
-/// Converts a surface.
-pub(super) fn surface_to_wire(surface: Surface) -> wire::Surface {
-    match surface {
-        Surface::Ground => wire::Surface::Ground,
-        Surface::Water => wire::Surface::Water,
-        Surface::Lava => wire::Surface::Lava,
-        Surface::Pad => wire::Surface::Pad,
-        Surface::ZipLine => wire::Surface::ZipLine,
-        Surface::Teleporter => wire::Surface::Teleporter,
-        Surface::Jetpack => wire::Surface::Jetpack,
+        surfaces: tile.surfaces.iter().map(|&surface| surface.to_wire() as u8).collect(),
     }
 }
 

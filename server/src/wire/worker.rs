@@ -1,11 +1,11 @@
 //! Messages of workers and to workers on the wire.
 
-use super::{each_once, time_mode_to_wire};
+use super::each_once;
 use crate::hosted::{NpcPlan, PlanLeg};
 use crate::ids::{NpcId, WorldId};
 use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToWorker};
 use surefoot_net::status;
-use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::convert::{self, FieldError, WireEnum};
 use surefoot_proto::pieces::piece_to_wire;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
@@ -27,8 +27,8 @@ const MAX_WAYPOINTS: usize = 4096;
 /// Reads a worker's answer.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if an array has the wrong length or an NPC is named twice. A number that makes no sense concerns its NPC alone:
-/// it is left out and counted.
+/// INVALID_ARGUMENT if an array has the wrong length or lists an NPC twice. An invalid number affects only its NPC: it
+/// is left out and counted.
 pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
     let count = batch.npc_ids.len();
     let values = convert::unpack(&batch.actions, count * ACTION_LEN, "actions.actions")?;
@@ -56,7 +56,7 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
             Err(_) => answer.invalid += 1,
         }
     }
-    // Calls of what does not exist come to nothing.
+    // Calls of movers that do not exist are ignored.
     let call = |call: wire::MoverCall| {
         let (mover, stop) = (MoverId(u16::try_from(call.mover).ok()?), StopIdx(u8::try_from(call.stop).ok()?));
         Some(MoverAt { mover, stop })
@@ -151,7 +151,7 @@ fn assignment_to_wire(assignment: &Assignment) -> wire::Assignment {
         world_id: assignment.world.0,
         map: assignment.spec.as_ref().map(convert::map_spec_to_wire),
         npc_ids: npc_ids(&assignment.npcs),
-        mode: time_mode_to_wire(assignment.mode).into(),
+        mode: assignment.mode.to_wire().into(),
         map_hash: assignment.map_hash.to_hex(),
         body: Some(convert::body_to_wire(&assignment.body.1)),
         body_idx: assignment.body.0.0.into(),

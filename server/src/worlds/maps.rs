@@ -1,4 +1,4 @@
-//! Long work on maps in the background, in turns: places to stand, and surveys.
+//! Calls about maps: sampling the ground, surveys and edits. Long work runs in the background, in turns.
 
 use super::{WorldHandle, Worlds, WorldsError, in_background};
 use crate::hosted::{EditError, HostedWorld, MapEdit, MapEdited};
@@ -12,7 +12,7 @@ use surefoot_world::{CharacterProfile, Map, Seed, Vec3};
 /// Times that an edit is made again because other clients edited the map meanwhile.
 const MAX_TRIES: usize = 8;
 
-/// What a body finds on a map.
+/// The places on a map that a body can reach.
 #[derive(Debug, Clone)]
 pub struct Survey {
     /// The body.
@@ -25,7 +25,7 @@ pub struct Survey {
     pub connected_on_foot: f64,
     /// Share of ordered pairs of places that are connected by every means, in [0, 1].
     pub connected: f64,
-    /// Number of places that cannot be reached from the largest region of places that lead to each other.
+    /// Number of places that cannot be reached from the largest region of mutually connected places.
     pub cut_off_places: usize,
     /// Some of them, spread evenly, m.
     pub cut_off: Vec<Vec3>,
@@ -54,7 +54,7 @@ impl Survey {
 }
 
 impl Worlds {
-    /// Draws `count` random places of a world where a character can stand. A client's calls run one after the other.
+    /// Samples `count` random places of a world where a character can stand. Calls of one client run one by one.
     ///
     /// # Errors
     /// If there is no such world, or its map has no navigable ground.
@@ -76,8 +76,8 @@ impl Worlds {
         Ok(in_background("sampling", sample).await??)
     }
 
-    /// Surveys a map for each of these bodies, and lists at most `max_cut_off` places that each cannot get to. A
-    /// client's surveys run one after the other; each goes on when its caller is gone.
+    /// Surveys a map for each body, and lists at most `max_cut_off` places that the body cannot reach. Surveys of one
+    /// client run one by one; each continues when its caller disconnects.
     ///
     /// # Errors
     /// If the map cannot be made.
@@ -88,7 +88,7 @@ impl Worlds {
         bodies: Vec<CharacterProfile>,
         max_cut_off: usize,
     ) -> Result<Vec<Survey>, WorldsError> {
-        // A client that waits holds one map. Generating it takes no turn of a survey.
+        // A waiting client holds one map. Its generation takes no turn of a survey.
         let place = self.inner.surveys.place(&caller.name).await;
         let base = self.maps().get(&caller.name, source.base()).await?;
         let turn = place.turn().await;
@@ -100,10 +100,10 @@ impl Worlds {
         in_background("surveying", survey).await
     }
 
-    /// Edits the map of a world, whole or not at all.
+    /// Edits the map of a world. The edit is applied as a whole or not at all. The new map is made in the background.
     ///
     /// # Errors
-    /// If there is no such world, it belongs to somebody else, or the edit is not possible.
+    /// If there is no such world, it belongs to another client, or the edit is not possible.
     pub async fn edit(&self, caller: &Caller, id: WorldId, edit: MapEdit) -> Result<MapEdited, WorldsError> {
         let handle = self.handle_to_change(caller, id)?;
         for _ in 0..MAX_TRIES {
@@ -120,7 +120,7 @@ impl Worlds {
             });
             if let Some(done) = done.await?? {
                 if self.shared_store().is_some() {
-                    // What the servers of a fleet know of between two saves is only what NPCs do.
+                    // Journals have no edits, so that the store needs a new save.
                     self.save(id, false).await?;
                 }
                 return Ok(done);

@@ -1,4 +1,4 @@
-//! Calls about NPCs, one or many: on which world they run, and what their clients learn of worlds that are not here.
+//! Calls about one or many NPCs: the worlds on which they run, and errors for worlds that are not here.
 
 use super::{CONFIRM_LIMIT, NpcAccess, WorldHandle, Worlds, WorldsError};
 use crate::hosted::{HostedWorld, NpcError, SpawnOrder};
@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 use surefoot_net::serving::Caller;
 
-/// Longest wait until a world begins its part of a batch: worlds that stand still delay the others no longer.
+/// Longest wait until a world begins its part of a batch: a stalled world delays the others by no more than this.
 const WORLD_LIMIT: Duration = Duration::from_secs(5);
-/// Most worlds that a batch looks for on other servers of a fleet.
+/// Most worlds that a batch looks up on other servers of a fleet.
 const MAX_LOOKUPS: usize = 16;
 
 impl Worlds {
@@ -47,8 +47,8 @@ impl Worlds {
         Ok(results)
     }
 
-    /// Runs `call` for each of the `items`, on the world that its NPC belongs to; the results in order. The items of
-    /// one world are handled between two of its ticks.
+    /// Runs `call` for each of the `items`, on the world of its NPC; returns the results in order. The items of one
+    /// world are handled between two of its ticks.
     pub async fn with_npcs<T: Send + 'static, R: Send + 'static>(
         &self,
         caller: &Caller,
@@ -81,8 +81,8 @@ impl Worlds {
         results.into_iter().map(|result| result.expect("every item belongs to a world or has failed")).collect()
     }
 
-    /// Why a world is not here. Looks at other servers of a fleet at most `lookups` times, so that a batch cannot flood
-    /// their record.
+    /// The reason why a world is not here. Queries the store of the fleet at most `lookups` times, so that a batch
+    /// cannot flood it.
     async fn absence(&self, world: WorldId, error: &WorldsError, lookups: &mut usize) -> Absence {
         if matches!(error, WorldsError::Moving(_)) {
             return Absence::Moving;
@@ -95,14 +95,14 @@ impl Worlds {
         match self.locate(world).await {
             Ok(None) => Absence::Unknown,
             Ok(Some(place)) if place.is_alive && !place.is_here => Absence::Elsewhere(place.address),
-            // It is about to be restored, here or elsewhere.
+            // It will be restored, here or on another server.
             Ok(Some(_)) => Absence::Moving,
             Err(WorldsError::Store(StoreError::Busy)) => Absence::Busy,
             Err(error) => Absence::Unanswered(error.to_string()),
         }
     }
 
-    /// Runs `call` on the world that `npc` belongs to.
+    /// Runs `call` on the world of `npc`.
     ///
     /// # Errors
     /// If there is no such NPC, its world's thread does not answer, or `call` fails.
@@ -126,9 +126,9 @@ enum Absence {
     Moving,
     /// The server at this address runs it.
     Elsewhere(String),
-    /// Too many calls look for worlds.
+    /// Too many look-ups wait.
     Busy,
-    /// The record of the fleet does not answer; says why.
+    /// The store of the fleet does not answer; holds the reason.
     Unanswered(String),
 }
 
@@ -175,12 +175,12 @@ async fn on_world<T: Send + 'static, R: Send + 'static>(
     done.into_iter().map(|result| result.map_err(WorldsError::from).and_then(confirm)).collect()
 }
 
-/// Waits until a change is durable, where the servers of a fleet have to know it.
+/// Waits until a change is durable, in a fleet.
 async fn confirmed(world: WorldId, receipt: Option<Receipt>) -> Result<(), WorldsError> {
     let Some(receipt) = receipt else { return Ok(()) };
     match tokio::time::timeout(CONFIRM_LIMIT, receipt.confirmed()).await {
         Ok(Ok(())) => Ok(()),
-        // The world ended, or nobody answers.
+        // The world has ended, or the store does not answer.
         Ok(Err(_)) | Err(_) => Err(WorldsError::Unconfirmed(world)),
     }
 }

@@ -1,4 +1,4 @@
-//! How worlds outlive the process: restored, saved now and then, and, in a fleet, taken over from other servers and lost to them.
+//! Saves and restores worlds. In a fleet, also takes worlds over from other servers, and drops worlds that others have.
 
 use super::{CONFIRM_LIMIT, WorldHandle, Worlds, WorldsError};
 use crate::hosted::{HostedWorld, Journal, RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
@@ -14,17 +14,17 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tracing::{info, warn};
 
-/// How long saving all worlds may take while the server runs.
+/// Time limit of saving all worlds while the server runs.
 const SAVE_LIMIT: Duration = Duration::from_secs(60);
-/// Longest wait for what a world has to be recorded.
+/// Longest wait for the journal of a world.
 const JOURNAL_LIMIT: Duration = Duration::from_millis(20);
-/// Longest wait for what a world has to be saved.
+/// Longest wait for the save of a world.
 const WORLD_LIMIT: Duration = Duration::from_secs(5);
-/// Bytes that reading a saved map takes at most for each byte of it.
+/// Most bytes that decoding needs for each byte of a saved map.
 const DECODE_FACTOR: u64 = 8;
 
 impl Worlds {
-    /// Opens what the configuration names for saved worlds: a store, or a folder, which is locked against other processes.
+    /// Opens the configured store or folder for saved worlds. A folder is locked against other processes.
     ///
     /// # Errors
     /// If the folder cannot be created, or another process uses it.
@@ -40,22 +40,22 @@ impl Worlds {
         Ok(())
     }
 
-    /// Where worlds are saved.
+    /// The store of saved worlds.
     pub(crate) fn store(&self) -> Option<&Arc<dyn WorldStore>> {
         self.inner.store.get()
     }
 
-    /// What the servers of a fleet share; `None` if this server is alone.
+    /// The part of the store that the servers of a fleet share; `None` without a fleet.
     pub(crate) fn shared_store(&self) -> Option<&dyn SharedStore> {
         self.store()?.shared()
     }
 
-    /// The epoch of a world's event cursors: in a fleet they outlive the server, and are those of the world.
+    /// The epoch of a world's event cursors. In a fleet it belongs to the world, because cursors outlive the server.
     pub fn epoch_of(&self, id: WorldId) -> u64 {
         if self.shared_store().is_some() { id.0 } else { self.epoch() }
     }
 
-    /// Where a world runs; `None` if there is no such world.
+    /// The server that has a world; `None` if there is no such world.
     ///
     /// # Errors
     /// If the store of the fleet does not answer.
@@ -66,7 +66,7 @@ impl Worlds {
         }
     }
 
-    /// All servers of the fleet; this one if it is alone.
+    /// All servers of the fleet; only this one without a fleet.
     ///
     /// # Errors
     /// If the store of the fleet does not answer.
@@ -82,8 +82,8 @@ impl Worlds {
         ServerInfo { address: String::new(), is_here: true, is_alive: true, world_count }
     }
 
-    /// Restores saved worlds, until the server shuts down. One that cannot be used is named and left as it is; its id is not given to
-    /// another world.
+    /// Restores saved worlds until the server shuts down. A world that cannot be restored is logged, and its file is
+    /// not changed; no other world gets its id.
     ///
     /// # Errors
     /// If the store cannot be read.
@@ -96,7 +96,7 @@ impl Worlds {
                 () = self.inner.shutdown.wait() => return Ok(()),
             };
             if let Err(error) = restored {
-                warn!(world_id = id.0, %error, "a saved world is not restored; its file stays");
+                warn!(world_id = id.0, %error, "cannot restore a saved world; its file was left in place");
             }
         }
         Ok(())
@@ -107,15 +107,15 @@ impl Worlds {
         self.shared_store().map(SharedStore::lease_epoch).unwrap_or_default()
     }
 
-    /// Worlds that are this server's, in a fleet, as far as it knows: they run, are being restored, or are left alone for a while.
+    /// Worlds of this server, in a fleet: they run, are being restored, or wait after a failure.
     pub(crate) fn held(&self) -> Vec<WorldId> {
-        // In this order: a world runs before it is noted as restored.
+        // In this order, because a world runs before its takeover ends.
         let mut held = self.inner.takeovers.ids();
         held.extend(self.ids());
         held.into_iter().collect()
     }
 
-    /// Begins to restore a world that this server has claimed in this lease epoch.
+    /// Begins to restore a world that this server has claimed in `lease_epoch`.
     pub(crate) fn begin_takeover(&self, id: WorldId, lease_epoch: LeaseEpoch) {
         self.inner.takeovers.begin(id);
         let worlds = self.clone();
@@ -132,7 +132,8 @@ impl Worlds {
         });
     }
 
-    /// Restores a world that this server has claimed. One that it cannot run is handed back, and left alone for a while.
+    /// Restores a world that this server has claimed. A world that it cannot run is handed back, and not tried again
+    /// for a while.
     async fn take_over(&self, id: WorldId, lease_epoch: LeaseEpoch) {
         // Never closed.
         let _turn = self.inner.takeovers.turns.acquire().await.ok();
@@ -143,27 +144,27 @@ impl Worlds {
         match self.restore(id, lease_epoch).await {
             Ok(()) => _ = self.inner.taken_over_count.fetch_add(1, Ordering::Relaxed),
             Err(StoreError::Lost(_)) => {}
-            // The next look begins again.
-            Err(StoreError::Unavailable(error)) => warn!(world_id, error, "the world cannot be read yet"),
+            // The next claim returns it again.
+            Err(StoreError::Unavailable(error)) => warn!(world_id, error, "cannot read the world now; trying again"),
             Err(error) => {
-                warn!(world_id, %error, "the world cannot be restored here: handing it back to the fleet");
+                warn!(world_id, %error, "cannot restore the world here; handing it back to the fleet");
                 takeovers.note_failure(id);
                 let Some(shared) = self.shared_store() else { return };
                 let handed = tokio::time::timeout(shared.lease(), shared.hand_back(id)).await;
                 if !matches!(handed, Ok(Ok(()) | Err(StoreError::Lost(_)))) {
                     warn!(
                         world_id,
-                        "the world is not handed back (the database does not answer); this server tries it again"
+                        "cannot hand the world back (the database does not answer); trying to restore it again"
                     );
                 }
             }
         }
     }
 
-    /// Restores one world, and starts it, unless the lease epoch in which this began is over.
+    /// Restores one world and starts it, unless `lease_epoch` has ended.
     ///
     /// # Errors
-    /// If what is saved of it cannot be read, or not be used, or there is no room for it.
+    /// If its save cannot be read or used, or there is no room for it.
     pub(crate) async fn restore(&self, id: WorldId, lease_epoch: LeaseEpoch) -> Result<(), StoreError> {
         let Some(store) = self.store() else { return Ok(()) };
         let LoadedWorld { world: saved, since } = store.read(id).await?;
@@ -182,7 +183,7 @@ impl Worlds {
                 Ok(_) => {}
                 Err(LevelError::Memory(error)) if is_in_fleet => return Err(cannot_run(&error)),
                 Err(error) => {
-                    warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
+                    warn!(world_id, %error, "cannot keep the map of a restored world; MapService does not return it");
                 }
             }
         }
@@ -195,7 +196,7 @@ impl Worlds {
         }
         let (npcs, tick) = (world.npc_count(), world.tick().0);
         let ticket = self.inner.world_quota.grant(saved.owner());
-        // In a fleet, others have counted this world as one of this server's.
+        // In a fleet, the store has assigned the world already: --max-worlds does not apply.
         let limit = if is_in_fleet { usize::MAX } else { self.inner.config.max_worlds };
         let shared = shared.unwrap_or_else(|| self.maps().adopt(saved.owner(), base));
         self.start(id, world, (shared, ticket), limit).map_err(|error| cannot_run(&error))?;
@@ -203,11 +204,11 @@ impl Worlds {
         Ok(())
     }
 
-    /// Reserves what restoring a world of the fleet takes, and generates its map. A server that is alone restores its worlds one after the
-    /// other, whether or not there is memory for them: they were there before the limit. In a fleet, another server may have room.
+    /// Reserves memory for restoring a world of the fleet, and generates its map. A server without a fleet restores its
+    /// worlds one by one, even beyond the budget. In a fleet, another server may have room.
     async fn make_room(&self, saved: &WorldSave) -> Result<(Option<Arc<SharedMap>>, Option<Reservation>), StoreError> {
         match saved.source() {
-            // Worlds on equal maps come together.
+            // Worlds with equal maps share them.
             SavedMap::Spec(spec) => {
                 let base = self.maps().get(saved.owner(), &BaseMap::Spec(*spec)).await;
                 Ok((Some(base.map_err(|error| cannot_run(&error))?), None))
@@ -219,11 +220,11 @@ impl Worlds {
         }
     }
 
-    /// Saves all worlds, where the configuration says so; with `is_last` they end. What cannot be saved within `limit` stays as it
-    /// was saved before.
+    /// Saves all worlds, if there is a store; with `is_last` they end. If a world cannot be saved within `limit`, its
+    /// previous save is kept.
     ///
     /// # Errors
-    /// The first error; the other worlds are saved all the same.
+    /// The first error. The other worlds are saved nevertheless.
     pub async fn save_all(&self, is_last: bool, limit: Duration) -> Result<(), StoreError> {
         if self.store().is_none() {
             return Ok(());
@@ -253,7 +254,7 @@ impl Worlds {
         first_error.map_or(Ok(()), Err)
     }
 
-    /// Saves one world, and logs why not; with `is_last` it ends. A world that another server has is dropped.
+    /// Saves one world, and logs a failure; with `is_last` the world ends. A world that another server has is dropped.
     pub(crate) async fn save(&self, id: WorldId, is_last: bool) -> Result<(), StoreError> {
         let lease_epoch = self.lease_epoch();
         let (Some(store), Ok(handle)) = (self.store(), self.handle(id)) else { return Ok(()) };
@@ -261,12 +262,12 @@ impl Worlds {
             return Ok(());
         }
         let saved_world = handle.saving.clone();
-        // Goes on if nobody waits any more: a world that is dropped meanwhile must not come back.
+        // Continues if the caller is dropped: a world that is dropped meanwhile must not come back.
         let saving = tokio::spawn(save((id, handle), self.inner.levels.clone(), store.clone(), (lease_epoch, is_last)));
         let saved = saving.await.unwrap_or(Ok(()));
         match &saved {
             Ok(()) => {}
-            // What runs here now may be the world of the next lease epoch, or have been restored after a panic.
+            // The world that runs now may be of the next lease epoch, or restored after a panic.
             Err(StoreError::Lost(_)) if self.lease_epoch() != lease_epoch => {}
             Err(StoreError::Lost(_)) => {
                 let is_same = |now: WorldHandle| Arc::ptr_eq(&now.saving, &saved_world);
@@ -275,15 +276,15 @@ impl Worlds {
                 }
             }
             Err(error) => {
-                warn!(world_id = id.0, %error, "a world is not saved");
+                warn!(world_id = id.0, %error, "cannot save a world; its previous save is kept");
                 self.inner.failed_save_count.fetch_add(1, Ordering::Relaxed);
             }
         }
         saved
     }
 
-    /// Makes a new world known to the fleet, before its client learns of it. If that is not sure, it does not run; it is restored if the
-    /// fleet does know it.
+    /// Saves a new world in the store of the fleet before the client gets its id. If the save may have failed, the
+    /// world stops; it is restored if the store has it.
     pub(super) async fn persist_new(&self, id: WorldId) -> Result<(), WorldsError> {
         if self.shared_store().is_none() {
             return Ok(());
@@ -315,15 +316,15 @@ impl Worlds {
         }
     }
 
-    /// What happened in all worlds that the fleet does not know yet. Worlds that do not answer at once are left out.
+    /// The journals of all worlds that are not in the store yet. Worlds that do not answer at once are left out.
     pub(crate) async fn unconfirmed(&self) -> Vec<(WorldId, Journal)> {
         let deadline = Instant::now() + JOURNAL_LIMIT;
-        let mut asked = Vec::new();
+        let mut calls = Vec::new();
         for (id, sim) in self.running() {
-            asked.push((id, tokio::spawn(async move { sim.call(|state| state.world.unconfirmed()).await })));
+            calls.push((id, tokio::spawn(async move { sim.call(|state| state.world.unconfirmed()).await })));
         }
         let mut journals = Vec::new();
-        for (id, answer) in asked {
+        for (id, answer) in calls {
             if let Ok(Ok(Ok(Some(journal)))) = tokio::time::timeout_at(deadline, answer).await {
                 journals.push((id, journal));
             }
@@ -331,15 +332,15 @@ impl Worlds {
         journals
     }
 
-    /// Lets readers of a world see its events up to that number.
+    /// Lets readers of a world see its events up to the number `through`.
     pub(crate) fn confirm(&self, id: WorldId, through: u64) {
         let sim = self.inner.worlds.read().get(&id).map(|handle| handle.sim.clone());
         let Some(sim) = sim else { return };
-        // A world that is too busy confirms with the next journal, which has the same events again.
+        // If the world is too busy, the next journal has the same events again.
         let _ = sim.cast(move |state| state.world.confirm(through));
     }
 
-    /// Drops a world, which goes on elsewhere.
+    /// Stops a world that another server has or will have.
     pub(crate) fn lose(&self, id: WorldId, why: &str) {
         let lost = self.inner.worlds.write().remove(&id);
         if let Some(handle) = lost {
@@ -348,7 +349,7 @@ impl Worlds {
         }
     }
 
-    /// Drops all worlds, which go on elsewhere.
+    /// Stops all worlds, which other servers have or will have.
     pub(crate) fn lose_all(&self, why: &str) {
         self.ids().into_iter().for_each(|id| self.lose(id, why));
     }
@@ -358,7 +359,7 @@ fn cannot_run(error: &dyn std::fmt::Display) -> StoreError {
     StoreError::CannotRun(error.to_string())
 }
 
-/// Saves one world. A world that has just been dropped stays as it was saved before, and so does one that does not answer in time.
+/// Saves one world. If it has just been dropped, or does not answer in time, its previous save is not changed.
 async fn save(
     (id, handle): (WorldId, WorldHandle),
     levels: LevelStore,
@@ -375,7 +376,7 @@ async fn save(
         (state.world.save(ticket.client(), source), state.world.save_log())
     });
     let saved = tokio::time::timeout(WORLD_LIMIT, saved).await;
-    // Decided now: a world whose thread is stuck can be dropped meanwhile.
+    // Locked only now, because a stuck world can be dropped meanwhile.
     let is_dropped = is_dropped.lock().await;
     let (saved, log) = match saved {
         _ if *is_dropped => return Ok(()),

@@ -1,5 +1,5 @@
-//! Worlds that are this server's in the store of the fleet and do not run: those that it restores now, and those with which it failed a
-//! moment ago, which it leaves alone for a pause. All others that do not run are restored at the next look.
+//! Worlds that the store of a fleet assigns to this server and that do not run: those that are being restored, and
+//! those that failed and wait for a pause. All others are restored after the next claim.
 
 use crate::ids::WorldId;
 use parking_lot::{Mutex, MutexGuard};
@@ -7,12 +7,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 use tokio::sync::Semaphore;
 
-/// Worlds that are restored at the same time. Each holds its save in memory.
+/// Worlds that are restored at the same time. The save of each is in memory.
 const RESTORED_AT_A_TIME: usize = 2;
-/// Pause after a failure, and the longest one: each failure that follows another takes twice as long.
+/// Pause after the first failure, and the longest pause. Each further failure doubles it.
 const PAUSES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(60)];
 
-/// Worlds that are this server's and do not run.
+/// Worlds of this server that do not run.
 #[derive(Debug)]
 pub(super) struct Takeovers {
     /// Turns of worlds that are restored.
@@ -33,7 +33,7 @@ struct Failure {
 }
 
 impl Failure {
-    /// Whether what fails now does so again.
+    /// Whether a failure now counts as a further one.
     fn is_recent(&self, now: Instant) -> bool {
         now < self.until + PAUSES[1]
     }
@@ -55,12 +55,12 @@ impl Takeovers {
         self.entries().restoring.insert(id);
     }
 
-    /// Notes that a world runs, or is not restored now.
+    /// Notes that a world is no longer being restored.
     pub fn end(&self, id: WorldId) {
         self.entries().restoring.remove(&id);
     }
 
-    /// Leaves a world alone for a while: it cannot be restored here now, or has panicked.
+    /// Begins a pause for a world that cannot be restored here, or has panicked.
     pub fn note_failure(&self, id: WorldId) {
         let now = Instant::now();
         let mut entries = self.entries();
@@ -69,7 +69,7 @@ impl Takeovers {
         entries.failures.insert(id, Failure { pause, until: now + pause });
     }
 
-    /// Worlds that are being restored or left alone.
+    /// Worlds that are being restored, or wait for a pause.
     pub fn ids(&self) -> BTreeSet<WorldId> {
         let now = Instant::now();
         let entries = self.entries();

@@ -9,7 +9,7 @@ use tokio::sync::mpsc;
 use tracing::{info, warn};
 
 impl Worlds {
-    /// Adds a worker; `queue` receives the welcome, then all other messages to the worker.
+    /// Adds a worker. `queue` receives the welcome, then all other messages to the worker.
     pub fn join(&self, hello: Hello, queue: mpsc::Sender<ToWorker>) -> Joined {
         info!(name = hello.name, policy = hello.policy, capacity = hello.capacity, "worker joined");
         let joined = self.inner.registry.join(hello, queue.clone());
@@ -19,7 +19,7 @@ impl Worlds {
         joined
     }
 
-    /// Changes how many NPCs a worker can decide for. Worlds use what is added at once.
+    /// Changes the capacity of a worker. Worlds use added capacity at once.
     pub fn set_capacity(&self, worker: WorkerId, capacity: u32) {
         if self.inner.registry.set_capacity(worker, capacity) {
             self.cast_all(HostedWorld::assign_workers);
@@ -33,22 +33,22 @@ impl Worlds {
         self.cast_all(move |world| world.lose_worker(worker));
     }
 
-    /// Hands a worker's answer to its world. A world that cannot take it counts the decisions as missed; other worlds
+    /// Hands a worker's answer to its world. If the world cannot take it, the decisions count as missed; other worlds
     /// of the worker are not affected.
     pub fn answer(&self, worker: WorkerId, world: WorldId, answer: Answer) {
-        // A world that has just been dropped needs no answers any more.
+        // A world that has just been dropped needs no answers.
         let Ok(handle) = self.handle(world) else { return };
         if let Err(error) = handle.sim.cast(move |state| state.world.answer(worker, answer)) {
-            warn!(worker = worker.0, world_id = world.0, %error, "an answer is lost");
+            warn!(worker = worker.0, world_id = world.0, %error, "lost an answer of a worker; its decisions count as missed");
         }
     }
 
-    /// Runs `call` on every world except those that are too busy.
+    /// Runs `call` on every world that is not too busy.
     fn cast_all(&self, call: impl Fn(&mut HostedWorld) + Clone + Send + 'static) {
         for sim in self.sims() {
             let call = call.clone();
             if let Err(error) = sim.cast(move |state| call(&mut state.world)) {
-                warn!(%error, "a world did not accept a call");
+                warn!(%error, "a world is too busy for a change of workers");
             }
         }
     }
