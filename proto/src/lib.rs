@@ -1,8 +1,9 @@
-//! The gRPC contracts of Surefoot: generated code, file descriptors, and conversions of types that several services share.
+//! The gRPC contracts of Surefoot: generated code, file descriptors, and conversions of types that several services
+//! use.
 //!
-//! The `.proto` files in this crate document shapes, units, ranges and errors. [`convert`] converts the types of the world,
-//! [`plans`] those of planners, workers and clients. Types of a single service are converted in the file `wire.rs` of that
-//! service. [`reason`] lists the machine-readable reasons of errors.
+//! The `.proto` files in this crate document shapes, units, ranges and errors. [`convert`] converts the types of the
+//! world, [`plans`] those of planners, workers and clients. The file `wire.rs` of a service converts types that no
+//! other service uses. [`reason`] lists the machine-readable reasons of errors.
 
 pub mod convert;
 pub mod pieces;

@@ -1,4 +1,4 @@
-//! Conversions of pieces between the wire and the world. What numbers they may have is the map's to say.
+//! Conversions of pieces between the wire and the world. The map checks the ranges of their numbers.
 
 use crate::convert::{FieldError, point, to_wire};
 use crate::world::v1 as wire;
@@ -6,14 +6,14 @@ use surefoot_world::Vec3;
 use surefoot_world::map::piece::MAX_PIECES;
 use surefoot_world::map::{Liquid, Outline, Piece, PieceShape, Pool};
 
-/// Thickness of a plank and depth of a pool that say nothing else, m.
+/// Default thickness of a plank, and default depth of a pool, m.
 const THICKNESS_M: f32 = 0.3;
 const DEPTH_M: f32 = 1.0;
 
 /// Reads pieces.
 ///
 /// # Errors
-/// If they are more than a map holds, one has no shape, or a position is missing or not finite.
+/// If there are more than a map can have, one has no shape, or a position is missing or not finite.
 pub fn pieces(list: &[wire::Piece], field: &'static str) -> Result<Vec<Piece>, FieldError> {
     if list.len() > MAX_PIECES {
         return Err(FieldError::Count { field, what: "pieces", found: list.len(), limit: MAX_PIECES });

@@ -51,7 +51,7 @@ fn leg_key(ends: &wire::LegEnds) -> Result<LegKey, FieldError> {
 /// Converts an ability that a plan must do without.
 fn without(value: i32) -> Result<Ability, FieldError> {
     match convert::ability(value) {
-        // Nothing goes without walking.
+        // Every plan needs walking.
         Ability::Walk => Err(FieldError::Unknown { field: "query.without", value }),
         ability => Ok(ability),
     }
@@ -111,10 +111,10 @@ fn needs(leg: &wire::Leg) -> Result<Option<Needs>, FieldError> {
     Ok(Some(needs).filter(|needs| !needs.is_empty()))
 }
 
-/// Most crowds of a request; those of the smallest squares are left out.
+/// Most crowds of a request; the smallest ones are left out.
 pub const MAX_CROWDS: usize = 256;
 
-/// Converts where NPCs are about to be: the largest crowds.
+/// Converts the largest crowds of the predicted traffic.
 pub fn traffic_to_wire(traffic: &Traffic) -> wire::Traffic {
     let crowds = traffic.crowds().into_iter().take(MAX_CROWDS);
     let crowd = |(place, npcs)| wire::Crowd { place: Some(convert::to_wire(place)), npcs };
@@ -124,8 +124,8 @@ pub fn traffic_to_wire(traffic: &Traffic) -> wire::Traffic {
 /// Converts a query from the wire.
 ///
 /// # Errors
-/// If a point is absent or not finite, a leg to avoid lacks an end, there are more than 64 such legs, the plan is to do without
-/// walking or something unknown, or the caution is not 0 to 1.
+/// If a point is absent or not finite, a leg to avoid lacks an end, there are more than 64 such legs, the plan is to do
+/// without walking or something unknown, or the caution is not 0 to 1.
 pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
     let (found, limit) = (query.avoid.len(), MAX_AVOID);
     if found > limit {
@@ -188,8 +188,8 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
 /// Converts a plan from the wire.
 ///
 /// # Errors
-/// If the plan has no waypoints, its numbers of waypoints and legs differ, a leg lacks an end, or a point or duration is
-/// not finite, or a duration is negative.
+/// If the plan has no waypoints, its numbers of waypoints and legs differ, a leg lacks an end, or a point or duration
+/// is not finite, or a duration is negative.
 pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
         return Err(FieldError::Length {

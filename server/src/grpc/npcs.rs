@@ -239,8 +239,7 @@ fn spawn_result(result: Result<NpcId, WorldsError>) -> (Spawned, wire::SpawnResu
         Ok(npc) => (Ok(npc), wire::SpawnResult { result: Some(Kind::NpcId(npc.0)) }),
         Err(error) => {
             let error = item_error(error);
-            let reason = Reason::ALL.iter().find(|reason| reason.name() == error.reason);
-            let kept = Err(reason.copied().unwrap_or(Reason::Internal));
+            let kept = Err(error.reason.parse().unwrap_or(Reason::Internal));
             (kept, wire::SpawnResult { result: Some(Kind::Error(error)) })
         }
     }

@@ -113,7 +113,7 @@ pub enum SavedError {
         read: u32,
     },
     /// The file is no save of a world, or it is truncated or corrupted.
-    #[error("{0}: checksum mismatch or truncated; it was left in place")]
+    #[error("{0} is damaged (truncated, or checksum mismatch); it was left in place")]
     Damaged(PathBuf),
     /// The program that saved the world generated a different map from the spec.
     #[error("world {0} was saved with a different map: this version generates it differently")]

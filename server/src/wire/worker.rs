@@ -107,7 +107,8 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     let sees_others = [false, true].into_iter().find(|sees_others| observation_len(*sees_others) == len);
     let Some(sees_others) = sees_others.filter(|_| version == OBSERVATION_VERSION) else {
         let message = format!(
-            "the worker expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, or {OBSERVATION_WITH_OTHERS_LEN} with others, version {OBSERVATION_VERSION}: update the worker"
+            "the worker expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, \
+             or {OBSERVATION_WITH_OTHERS_LEN} with others, version {OBSERVATION_VERSION}: update the worker"
         );
         return Err(status::failure(Reason::ObservationMismatch, message));
     };

@@ -39,7 +39,7 @@ impl Worlds {
         // A world that has just been dropped needs no answers.
         let Ok(handle) = self.handle(world) else { return };
         if let Err(error) = handle.sim.cast(move |state| state.world.answer(worker, answer)) {
-            warn!(worker = worker.0, world_id = world.0, %error, "lost an answer of a worker; its decisions count as missed");
+            warn!(worker = worker.0, world_id = world.0, %error, "lost an answer; its decisions count as missed");
         }
     }
 
