@@ -302,10 +302,27 @@ fn unsafe_code_is_forbidden_everywhere_but_at_the_border_to_c() {
     }
 }
 
+/// The features of the image and of the fleet's tests.
+const IMAGE: &str = "surefoot-cli/agones,surefoot-cli/fleet,surefoot-lab/fleet,surefoot-cli/failpoints";
+
 #[test]
-fn tests_reuse_what_the_first_command_has_built() {
+fn no_build_compiles_again_what_the_first_command_has_built() {
     let first = features(&["--package", "surefoot-cli", "--package", "surefoot-lab", "--edges", "normal,build"]);
     let tests = features(&["--workspace", "--edges", "normal,build,dev"]);
-    let again: Vec<_> = first.iter().filter(|(package, sets)| !sets.is_subset(&tests[*package])).collect();
-    assert!(again.is_empty(), "built again for the tests, with other features: {again:?}");
+    let packages = ["--package", "surefoot-cli", "--package", "surefoot-fleet", "--package", "surefoot-lab"];
+    let fleet = features(&[&packages[..], &["--features", IMAGE, "--edges", "normal,build,dev"]].concat());
+    for (name, build) in [("the tests", tests), ("the fleet's tests", fleet)] {
+        // Procedural macros are compiled for the host, with features of their own, and quickly.
+        let shared = first.iter().filter(|(package, _)| !package.starts_with("surefoot-") && !is_for_macros(package));
+        let again: Vec<_> =
+            shared.filter(|(package, sets)| build.get(*package).is_none_or(|found| !sets.is_subset(found))).collect();
+        assert!(again.is_empty(), "built again for {name}, with other features: {again:?}");
+    }
+}
+
+/// Crates that procedural macros and build scripts use with fewer features than we do.
+fn is_for_macros(package: &str) -> bool {
+    ["either", "getrandom", "indexmap", "libc", "once_cell"]
+        .iter()
+        .any(|name| package.starts_with(&format!("{name} v")))
 }
