@@ -1,4 +1,4 @@
-"""Speed of the package, beside its own world in Rust and beside others in the same run.
+"""Speed of the package, compared with its own world in Rust and with other packages in the same run.
 
     python bench.py [SUREFOOT]    the program, such as target/release/surefoot, for the figures over loopback
 
@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-# What is measured is what was installed, and not the sources beside this file.
+# Measures the installed package, not the sources beside this file.
 sys.path = [path for path in sys.path if Path(path).resolve() != Path(__file__).parent.resolve()]
 
 import gymnasium
@@ -28,7 +28,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 
 import surefoot
-from surefoot._native import Alone
+from surefoot._native import RustOnly
 
 AGENTS = 1024
 STEPS = 8
@@ -75,13 +75,13 @@ def of_buffers() -> Callable[[], Times]:
 
 
 def in_rust() -> Callable[[], Times]:
-    """The same worlds, bit by bit, with the same actions, stepped by Rust alone."""
-    alone = Alone(LEVEL, AGENTS, GOALS_M, 1)
+    """The same worlds with the same actions, stepped by Rust without Python."""
+    alone = RustOnly(LEVEL, AGENTS, GOALS_M, 1)
     return lambda: timed(lambda: alone.seconds(ACTIONS, STEPS))
 
 
 def of_gymnasium(envs: gymnasium.vector.VectorEnv, count: int) -> Callable[[], Times]:
-    """Seconds that this many decisions of ours would take in the steps of another vector environment."""
+    """Duration of this many decisions in steps of another vector environment, s."""
     envs.reset(seed=1)
     envs.action_space.seed(1)
     actions = envs.action_space.sample()
@@ -160,11 +160,11 @@ def main() -> None:
     print(about)
     figures = []
     for name, times in seconds.items():
-        # Each round gives ratios of its own: what else the machine did then slowed all of them.
+        # Each round has its own ratios, because other load slows all measurements of the round.
         wall, own = np.median([rust / each for rust, each in zip(seconds["rust"], times, strict=True)], axis=0)
         rates = AGENTS * STEPS / np.median(times, axis=0)
         figure: dict[str, object] = {"name": name, "decisions_s": round(rates[0]), "of_rust": round(wall, 3)}
-        text = f"{name:<16}{rates[0]:>10,.0f} decisions/s {wall:>8.1%} of Rust alone"
+        text = f"{name:<16}{rates[0]:>10,.0f} decisions/s {wall:>8.1%} of Rust without Python"
         if name != "loopback":
             figure |= {"decisions_cpu_s": round(rates[1]), "of_rust_cpu": round(own, 3)}
             text += f"; by its own time {rates[1]:>10,.0f} {own:>8.1%}"

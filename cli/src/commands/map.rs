@@ -449,7 +449,7 @@ fn show(args: &ShowArgs) -> anyhow::Result<()> {
         "load_s": seconds,
         "features": counts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
     });
-    let stats = reach.as_ref().filter(|_| args.stats).map(|reach| Stats::of(reach, &map));
+    let stats = reach.as_ref().filter(|_| args.stats).map(|reach| Stats::of(reach));
     if let (Some(stats), Some(object)) = (&stats, description.as_object_mut()) {
         object.extend(stats.to_json());
     }
@@ -506,15 +506,11 @@ struct Stats {
     place_count: usize,
     /// Share of pairs of places that are cut off without each means.
     needs: Vec<(&'static str, f64)>,
-    /// Share of all island borders by cause.
-    borders: Vec<(&'static str, f64)>,
 }
 
 impl Stats {
-    fn of(reach: &Reach, map: &Map) -> Self {
+    fn of(reach: &Reach) -> Self {
         let all = reach.share_by(|_| true);
-        let borders = reach.border_causes(map);
-        let total: u64 = borders.iter().map(|(_, count)| count).sum();
         Self {
             walk: reach.share_on_foot(),
             all,
@@ -524,10 +520,6 @@ impl Stats {
                 .iter()
                 .copied()
                 .map(|means| (means.name(), all - reach.share_by(|other| other != means)))
-                .collect(),
-            borders: borders
-                .into_iter()
-                .map(|(cause, count)| (cause.name(), count as f64 / total.max(1) as f64))
                 .collect(),
         }
     }
@@ -542,7 +534,6 @@ impl Stats {
             ("islands", self.island_count.into()),
             ("places", self.place_count.into()),
             ("cut_off_without", table(&self.needs)),
-            ("borders", table(&self.borders)),
         ]
         .into_iter()
         .map(|(name, value): (&str, serde_json::Value)| (name.to_owned(), value))
@@ -561,7 +552,6 @@ impl Stats {
             texts.join(", ")
         };
         println!("cut off without: {}", list(&self.needs));
-        println!("ground is broken up by: {}", list(&self.borders));
     }
 }
 

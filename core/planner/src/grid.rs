@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use surefoot_world::Vec3;
+use surefoot_world::cells::{CellLists, Cells};
 
 /// Maximum number of columns along each side.
 const MAX_COLUMNS: usize = 256;
@@ -9,55 +10,21 @@ const MAX_COLUMNS: usize = 256;
 /// No point.
 const NONE: u32 = u32::MAX;
 
-/// Square columns over a rectangle of the horizontal plane.
-#[derive(Debug, Clone, Copy)]
-struct Columns {
-    low: (f32, f32),
-    cell_m: f32,
-    columns: i32,
-    rows: i32,
+/// Cells with sides of at least `cell_m` metres from one corner to the other.
+fn cells_over(low: Vec3, high: Vec3, cell_m: f32) -> Cells {
+    let side = (high.x - low.x).max(high.z - low.z);
+    Cells::over(low, high, cell_m.max(side / MAX_COLUMNS as f32).max(1.0e-3))
 }
 
-impl Columns {
-    /// Columns with sides of at least `cell_m` metres from one corner to the other.
-    fn over(low: Vec3, high: Vec3, cell_m: f32) -> Self {
-        let side = (high.x - low.x).max(high.z - low.z);
-        let cell_m = cell_m.max(side / MAX_COLUMNS as f32).max(1.0e-3);
-        let count = |span: f32| (span / cell_m) as i32 + 1;
-        Self { low: (low.x, low.z), cell_m, columns: count(high.x - low.x), rows: count(high.z - low.z) }
-    }
-
-    fn count(&self) -> usize {
-        (self.columns * self.rows) as usize
-    }
-
-    /// The column and row that contain a point, clamped to the grid.
-    fn column_of(&self, point: Vec3) -> (i32, i32) {
-        let idx = |value: f32, low: f32, count: i32| (((value - low) / self.cell_m) as i32).clamp(0, count - 1);
-        (idx(point.x, self.low.0, self.columns), idx(point.z, self.low.1, self.rows))
-    }
-
-    fn cell(&self, (column, row): (i32, i32)) -> usize {
-        (row * self.columns + column) as usize
-    }
-
-    /// The columns that touch the square that extends `reach` metres from `point` to each side.
-    fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = usize> + use<> {
-        let span = Vec3::new(reach, 0.0, reach);
-        let ((left, back), (right, front)) = (self.column_of(point - span), self.column_of(point + span));
-        let columns = *self;
-        (back..=front).flat_map(move |row| (left..=right).map(move |column| columns.cell((column, row))))
-    }
+/// The cells that touch the square that extends `reach` metres from `point` to each side.
+fn around_point(cells: &Cells, point: Vec3, reach: f32) -> impl Iterator<Item = usize> + use<> {
+    let span = Vec3::new(reach, 0.0, reach);
+    cells.in_span(cells.span(point - span, point + span))
 }
 
-/// Indices of points, bucketed by column.
+/// Indices of points, by cell.
 #[derive(Debug, Clone)]
-pub struct PointGrid {
-    columns: Columns,
-    /// First entry of each column, followed by the number of entries.
-    starts: Vec<u32>,
-    entries: Vec<u32>,
-}
+pub struct PointGrid(CellLists<u32>);
 
 /// The rectangle around points; one of no size if there are none.
 fn around(points: &[Vec3]) -> (Vec3, Vec3) {
@@ -72,18 +39,7 @@ impl PointGrid {
     /// Buckets `points` into columns with sides of at least `cell_m` metres.
     pub fn new(points: &[Vec3], cell_m: f32) -> Self {
         let (low, high) = around(points);
-        let columns = Columns::over(low, high, cell_m);
-        let cells: Vec<usize> = points.iter().map(|&point| columns.cell(columns.column_of(point))).collect();
-        let mut starts = vec![0u32; columns.count() + 1];
-        cells.iter().for_each(|&cell| starts[cell + 1] += 1);
-        (1..starts.len()).for_each(|idx| starts[idx] += starts[idx - 1]);
-        let mut next = starts.clone();
-        let mut entries = vec![0; points.len()];
-        for (point, &cell) in (0..).zip(&cells) {
-            entries[next[cell] as usize] = point;
-            next[cell] += 1;
-        }
-        Self { columns, starts, entries }
+        Self(CellLists::new(cells_over(low, high, cell_m), points.iter().map(|point| (*point, *point)).zip(0..)))
     }
 
     /// Buckets `points` into columns that hold `per_column` of them if they are spread evenly.
@@ -95,23 +51,18 @@ impl PointGrid {
 
     /// Returns the side of a column, m.
     pub fn cell_m(&self) -> f32 {
-        self.columns.cell_m
+        self.0.cells().side_m()
     }
 
     /// Returns the number of the largest ring around any column that can hold points.
     pub fn ring_count(&self) -> i32 {
-        self.columns.columns.max(self.columns.rows)
-    }
-
-    /// Returns the column and row that contain a point, clamped to the grid.
-    pub fn column_of(&self, point: Vec3) -> (i32, i32) {
-        self.columns.column_of(point)
+        let [columns, rows] = self.0.cells().counts();
+        columns.max(rows)
     }
 
     /// Iterates over the points whose columns touch the square that extends `reach` metres from `point` to each side.
     pub fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = u32> {
-        let entries = |cell: usize| &self.entries[self.starts[cell] as usize..self.starts[cell + 1] as usize];
-        self.columns.within(point, reach).flat_map(entries).copied()
+        around_point(self.0.cells(), point, reach).flat_map(|cell| self.0.of(cell)).copied()
     }
 
     /// Returns the indices of the `most` points nearest to `at` that `accept` lets pass, the nearest first; of equally near ones the lower
@@ -125,7 +76,7 @@ impl PointGrid {
                 break;
             }
             self.ring(at, ring, |range| {
-                for &idx in &self.entries[range] {
+                for &idx in &self.order()[range] {
                     let entry = (points[idx as usize].distance_squared(at), idx);
                     let comes_before = |known: &(f32, u32)| known.0.total_cmp(&entry.0).then(known.1.cmp(&idx)).is_lt();
                     let has_room = best.len() < most || best.last().is_some_and(|worst| !comes_before(worst));
@@ -141,7 +92,7 @@ impl PointGrid {
 
     /// Returns the indices of all points in the order of their columns, row by row; [`ring`](Self::ring) yields ranges of it.
     pub fn order(&self) -> &[u32] {
-        &self.entries
+        self.0.items()
     }
 
     /// Visits the columns that form square ring number `ring` around the column of `point`, as ranges of
@@ -152,9 +103,10 @@ impl PointGrid {
 
     /// Visits the columns that form the square rings with these numbers, as few and long ranges of [`order`](Self::order).
     pub fn rings(&self, point: Vec3, Range { start, end }: Range<i32>, mut visit: impl FnMut(Range<usize>)) {
-        let (column, row) = self.column_of(point);
+        let cells = self.0.cells();
+        let [column, row] = cells.place_of(point);
         let outer = end - 1;
-        for other in (row - outer).max(0)..=(row + outer).min(self.columns.rows - 1) {
+        for other in (row - outer).max(0)..=(row + outer).min(cells.counts()[1] - 1) {
             if (other - row).abs() >= start {
                 visit(self.stretch(other, column - outer, column + outer));
             } else {
@@ -166,19 +118,19 @@ impl PointGrid {
 
     /// The columns from `left` to `right` of a row, as far as there are any, as a range of [`order`](Self::order).
     fn stretch(&self, row: i32, left: i32, right: i32) -> Range<usize> {
-        let (left, right) = (left.max(0), right.min(self.columns.columns - 1));
+        let cells = self.0.cells();
+        let (left, right) = (left.max(0), right.min(cells.counts()[0] - 1));
         if left > right {
             return 0..0;
         }
-        let (first, last) = (self.columns.cell((left, row)), self.columns.cell((right, row)));
-        self.starts[first] as usize..self.starts[last + 1] as usize
+        self.0.range(cells.idx([left, row])..=cells.idx([right, row]))
     }
 }
 
 /// Points that are added one by one, bucketed by column.
 #[derive(Debug, Clone)]
 pub struct GrowingGrid {
-    columns: Columns,
+    cells: Cells,
     points: Vec<Vec3>,
     /// The point that was added to each column last.
     last: Vec<u32>,
@@ -189,15 +141,15 @@ pub struct GrowingGrid {
 impl GrowingGrid {
     /// A grid with `points` over a map of this extent, in columns with sides of at least `cell_m` metres.
     pub fn new(extent: Vec3, cell_m: f32, points: &[Vec3]) -> Self {
-        let columns = Columns::over(Vec3::ZERO, extent, cell_m);
-        let mut grid = Self { columns, points: Vec::new(), last: vec![NONE; columns.count()], before: Vec::new() };
+        let cells = cells_over(Vec3::ZERO, extent, cell_m);
+        let mut grid = Self { cells, points: Vec::new(), last: vec![NONE; cells.count()], before: Vec::new() };
         points.iter().for_each(|point| grid.push(*point));
         grid
     }
 
     /// Adds a point, whose index is the number of those before it.
     pub fn push(&mut self, point: Vec3) {
-        let last = &mut self.last[self.columns.cell(self.columns.column_of(point))];
+        let last = &mut self.last[self.cells.idx(self.cells.place_of(point))];
         self.before.push(*last);
         *last = self.points.len() as u32;
         self.points.push(point);
@@ -212,8 +164,7 @@ impl GrowingGrid {
     pub fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = (u32, Vec3)> {
         let known = |idx: u32| (idx != NONE).then_some(idx);
         // A little more, since distances are rounded.
-        self.columns
-            .within(point, reach * 1.001)
+        around_point(&self.cells, point, reach * 1.001)
             .flat_map(move |cell| {
                 std::iter::successors(known(self.last[cell]), move |&idx| known(self.before[idx as usize]))
             })

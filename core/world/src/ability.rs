@@ -1,4 +1,4 @@
-//! Abilities: what a character must be able to do to traverse a leg.
+//! Abilities: the moves that a leg can need.
 
 use serde::{Deserialize, Serialize};
 use strum::VariantArray;

@@ -1,12 +1,13 @@
 //! Square cells on the horizontal plane: which of many items are near a place.
 //!
-//! [`Cells`] cover a rectangle, and [`CellLists`] hold the items of each cell. [`CellKey`] names a cell of an unbounded plane, for
-//! indices that change with every tick.
+//! [`Cells`] cover a rectangle, and [`CellLists`] hold the items of each cell. [`CellKey`] names a cell of an unbounded
+//! plane, for indices that change with every tick.
 
 use crate::Vec3;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
-/// Square cells over a rectangle of the horizontal plane, numbered row by row. Places outside belong to the nearest cell.
+/// Square cells over a rectangle of the horizontal plane, numbered row by row. Places outside belong to the nearest
+/// cell.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Cells {
     low: [f32; 2],
@@ -109,7 +110,17 @@ impl<T: Copy> CellLists<T> {
 
     /// The items of a cell.
     pub fn of(&self, cell: usize) -> &[T] {
-        &self.items[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+        &self.items[self.range(cell..=cell)]
+    }
+
+    /// The items of all cells, cell by cell.
+    pub fn items(&self) -> &[T] {
+        &self.items
+    }
+
+    /// The places in [`items`](Self::items) of the items of consecutive cells.
+    pub fn range(&self, cells: RangeInclusive<usize>) -> Range<usize> {
+        self.starts[*cells.start()] as usize..self.starts[*cells.end() + 1] as usize
     }
 
     /// The items of the cell of a place.

@@ -1,8 +1,9 @@
-//! Crates: boxes that bodies push. They slide, fall and stack by rapier's solver, and turn about the upright axis only, so that
-//! they always stand level.
+//! Crates: boxes that bodies push. Rapier's solver lets them slide, fall and stack. They rotate about the y axis only,
+//! so they always stand level.
 //!
-//! A tick of the crates is a function of what is seen in the world: rapier's sets are made anew of the crates that are awake and
-//! of what is around them. So no solver's cache is part of a world's state, and whoever restores it goes on with the same bits.
+//! A tick of the crates depends only on the state of the world: each tick builds rapier's sets from the crates that are
+//! awake and their surroundings. So the state contains no solver cache, and a restored world continues with the same
+//! bits.
 
 use crate::map::mover::{MAX_MOVER_SPEED, Mover};
 use crate::map::{Map, MoverKind, MoverStop};
@@ -15,54 +16,54 @@ use rapier3d::math::{Pose, Rotation};
 use rapier3d::pipeline::PhysicsWorld;
 use serde::{Deserialize, Serialize};
 
-/// Mass of a crate for each cubic metre, kg.
+/// Density of crates, kg/m3.
 const DENSITY: f32 = 50.0;
-/// Coefficient of friction of crates and of what they stand on.
+/// Coefficient of friction of crates and the ground.
 const FRICTION: f32 = 0.4;
-/// Hardest that a body pushes, N: what moves a crate of 2.5 m3 over level ground.
+/// Greatest force of a body's push, N: it moves a crate of 2.5 m3 over level ground.
 const PUSH_N: f32 = 500.0;
-/// Share of the speed a body wants to have at which it pushes a crate.
+/// Speed of a pushed crate as a share of the speed that the body wants.
 const PUSH_SPEED_SHARE: f32 = 0.5;
 /// A body nearer to a crate than this touches it, m.
 const TOUCH_M: f32 = 0.06;
-/// Steepest that a push may point, as the upright part of its direction: who stands on a crate does not push it.
+/// Largest vertical part of a push's direction, so that a body that stands on a crate does not push it.
 const MAX_PUSH_RISE: f32 = 0.5;
-/// A crate slower than this, m/s and rad/s, is at rest, and after so many ticks at rest it sleeps.
+/// A crate slower than this, m/s and rad/s, is at rest. It sleeps after so many ticks at rest.
 const REST_SPEED: f32 = 0.05;
 const ASLEEP_AFTER: u8 = 30;
-/// A crate of more triangles counts as a box.
+/// A crate with more triangles is simulated as a box.
 const MAX_HULL_TRIANGLES: usize = 64;
-/// What is farther from a crate than this does not meet it within a tick, m.
+/// Objects farther from a crate than this do not touch it within a tick, m.
 const NEAR_M: f32 = 0.3;
 
-/// How a crate lies and moves.
+/// Position and motion of a crate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CrateState {
-    /// Shift from where it was modelled, m.
+    /// Displacement from its modelled position, m.
     pub offset: Vec3,
-    /// Turn about the upright axis through its pivot, rad.
+    /// Rotation about the y axis through its pivot, rad.
     pub yaw: f32,
     /// Velocity, m/s.
     pub velocity: Vec3,
-    /// Speed at which it turns, rad/s.
+    /// Angular velocity about the y axis, rad/s.
     pub spin: f32,
-    /// Ticks for which it has been at rest; after 30 it sleeps until something touches it.
+    /// Ticks at rest; after 30 it sleeps until something touches it.
     pub rested: u8,
-    /// Whether it is there: a crate that has fallen off the map is not, until it is told to go back.
+    /// Whether it is on the map. A crate that has fallen off the map is absent until an order brings it back.
     pub is_there: bool,
 }
 
 impl CrateState {
-    /// A crate as it was modelled.
+    /// The state of a crate at its modelled position.
     pub(crate) const START: Self =
         Self { offset: Vec3::ZERO, yaw: 0.0, velocity: Vec3::ZERO, spin: 0.0, rested: 0, is_there: true };
 
-    /// Where it is.
+    /// Current pose.
     pub(crate) fn pose(&self) -> MoverStop {
         MoverStop { offset: self.offset, yaw: self.yaw, is_there: self.is_there }
     }
 
-    /// Whether the numbers can be those of a crate on a map.
+    /// Whether the numbers are possible for a crate on a map.
     pub(crate) fn is_sound(&self, farthest: f32) -> bool {
         // These comparisons are false for NaN.
         self.offset.abs().cmple(Vec3::splat(farthest)).all()
@@ -71,7 +72,7 @@ impl CrateState {
             && self.spin.abs() <= MAX_MOVER_SPEED
     }
 
-    /// The same crate where it was one tick before, after it would have crushed somebody.
+    /// The same crate without motion.
     pub(crate) fn halted(self) -> Self {
         Self { velocity: Vec3::ZERO, spin: 0.0, ..self }
     }
@@ -85,13 +86,13 @@ impl CrateState {
     }
 }
 
-/// An upright capsule that pushes crates and that they do not pass.
+/// An upright capsule that pushes and blocks crates.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pusher {
     pub feet: Vec3,
     pub radius: f32,
     pub height: f32,
-    /// Velocity that it would have without anything in its way, m/s.
+    /// Velocity that it would have without obstacles, m/s.
     pub wish: Vec3,
 }
 
@@ -102,7 +103,7 @@ impl Pusher {
     }
 }
 
-/// A crate of the map with its state; one that is held moves for nobody.
+/// A crate of the map with its state. A held crate ignores pushes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Crate {
     /// Index of its mover.
@@ -154,13 +155,13 @@ pub(crate) fn step(map: &Map, posed: &[Posed], crates: &mut [Crate], pushers: &[
     }
 }
 
-/// What a crate may meet in a tick, m.
+/// The box within which objects may touch a crate in a tick, m.
 fn reach_of(posed: &[Posed], it: &Crate) -> (Vec3, Vec3) {
     let (at, travel) = (&posed[it.idx], it.state.velocity.abs() * TICK_SECONDS + Vec3::splat(NEAR_M));
     (at.low - travel, at.high + travel)
 }
 
-/// Lets a body push a crate that it touches.
+/// Applies the push of a body to a crate that it touches.
 fn push(mover: &Mover, at: &Posed, it: &mut Crate, pusher: &Pusher) {
     let (low, high) = pusher.bounds();
     let reach = Vec3::splat(TOUCH_M);
@@ -182,14 +183,14 @@ fn push(mover: &Mover, at: &Posed, it: &mut Crate, pusher: &Pusher) {
     let mass = DENSITY * (most - least).element_product().max(0.01);
     let change = (PUSH_N * TICK_SECONDS / mass).min(gain);
     it.state.velocity += towards * change;
-    // A push beside the middle turns it, as it would turn a plate of that extent.
+    // A push beside the middle rotates the crate like a plate of its extent.
     let arm = contact.point - ((least + most) * 0.5 + it.state.offset);
     let inertia = ((most - least) * (most - least) * Vec3::new(1.0, 0.0, 1.0)).element_sum() / 12.0;
     it.state.spin += (arm.z * towards.x - arm.x * towards.z) * change / inertia.max(0.01);
     it.state.rested = 0;
 }
 
-/// Whether a mover that moves touches a crate, or one below it has gone.
+/// Whether a moving mover touches a crate, or a mover has vanished.
 fn is_disturbed(map: &Map, posed: &[Posed], it: &Crate) -> bool {
     let (low, high) = (posed[it.idx].low - Vec3::splat(TOUCH_M), posed[it.idx].high + Vec3::splat(TOUCH_M));
     map.movers().iter().zip(posed).any(|(mover, at)| {
@@ -199,7 +200,7 @@ fn is_disturbed(map: &Map, posed: &[Posed], it: &Crate) -> bool {
     })
 }
 
-/// Wakes the crates that touch one which moves.
+/// Wakes the crates that touch a moving crate, and those that touch them.
 fn wake_beside(posed: &[Posed], crates: &mut [Crate]) {
     let mut moving: Vec<usize> = (0..crates.len())
         .filter(|number| crates[*number].state.is_awake() && !crates[*number].state.is_at_rest())
@@ -216,7 +217,7 @@ fn wake_beside(posed: &[Posed], crates: &mut [Crate]) {
     }
 }
 
-/// The surroundings of the crates that are awake, for one tick.
+/// The physics of one tick: the crates that are awake and their surroundings.
 #[derive(Default)]
 struct CratePhysics {
     world: PhysicsWorld,
@@ -247,13 +248,13 @@ impl CratePhysics {
     fn add_triangles(&mut self, body: RigidBodyBuilder, triangles: &[Triangle]) {
         let vertices: Vec<Vec3> = triangles.iter().flat_map(Triangle::corners).collect();
         let indices = (0..triangles.len() as u32).map(|idx| [3 * idx, 3 * idx + 1, 3 * idx + 2]).collect();
-        // The only refusal is a mesh without triangles.
+        // It fails only for a mesh without triangles.
         if let Ok(shape) = ColliderBuilder::trimesh(vertices, indices) {
             self.world.insert(body, shape.friction(FRICTION));
         }
     }
 
-    /// Adds the ground of the map in these boxes.
+    /// Adds the ground of the map inside these boxes.
     fn add_ground(&mut self, map: &Map, boxes: &[(Vec3, Vec3)]) {
         let (mut all, mut found) = (Vec::new(), Vec::new());
         for (low, high) in boxes {
@@ -266,7 +267,7 @@ impl CratePhysics {
         self.add_triangles(RigidBodyBuilder::fixed(), &triangles);
     }
 
-    /// Adds a mover, which drags along what lies on it.
+    /// Adds a mover, which carries the crates on it.
     fn add_mover(&mut self, mover: &Mover, at: &Posed) {
         let velocity = (at.pose.offset - at.former.offset) / TICK_SECONDS + mover.belt;
         self.add_triangles(RigidBodyBuilder::kinematic_velocity_based().linvel(velocity), &at.triangles);
@@ -279,7 +280,7 @@ impl CratePhysics {
         self.world.insert(RigidBodyBuilder::fixed().translation(at), shape);
     }
 
-    /// What a crate does after the tick.
+    /// State of a crate after the tick.
     fn read(&self, body: RigidBodyHandle, mover: &Mover, former: CrateState) -> CrateState {
         let body = &self.world.bodies[body];
         let rotation = body.rotation();

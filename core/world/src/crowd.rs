@@ -1,39 +1,40 @@
-//! Collisions of NPCs with each other and with players: those that overlap are pushed apart, but never off a ledge, and go around each
-//! other.
+//! Collisions of NPCs with each other and with players. Bodies that overlap are pushed apart, but never off a ledge,
+//! and go around each other.
 
 use crate::Vec3;
 use crate::cells::CellKey;
 use crate::character::{CharacterProfile, MoveScratch};
-use crate::float::hypot;
+use crate::float::horizontal;
 use crate::map::{Liquid, Map};
 use crate::navigable::DOWN;
 use crate::npc::{Npc, WorldConfig};
 use crate::player::{Player, PlayerContact};
 
-/// Side of a cell of the grid that finds neighbours, m; bodies further apart than this never touch.
+/// Side of a cell, m; bodies farther apart than this never touch.
 const CELL_M: f32 = 2.0;
 /// Longest push of a body in one tick, m.
 const MAX_PUSH_M: f32 = 0.15;
-/// Speed at which a body goes around another, m/s, what it gains of it in a tick, and how far aside there must be ground, m.
+/// Speed at which a body goes around another, m/s, its increase per tick, and the distance at which there must be
+/// ground beside it, m.
 const ASIDE_SPEED: f32 = 2.0;
 const ASIDE_SPEED_PER_TICK: f32 = 0.5;
 const ASIDE_M: f32 = 0.3;
-/// Least cosine of the angle between the ways of two NPCs that go in the same direction.
+/// Smallest cosine of the angle between the directions of two NPCs that go the same way.
 const SAME_WAY: f32 = 0.3;
-/// Height above the feet from which the ground ahead of a push is looked for, m, and how far below the feet it may lie.
+/// The ground ahead of a push is searched from this height above the feet, m, to this depth below them, m.
 const KNEE_M: f32 = 0.5;
 const MAX_DROP_M: f32 = 1.0;
 
 /// Buffers of the neighbour search, reused from tick to tick.
 #[derive(Debug, Default)]
 pub(crate) struct CrowdScratch {
-    /// All bodies that get in the way, by cell and slot.
+    /// All solid bodies, by cell and slot.
     bodies: Vec<Listed>,
-    /// Push of the NPC in each slot, m, and whether it goes around what it ran into.
+    /// Push of the NPC in each slot, m, and whether it goes around the body that it touches.
     pushes: Vec<(Vec3, bool)>,
 }
 
-/// What the neighbour search needs of a body.
+/// A body in the neighbour search.
 #[derive(Debug, Clone, Copy)]
 struct Listed {
     cell: CellKey,
@@ -41,7 +42,7 @@ struct Listed {
     feet: Vec3,
     radius: f32,
     height: f32,
-    /// Velocity, m/s, and contact of a player, whose slot is beyond those of all NPCs; `None`: it is an NPC.
+    /// Velocity, m/s, and contact of a player, whose slot follows those of all NPCs; `None` for an NPC.
     player: Option<(Vec3, PlayerContact)>,
 }
 
@@ -56,8 +57,8 @@ impl Listed {
         Self { cell, slot, feet, radius, height, player }
     }
 
-    /// Overlap of this body with `other`, m, in the direction that leads away from it; the opposite is that of the other. Bodies in the
-    /// same place separate along x.
+    /// Push on this body that would end its overlap with `other`, m; `other` gets the opposite. Bodies in the same
+    /// place separate along x.
     fn overlap(&self, other: &Self) -> Option<Vec3> {
         let offset = self.feet - other.feet;
         let reach = self.radius + other.radius;
@@ -68,7 +69,7 @@ impl Listed {
         if offset.y.abs() >= clear {
             return None;
         }
-        let distance = hypot(offset.x, offset.z);
+        let distance = horizontal(offset);
         let away = if distance > 1.0e-4 {
             Vec3::new(offset.x, 0.0, offset.z) / distance
         } else if self.slot < other.slot {
@@ -81,8 +82,8 @@ impl Listed {
 }
 
 impl CrowdScratch {
-    /// Pushes apart all bodies that overlap, each NPC by half of the overlap, along the ground, and stops them from running on into each
-    /// other.
+    /// Pushes overlapping bodies apart along the ground, each NPC by half of the overlap, and stops them from moving
+    /// towards each other.
     pub(crate) fn separate<'a>(
         &mut self,
         npcs: &mut [Option<Npc>],
@@ -105,7 +106,7 @@ impl CrowdScratch {
         bodies.sort_unstable_by_key(|body| (body.cell, body.slot));
         pushes.clear();
         pushes.resize(npcs.len(), (Vec3::ZERO, false));
-        // The first body of the next column that may be near; it never goes back.
+        // The first body of the next column that may be near; it only advances.
         let mut next_column = 0;
         for (idx, body) in bodies.iter().enumerate() {
             let (low, high) = (body.cell.shifted(1, -1), body.cell.shifted(1, 1));
@@ -135,7 +136,7 @@ impl CrowdScratch {
     }
 }
 
-/// Adds to the pushes of two bodies the share that each takes of their overlap, which leads from the second to the first.
+/// Adds each body's share of the overlap to its push. `overlap` points from the second body to the first.
 fn share(
     npcs: &[Option<Npc>],
     [one, other]: [&Listed; 2],
@@ -159,7 +160,7 @@ fn share(
     }
 }
 
-/// Whether two NPCs are on their way in about the same direction: then the one waits behind the other instead of going around it.
+/// Whether two NPCs go in about the same direction: then one waits behind the other instead of going around it.
 fn go_the_same_way(npcs: &[Option<Npc>], one: &Listed, other: &Listed) -> bool {
     let way = |body: &Listed| {
         let episode = npcs[body.slot as usize].as_ref()?.episode.filter(|episode| episode.end.is_none())?;
@@ -169,8 +170,8 @@ fn go_the_same_way(npcs: &[Option<Npc>], one: &Listed, other: &Listed) -> bool {
     way(one).zip(way(other)).is_some_and(|(one, other)| one.dot(other) > SAME_WAY)
 }
 
-/// The share of its overlap with a player by which an NPC gives way: all of it to one that pushes; otherwise the share that came about by
-/// its own motion.
+/// Share of the overlap with a player by which an NPC yields: all of it to a player that pushes, otherwise the share
+/// that its own motion caused.
 fn yields(npcs: &[Option<Npc>], npc: &Listed, overlap: Vec3, (velocity, contact): (Vec3, PlayerContact)) -> f32 {
     if contact == PlayerContact::Push {
         return 1.0;
@@ -181,8 +182,8 @@ fn yields(npcs: &[Option<Npc>], npc: &Listed, overlap: Vec3, (velocity, contact)
     if own > 0.0 { own / (own + players) } else { 0.0 }
 }
 
-/// Stops a body from going on towards another that it has run into, and lets one that stands on the ground go around it if it is to: on the
-/// right, or on the left where there is no ground, so that those that meet head-on pass each other.
+/// Stops a body's motion towards another that it touches. On request, a body on the ground also goes around the other:
+/// on the right, or on the left if there is no ground, so that bodies that meet head-on pass each other.
 fn block(npc: &mut Npc, map: &Map, profile: &CharacterProfile, away: Vec3, goes_around: bool) {
     let towards = -npc.body.velocity.dot(away);
     if towards <= 0.0 {
@@ -200,9 +201,9 @@ fn block(npc: &mut Npc, map: &Map, profile: &CharacterProfile, away: Vec3, goes_
     }
 }
 
-/// Whether a body that stands at `feet` still does after a push, so that nobody is pushed off a ledge or into lava.
+/// Whether a body at `feet` still stands on safe ground after a push, not over a ledge or in lava.
 fn is_safe(map: &Map, feet: Vec3, push: Vec3, profile: &CharacterProfile) -> bool {
-    // The edge of the body may hang over.
+    // The rim of the body may overhang.
     let length = push.length();
     let ahead = feet + push * ((length + profile.radius) / length);
     let from = ahead + Vec3::Y * KNEE_M;

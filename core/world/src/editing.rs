@@ -1,4 +1,4 @@
-//! Changes of a map under the feet of its NPCs: whom a new piece would enclose, and where it goes instead.
+//! Edits of a running world's map: finds the NPCs that a new piece would enclose, and a free place for each.
 
 use crate::Vec3;
 use crate::character::{Body, CharacterProfile, MoveScratch, is_clear};
@@ -6,20 +6,21 @@ use crate::map::Map;
 use crate::navigable;
 use crate::npc::NpcSlot;
 
-/// Distances at which a place is looked for, m, and the number of directions.
+/// Distances at which free places are tried, m, and the number of directions.
 const RINGS_M: [f32; 7] = [0.5, 1.0, 1.5, 2.0, 2.75, 3.5, 4.5];
 const SPOKES: u32 = 12;
-/// How much higher or lower than the feet such a place may be, m.
+/// Greatest height of a free place above or below the feet, m.
 const RISE_M: f32 = 1.5;
-/// Deepest that a body may stick in something and count as clear of it, m: bodies on slopes touch the ground.
+/// Greatest overlap of a body that counts as clear, m: bodies on slopes touch the ground.
 const SLOP_M: f32 = 0.06;
 
-/// A new piece would enclose an NPC that finds no place to stand nearby.
+/// A new piece would enclose an NPC, and there is no free place nearby.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("NPC {} stands where a piece would be, and finds no place within 4.5 m: move it first", .0.0)]
+#[error("NPC {} stands where a piece would be, and there is no free place within 4.5 m: move the NPC first", .0.0)]
 pub struct Enclosed(pub NpcSlot);
 
-/// Where a body goes that cannot stay where it is on a changed map: `Ok(None)` if it can.
+/// Finds a place for a body that cannot stay where it is on the changed map: `Ok(None)` if it can stay, an error if
+/// there is none.
 pub(crate) fn place_for(
     map: &Map,
     changed: &[(Vec3, Vec3)],

@@ -1,11 +1,13 @@
 //! Functions of floating-point numbers whose bits are the same on every platform.
 //!
-//! The standard library delegates `hypot`, `sin`, `exp` and similar functions to the platform, and platforms differ in the last
-//! bit. The simulation and the planner must not: they use this module and `libm`, and `clippy.toml` forbids the standard ones.
+//! The standard library delegates `hypot`, `sin`, `exp` and similar functions to the platform, and platforms differ in
+//! the last bit. The simulation and the planner use this module and `libm` instead; `clippy.toml` forbids the standard
+//! functions.
 
 use crate::Vec3;
+use std::f32::consts::{PI, TAU};
 
-/// A point turned about the upright axis through the origin, counter-clockwise seen from above, by the angle of this sine and cosine.
+/// Turns a point about the y axis by the angle with this sine and cosine, counter-clockwise seen from above.
 #[inline]
 pub fn turned(point: Vec3, (sin, cos): (f32, f32)) -> Vec3 {
     Vec3::new(point.x * cos + point.z * sin, point.y, point.z * cos - point.x * sin)
@@ -16,4 +18,23 @@ pub fn turned(point: Vec3, (sin, cos): (f32, f32)) -> Vec3 {
 pub fn hypot(x: f32, y: f32) -> f32 {
     let (x, y) = (f64::from(x), f64::from(y));
     (x * x + y * y).sqrt() as f32
+}
+
+/// Horizontal length of a vector, by [`hypot`].
+#[inline]
+pub fn horizontal(vector: Vec3) -> f32 {
+    hypot(vector.x, vector.z)
+}
+
+/// The angle in (-pi, pi] that equals `angle`, rad, which is within two turns of it.
+#[inline]
+pub fn wrapped(mut angle: f32) -> f32 {
+    for _ in 0..2 {
+        if angle > PI {
+            angle -= TAU;
+        } else if angle <= -PI {
+            angle += TAU;
+        }
+    }
+    angle
 }

@@ -8,7 +8,7 @@
 //! [`sense`] (what an NPC sees) and [`map::generate`] (where the ground comes from).
 //!
 //! Conventions: right-handed, y up, metres, seconds, radians. Yaw 0 faces +z and grows counter-clockwise
-//! seen from above, so +x lies to the *left* of an NPC with yaw 0.
+//! seen from above, so +x is to the *left* of an NPC with yaw 0.
 
 mod ability;
 pub mod cells;
@@ -24,7 +24,7 @@ mod movers;
 pub mod navigable;
 mod neighbours;
 mod npc;
-mod parallel;
+pub mod parallel;
 pub mod player;
 mod posed;
 pub mod reach;
@@ -56,7 +56,7 @@ pub use world::{DecisionOutcome, World};
 pub const TICKS_PER_SECOND: u32 = 60;
 /// Length of one tick in seconds.
 pub const TICK_SECONDS: f32 = 1.0 / TICKS_PER_SECOND as f32;
-/// Ticks that one action is held for (the paper: a decision every 10 time-steps, action repeated).
+/// Ticks for which an action is held (the paper decides every 10 time steps and repeats the action).
 pub const TICKS_PER_DECISION: u32 = 10;
 /// Length of one decision in seconds.
 pub const DECISION_SECONDS: f32 = TICK_SECONDS * TICKS_PER_DECISION as f32;

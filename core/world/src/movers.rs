@@ -1,4 +1,4 @@
-//! The movers of a world: where each of them is, what it does, and what bodies and rays meet of it.
+//! The movers of a world: their states, their motion, and their contacts with bodies and rays.
 
 use crate::character::{Body, CharacterProfile, MoveScratch};
 use crate::crates::{self, Crate, CrateState, Pusher};
@@ -9,22 +9,22 @@ use crate::posed::{MoversNearby, Posed, REACH_M};
 use crate::{MoverId, StopIdx, TICK_SECONDS, TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Fastest and slowest pace of a mover, in multiples of its usual one; none goes faster than [`MAX_MOVER_SPEED`].
+/// Slowest and fastest pace of a mover, in multiples of its usual one. No mover is faster than [`MAX_MOVER_SPEED`].
 pub const PACE_RANGE: std::ops::RangeInclusive<f32> = 0.0..=4.0;
-/// Deepest that a mover may press a body into anything before it stops, m.
+/// Greatest depth to which a mover may press a body into something before it stops, m.
 const MAX_PRESS_M: f32 = 0.06;
 /// A mover nearer to a body than this touches it, m.
 const TOUCH_M: f32 = 0.05;
-/// A crate that lies farther from where it began than this, m, is not at its stop.
+/// A crate farther than this from its original place is not at its stop, m.
 const AT_PLACE_M: f32 = 0.25;
-/// Height above the feet from which the mover below them is looked for, m, and how far below them it may be.
+/// The mover below a body is searched from this height above the feet, m, to this depth below them, m.
 const KNEE_M: f32 = 0.3;
 const GAP_M: f32 = 0.08;
 
-/// What a mover does at the moment.
+/// Current state of a mover.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MoverState {
-    /// The stop at which it stands, or which it left last.
+    /// The stop where it stands, or the one that it left last.
     pub from: StopIdx,
     /// The stop to which it travels; `from` while it stands.
     pub to: StopIdx,
@@ -32,31 +32,31 @@ pub struct MoverState {
     pub progress: f32,
     /// Ticks for which it has stood at its stop, saturating.
     pub stood: u32,
-    /// The stop to which it was told to go and where it then stays; `None` while it cycles.
+    /// The stop to which it was ordered and where it then stays; `None` while it cycles.
     pub ordered_stop: Option<StopIdx>,
-    /// Its pace, in multiples of the usual one: 0 to 4. At 0 nobody moves a crate.
+    /// Pace in multiples of the usual one, 0 to 4. A crate with the pace 0 cannot be pushed.
     pub pace: f32,
     /// Whether it cycles back towards its first stop.
     pub is_returning: bool,
-    /// Ticks for which it has waited because a body was in its way, saturating; 0 again once it moves.
+    /// Ticks for which a body has blocked it, saturating; 0 again once it moves.
     pub blocked: u32,
-    /// How a crate lies and moves; `None` for all other kinds.
+    /// Position and motion of a crate; `None` for all other kinds.
     pub crate_state: Option<CrateState>,
 }
 
-/// What a mover is told to do.
+/// An order to a mover.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum MoverOrder {
     /// Go to a stop and stay there.
     GoTo(StopIdx),
-    /// Go from stop to stop, forth and back.
+    /// Travel from stop to stop, back and forth.
     Cycle,
     /// Keep this pace, in multiples of the usual one: 0 to 4.
     Pace(f32),
 }
 
 impl MoverState {
-    /// The state in which a mover begins.
+    /// Initial state of a mover.
     pub fn new(mover: &Mover) -> Self {
         Self {
             from: mover.start,
@@ -71,38 +71,39 @@ impl MoverState {
         }
     }
 
-    /// The states of all movers of a world as bytes, for a process that holds the same map; empty if there are none.
+    /// Encodes the states of all movers of a world for a process with the same map; empty if there are none.
     pub fn pack(states: &[Self]) -> Vec<u8> {
         if states.is_empty() { Vec::new() } else { postcard::to_stdvec(states).expect("plain data") }
     }
 
-    /// Reads what [`MoverState::pack`] wrote for a world on `map`; `None` if the bytes are something else.
+    /// Decodes the result of [`MoverState::pack`]; `None` if the bytes are not states of the movers of `map`.
     pub fn unpack(bytes: &[u8], map: &Map) -> Option<Vec<Self>> {
         let states = if bytes.is_empty() { Vec::new() } else { postcard::from_bytes(bytes).ok()? };
         Movers::fit(map, &states).then_some(states)
     }
 
-    /// The stop at which it stands; `None` while it travels, and for a crate that was pushed away.
+    /// The stop where it stands; `None` while it travels, and for a crate that was pushed away.
     pub fn at(&self) -> Option<StopIdx> {
         let is_in_place =
             self.crate_state.is_none_or(|it| it.is_there && it.offset.length_squared() < AT_PLACE_M * AT_PLACE_M);
         (self.from == self.to && is_in_place).then_some(self.from)
     }
 
-    /// Whether it goes to `stop` when an NPC calls it: lifts and platforms do once they have stood for a second where they were told to go.
+    /// Whether it travels to `stop` when an NPC calls it. Lifts and platforms do, once they have stood at their ordered
+    /// stop for a second.
     pub(crate) fn follows_call(&self, mover: &Mover, stop: StopIdx) -> bool {
         mover.kind.is_ridden()
             && stop.idx() < mover.stops.len()
-            && self.ordered_stop.is_some_and(|told| self.at() == Some(told) && told != stop)
+            && self.ordered_stop.is_some_and(|ordered| self.at() == Some(ordered) && ordered != stop)
             && self.stood >= TICKS_PER_SECOND
     }
 
-    /// The stop at which it stands or to which it is on its way.
+    /// The stop where it stands or to which it travels.
     pub fn bound_for(&self) -> StopIdx {
         self.ordered_stop.unwrap_or(self.to)
     }
 
-    /// Whether this can be the state of `mover`.
+    /// Whether this can be a state of `mover`.
     pub fn fits(&self, mover: &Mover) -> bool {
         let exists = |stop: StopIdx| stop.idx() < mover.stops.len();
         exists(self.from)
@@ -115,14 +116,15 @@ impl MoverState {
             && self.crate_state.is_none_or(|it| it.is_sound(FARTHEST_M))
     }
 
-    /// Takes an order; false, and nothing changes, if the mover cannot follow it. A crate goes back to where it began.
+    /// Applies an order. Returns false, and changes nothing, if the mover cannot follow it. A crate returns to its
+    /// original place.
     pub fn obey(&mut self, order: MoverOrder, mover: &Mover) -> bool {
         match order {
             MoverOrder::GoTo(stop) if stop.idx() < mover.stops.len() => {
                 self.ordered_stop = Some(stop);
                 self.crate_state = self.crate_state.map(|_| CrateState::START);
                 if self.from != self.to && (self.from >= stop) == (self.to > self.from) {
-                    // It turns round on the way.
+                    // It reverses on the way.
                     (self.from, self.to, self.progress) = (self.to, self.from, 1.0 - self.progress);
                 }
             }
@@ -133,7 +135,7 @@ impl MoverState {
         true
     }
 
-    /// Goes on by one tick, at no more than the pace `most`.
+    /// Advances by one tick, at no more than the pace `most`.
     fn advance(&mut self, mover: &Mover, most: f32) {
         if self.from == self.to {
             let next = self.next_stop(mover);
@@ -149,7 +151,7 @@ impl MoverState {
         }
     }
 
-    /// The stop that it sets out for now; the one at which it stands if it stays.
+    /// The next stop; the current one if it stays.
     fn next_stop(&mut self, mover: &Mover) -> StopIdx {
         let towards = |stop: StopIdx| StopIdx(if stop > self.from { self.from.0 + 1 } else { self.from.0 - 1 });
         match self.ordered_stop {
@@ -164,7 +166,7 @@ impl MoverState {
         }
     }
 
-    /// Where it is.
+    /// Current pose.
     pub fn pose(&self, mover: &Mover) -> MoverStop {
         self.crate_state.map_or_else(|| mover.between(self.from, self.to, self.progress), |it| it.pose())
     }
@@ -176,11 +178,11 @@ pub(crate) struct Movers {
     states: Vec<MoverState>,
     posed: Vec<Posed>,
     nearby: MoversNearby,
-    /// The movers that a body was in the way of in this tick.
+    /// Whether a body blocked each mover in this tick.
     blocked: Vec<bool>,
-    /// The states one tick before.
+    /// States one tick ago.
     former: Vec<MoverState>,
-    /// The pace at which each mover is as fast as any may be.
+    /// Pace at which each mover reaches the speed limit.
     top_paces: Vec<f32>,
     /// Indices of the crates.
     crates: Vec<usize>,
@@ -217,7 +219,7 @@ impl Movers {
         &self.states
     }
 
-    /// Takes over states, which must fit the movers of the map.
+    /// Replaces the states; they must fit the movers of the map.
     pub(crate) fn restore(&mut self, map: &Map, states: Vec<MoverState>) {
         self.states = states;
         for ((mover, posed), state) in map.movers().iter().zip(&mut self.posed).zip(&self.states) {
@@ -229,14 +231,14 @@ impl Movers {
         }
     }
 
-    /// Wakes all crates: what they lie on may have changed.
+    /// Wakes all crates, because the ground below them may have changed.
     pub(crate) fn wake_crates(&mut self) {
         for idx in &self.crates {
             self.states[*idx].crate_state.iter_mut().for_each(|it| it.rested = 0);
         }
     }
 
-    /// Gives a mover an order; false, and nothing changes, if it does not exist or cannot follow it.
+    /// Gives a mover an order. Returns false, and changes nothing, if the mover does not exist or cannot follow it.
     pub(crate) fn order(&mut self, map: &Map, id: MoverId, order: MoverOrder) -> bool {
         let mover = map.movers().get(id.idx());
         mover.zip(self.states.get_mut(id.idx())).is_some_and(|(mover, state)| state.obey(order, mover))
@@ -277,8 +279,8 @@ impl Movers {
         }
     }
 
-    /// Moves a body with the mover on which it stands, and makes known to `scratch` what is around it. Returns the velocity of what it
-    /// stands on, m/s.
+    /// Moves a body with the mover on which it stands, and lists the movers around it in `scratch`. Returns the
+    /// velocity of the mover below the body, m/s.
     pub(crate) fn carry(
         &self,
         map: &Map,
@@ -309,15 +311,15 @@ impl Movers {
         shift / TICK_SECONDS
     }
 
-    /// How far a body with its feet at `feet` was carried in this tick by a mover, m; `None` if it does not stand on it, or that stands
-    /// still.
+    /// Displacement of a body at `feet` by a mover in this tick, m; `None` if the body does not stand on it, or the
+    /// mover stands still.
     fn shift_of(&self, map: &Map, idx: usize, feet: Vec3) -> Option<Vec3> {
         let (mover, posed) = (&map.movers()[idx], &self.posed[idx]);
         let belt = (mover.belt * self.states[idx].pace).clamp_length_max(MAX_MOVER_SPEED) * TICK_SECONDS;
         if (posed.pose == posed.former && belt == Vec3::ZERO) || !posed.pose.is_there {
             return None;
         }
-        // The feet in the frame of the mover: back by its former pose, forth by the present one.
+        // Undo the former pose of the mover, and apply the current one.
         let (former, pose) = (posed.former, posed.pose);
         let back = MoverStop { offset: Vec3::ZERO, yaw: -former.yaw, ..former };
         let carried = mover.placed(pose, mover.placed(back, feet - former.offset));
@@ -325,8 +327,8 @@ impl Movers {
         posed.cast_ray(knee, DOWN, KNEE_M + GAP_M).map(|_| carried - feet + belt)
     }
 
-    /// Records the movers that press a body into anything by more than they may.
-    pub(crate) fn note_pressed(&mut self, profile: &CharacterProfile, body: &Body, scratch: &MoveScratch) {
+    /// Records the movers that press a body too deep into something.
+    pub(crate) fn mark_blocked(&mut self, profile: &CharacterProfile, body: &Body, scratch: &MoveScratch) {
         let near = self.nearby.at(body.feet);
         let is_pressed = || scratch.deepest_contact(profile, body.feet).is_some_and(|it| it.depth > MAX_PRESS_M);
         if near.is_empty() || !is_pressed() {
@@ -341,8 +343,8 @@ impl Movers {
         }
     }
 
-    /// Takes back the move of each mover that a body was in the way of.
-    pub(crate) fn settle(&mut self, map: &Map) {
+    /// Undoes the motion of each blocked mover.
+    pub(crate) fn undo_blocked(&mut self, map: &Map) {
         for (idx, blocked) in self.blocked.iter_mut().enumerate() {
             let state = &mut self.states[idx];
             if !std::mem::take(blocked) {
@@ -359,14 +361,15 @@ impl Movers {
         }
     }
 
-    /// Calls `found` with the index and the distance (m) of each of these rays that hits a mover within `range` metres; once for each mover.
+    /// Calls `found` with the index and distance, m, of each ray that hits a mover within `range` metres, once for each
+    /// mover that it hits.
     pub(crate) fn cast_cone(&self, eye: Vec3, directions: &[Vec3], range: f32, mut found: impl FnMut(usize, f32)) {
         let (low, high) = (eye - Vec3::splat(range), eye + Vec3::splat(range));
         for posed in self.posed.iter().filter(|posed| posed.touches(low, high)) {
             let (offset, radius) = ((posed.low + posed.high) * 0.5 - eye, 0.5 * posed.low.distance(posed.high));
             for (idx, direction) in directions.iter().enumerate() {
                 let along = offset.dot(*direction);
-                // Rays that pass the ball around the mover.
+                // The ray misses the sphere around the mover.
                 if along < -radius || offset.length_squared() - along * along > radius * radius {
                     continue;
                 }
@@ -377,7 +380,7 @@ impl Movers {
         }
     }
 
-    /// Whether all states fit the movers of a map.
+    /// Whether these can be the states of the movers of a map.
     pub(crate) fn fit(map: &Map, states: &[MoverState]) -> bool {
         states.len() == map.movers().len() && states.iter().zip(map.movers()).all(|(state, mover)| state.fits(mover))
     }

@@ -1,8 +1,8 @@
-//! Samples navigable ground: places where the simulated body can stand.
+//! Samples of navigable ground: places where the simulated body can stand.
 //!
 //! This is the paper's `f_navmesh`. A sample is a place where the capsule, when dropped, comes to rest on walkable
-//! ground, clear of geometry, devices and liquids. The place may still be cut off from the rest of the map: such goals
-//! count in the headline score.
+//! ground, clear of geometry, devices and liquids. The place may still be cut off from the rest of the map; such goals
+//! count in the success rate.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, is_clear};
 use crate::map::Map;
@@ -14,12 +14,12 @@ use rand::{Rng, RngExt};
 const MAX_TRIES: usize = 10_000;
 /// Distance kept from the rim of the map, m.
 const RIM_M: f32 = 2.0;
-/// Largest horizontal drift while settling that still counts as standing, m.
+/// Largest horizontal drift of a body that comes to rest where it was placed, m.
 const MAX_DRIFT_M: f32 = 0.25;
-/// Most floors considered in one column.
+/// Greatest number of floors in one column.
 const MAX_FLOORS: usize = 8;
 
-/// No place was found on a map where the character can stand.
+/// The map has no place where the character can stand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("no navigable ground found in {MAX_TRIES} samples: the map has no place where this character can stand")]
 pub struct NoGround;
@@ -27,7 +27,7 @@ pub struct NoGround;
 /// Draws one place to stand, uniformly over the map's area.
 ///
 /// # Errors
-/// [`NoGround`] if ten thousand draws found none.
+/// [`NoGround`] after ten thousand draws without success.
 pub fn sample(
     map: &Map,
     profile: &CharacterProfile,
@@ -37,8 +37,8 @@ pub fn sample(
     Ok(sample_where(map, profile, rng, scratch, |_| true)?.expect("every place fits"))
 }
 
-/// Draws one place to stand; `None` if `fits` rejects it. `fits` is called before the costly part, with a point less than
-/// half a metre away from the place itself.
+/// Draws one place to stand; `None` if `fits` rejects it. `fits` gets a point less than 0.5 m from the place, before
+/// the costly tests.
 ///
 /// # Errors
 /// Same as [`sample`].
@@ -50,7 +50,7 @@ pub fn sample_where(
     fits: impl Fn(Vec3) -> bool,
 ) -> Result<Option<Vec3>, NoGround> {
     let extent = map.extent();
-    // Levels made by people may be as narrow as a wall.
+    // Imported levels may be as narrow as a wall.
     let inner = |extent: f32| {
         let rim = RIM_M.min(extent / 4.0);
         (extent > 0.0).then_some(rim..extent - rim).ok_or(NoGround)
@@ -67,7 +67,7 @@ pub fn sample_where(
         if !fits(floor) {
             return Ok(None);
         }
-        if let Some(feet) = settle(map, profile, floor, scratch) {
+        if let Some(feet) = rest_on(map, profile, floor, scratch) {
             return Ok(Some(feet));
         }
     }
@@ -88,8 +88,8 @@ pub fn sample_many(
     (0..count).map(|_| sample(map, profile, rng, &mut scratch)).collect()
 }
 
-/// The place where the character stands on the floor nearest to `point`; `None` if it cannot stand there or the floor is
-/// more than `rise` metres higher or lower.
+/// The place where the character stands on the floor nearest to `point`; `None` if it cannot stand there, or the floor
+/// is more than `rise` metres higher or lower.
 pub fn stand_at(
     map: &Map,
     profile: &CharacterProfile,
@@ -105,11 +105,11 @@ pub fn stand_at(
     let offset = |floor: &Vec3| (floor.y - point.y).abs();
     let nearest =
         floors[..floor_count].iter().map(|(floor, _)| *floor).min_by(|a, b| offset(a).total_cmp(&offset(b)))?;
-    if offset(&nearest) <= rise { settle(map, profile, nearest, scratch) } else { None }
+    if offset(&nearest) <= rise { rest_on(map, profile, nearest, scratch) } else { None }
 }
 
-/// The nearest to `point` of sixteen candidate places, if the character can stand there: `reach` or half of `reach` metres
-/// away horizontally, and at most `rise` metres higher or lower.
+/// The nearest place to stand among sixteen candidates around `point`: `reach` or half of `reach` metres away
+/// horizontally, and at most `rise` metres higher or lower.
 pub fn stand_near(
     map: &Map,
     profile: &CharacterProfile,
@@ -133,7 +133,7 @@ pub fn stand_near(
             let distance = floor.distance_squared(point);
             if (floor.y - point.y).abs() <= rise
                 && best.is_none_or(|(least, _)| distance < least)
-                && let Some(feet) = settle(map, profile, *floor, scratch)
+                && let Some(feet) = rest_on(map, profile, *floor, scratch)
             {
                 best = Some((distance, feet));
             }
@@ -142,16 +142,16 @@ pub fn stand_near(
     best.map(|(_, feet)| feet)
 }
 
-/// Down, but a hair off vertical, so that no ray runs exactly along an edge of the lattice.
+/// Down, slightly off vertical, so that no ray runs exactly along an edge of the lattice.
 pub const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
 
-/// Points on the walkable floors at (`x`, `z`) with their normals, from the top down, and their number.
+/// Points on the walkable floors at (`x`, `z`) with their normals, from top to bottom, and their number.
 pub(crate) fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([(Vec3, Vec3); MAX_FLOORS], usize) {
     let mut found = [(Vec3::ZERO, Vec3::Y); MAX_FLOORS];
     let mut count = 0;
     let limit = libm::cosf(profile.max_slope);
     let mut origin = Vec3::new(x, map.extent().y - 0.01, z);
-    // Solids that the ray has entered and not left: ground inside a building is not a floor.
+    // Number of solids that the ray is inside: ground inside a building is not a floor.
     let mut solids_around = 0;
     while count < MAX_FLOORS {
         let Some(hit) = map.mesh().cast_ray(origin, DOWN, map.extent().y) else { break };
@@ -169,8 +169,8 @@ pub(crate) fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> (
     (found, count)
 }
 
-/// Lets a body come to rest on the floor at `floor`; `None` if it cannot stand there.
-fn settle(map: &Map, profile: &CharacterProfile, floor: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
+/// Simulates a body until it rests on the floor at `floor`; `None` if it cannot stand there.
+fn rest_on(map: &Map, profile: &CharacterProfile, floor: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
     // A capsule on a slope touches beside its lowest point, so it starts a little higher than the floor.
     let clearance = profile.radius * (1.0 / libm::cosf(profile.max_slope) - 1.0) + 0.02;
     let start = floor + Vec3::new(0.0, clearance, 0.0);

@@ -1,4 +1,4 @@
-//! Which bodies may be near a place: the index through which NPCs see others, made when the first of them looks.
+//! The index of bodies through which NPCs see others. The first observation after a tick builds it.
 
 use crate::Vec3;
 use crate::cells::CellKey;
@@ -10,27 +10,27 @@ use std::sync::OnceLock;
 /// Side of a cell, m.
 const CELL_M: f32 = 8.0;
 
-/// Bodies by column and row of their cells, seen from above; in no order within a cell.
+/// Bodies by cell, in no order within a cell.
 #[derive(Debug, Default)]
 pub(crate) struct Neighbours {
-    /// Empty until an NPC looks.
+    /// Empty until the first observation.
     listed: OnceLock<BTreeMap<CellKey, Vec<(BodySlot, Other)>>>,
 }
 
 impl Neighbours {
-    /// Drops the index: every body may have moved.
+    /// Drops the index, because every body may have moved.
     pub fn forget(&mut self) {
         self.listed.take();
     }
 
-    /// Lists a body that has appeared or moved.
+    /// Adds a body that has appeared or moved.
     pub fn add(&mut self, body: BodySlot, other: Other) {
         if let Some(listed) = self.listed.get_mut() {
             listed.entry(CellKey::at(other.feet, CELL_M)).or_default().push((body, other));
         }
     }
 
-    /// Removes a body from where it is listed.
+    /// Removes a body from its cell.
     pub fn remove(&mut self, body: BodySlot, other: Other) {
         let cell = CellKey::at(other.feet, CELL_M);
         if let Some(cell) = self.listed.get_mut().and_then(|listed| listed.get_mut(&cell)) {
@@ -38,8 +38,8 @@ impl Neighbours {
         }
     }
 
-    /// All bodies within `reach`, m, of a place, seen from above, and some that are farther, in no order. `bodies` are all bodies
-    /// of the world.
+    /// All bodies within a horizontal distance of `reach`, m, and some farther ones, in no order. `bodies` are all
+    /// bodies of the world.
     pub fn around(
         &self,
         place: Vec3,

@@ -1,4 +1,4 @@
-//! NPCs, the configuration that they run under, and the state of a world as plain data.
+//! NPCs, the configuration of a world, and its state as plain data.
 
 use crate::character::{Action, Body, CharacterProfile};
 use crate::map::Map;
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct ProfileIdx(pub u8);
 
-/// Most profiles of a world.
+/// Greatest number of profiles of a world.
 pub const MAX_PROFILES: usize = 256;
 
 /// Configuration of a world, besides its map.
@@ -24,7 +24,7 @@ pub struct WorldConfig {
     pub profiles: Vec<CharacterProfile>,
     /// Constants of the task.
     pub task: TaskConfig,
-    /// Whether NPCs get in each other's way, and see each other.
+    /// Whether NPCs collide with and see each other.
     pub npc_collision: bool,
 }
 
@@ -44,7 +44,7 @@ pub struct Npc {
     pub body: Body,
     /// Action that is held until the next decision.
     pub action: Action,
-    /// Current attempt; an NPC without one stands still.
+    /// Current episode; an NPC without one stands still.
     pub episode: Option<Episode>,
     /// State from which the current decision started.
     pub last: LastDecision,
@@ -58,18 +58,18 @@ pub struct Npc {
 pub const NPC_STATE_VERSION: u32 = 1;
 
 impl Npc {
-    /// Whether other bodies meet it, in a world where they do: who hangs on a zip line or came to harm does not.
+    /// Whether other bodies can touch it: not while it rides a zip line, and not once it is harmed.
     pub(crate) fn is_solid(&self) -> bool {
         self.harm.is_none() && self.body.ride.is_none()
     }
 
-    /// The state as bytes, for a process that holds the same map.
+    /// Encodes the state for a process with the same map.
     pub fn to_bytes(&self) -> Vec<u8> {
         postcard::to_stdvec(self).expect("plain data")
     }
 
-    /// Reads the state of an NPC of a world with `profile_count` profiles on a map with `zip_line_count` zip lines; `None` if the bytes
-    /// are not such a state.
+    /// Decodes the state of an NPC; `None` if it is not valid in a world with `profile_count` profiles on a map with
+    /// `zip_line_count` zip lines.
     pub fn from_bytes(bytes: &[u8], profile_count: usize, zip_line_count: usize) -> Option<Self> {
         let npc: Self = postcard::from_bytes(bytes).ok()?;
         npc.fits(profile_count, zip_line_count).then_some(npc)
@@ -87,7 +87,7 @@ impl Npc {
     }
 }
 
-/// Largest count of ticks or decisions accepted in a stored NPC; counting on from a larger one might overflow.
+/// Largest count of ticks or decisions accepted in a stored NPC, so that counting on cannot overflow.
 const MAX_COUNT: u32 = 1 << 30;
 
 /// Everything about a world that changes while it is stepped.

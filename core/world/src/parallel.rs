@@ -1,48 +1,23 @@
-//! Splits work over threads by position, so that results do not depend on the number of threads.
+//! Rayon's threads. Its parallel iterators keep the order of their items, so results do not depend on the number of threads.
 
-/// Calls `fill` with the index and the values of each slab of `slab_len` values, on `thread_count` threads.
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
+
+/// Runs `work` with `thread_count` threads for rayon.
+pub fn with_threads<R: Send>(thread_count: usize, work: impl FnOnce() -> R + Send) -> R {
+    let pool = ThreadPoolBuilder::new().num_threads(thread_count.max(1)).build();
+    pool.expect("the system starts threads").install(work)
+}
+
+/// Calls `fill` with the index and the values of each slab of `slab_len` values.
 pub(crate) fn for_each_slab<T: Send>(
     values: &mut [T],
     slab_len: usize,
     thread_count: usize,
-    fill: impl Fn(usize, &mut [T]) + Sync,
+    fill: impl Fn(usize, &mut [T]) + Sync + Send,
 ) {
-    let slab_count = values.len() / slab_len;
-    let slabs_per_thread = slab_count.div_ceil(thread_count.max(1)).max(1);
-    if slabs_per_thread >= slab_count {
-        values.chunks_mut(slab_len).enumerate().for_each(|(slab_idx, slab)| fill(slab_idx, slab));
-        return;
-    }
-    std::thread::scope(|scope| {
-        for (thread_idx, chunk) in values.chunks_mut(slabs_per_thread * slab_len).enumerate() {
-            let fill = &fill;
-            scope.spawn(move || {
-                for (slab_idx, slab) in chunk.chunks_mut(slab_len).enumerate() {
-                    fill(thread_idx * slabs_per_thread + slab_idx, slab);
-                }
-            });
-        }
-    });
-}
-
-/// Applies `map` to ranges that cover the indices below `count`, on `thread_count` threads, and joins the results in order.
-pub(crate) fn map_indices<T: Send>(
-    count: usize,
-    thread_count: usize,
-    map: impl Fn(std::ops::Range<usize>) -> Vec<T> + Sync,
-) -> Vec<T> {
-    let per_thread = count.div_ceil(thread_count.max(1)).max(1);
-    let parts: Vec<Vec<T>> = std::thread::scope(|scope| {
-        let handles: Vec<_> = (0..count)
-            .step_by(per_thread)
-            .map(|start| {
-                let map = &map;
-                scope.spawn(move || map(start..(start + per_thread).min(count)))
-            })
-            .collect();
-        handles.into_iter().map(|handle| handle.join().expect("no worker panics")).collect()
-    });
-    parts.into_iter().flatten().collect()
+    let slabs = values.par_chunks_mut(slab_len).enumerate();
+    with_threads(thread_count, || slabs.for_each(|(slab_idx, slab)| fill(slab_idx, slab)));
 }
 
 /// Number of available cores; 1 if it is unknown.

@@ -1,24 +1,24 @@
-//! Players: bodies that the game moves. NPCs meet them, and nothing in a world moves them.
+//! Players: bodies that the game moves. NPCs collide with them, and the world never moves them.
 
 use crate::Vec3;
 pub use crate::slot::PlayerSlot;
 use serde::{Deserialize, Serialize};
 
-/// Most players of a world.
+/// Greatest number of players of a world.
 pub const MAX_PLAYERS: usize = 1024;
-/// Sizes that a player may have, m.
+/// Allowed radii of a player, m.
 pub const PLAYER_RADIUS_M: std::ops::RangeInclusive<f32> = 0.1..=1.0;
-/// Heights that a player may have, m; at least twice the radius.
+/// Allowed heights of a player, m; at least twice the radius.
 pub const PLAYER_HEIGHT_M: std::ops::RangeInclusive<f32> = 0.2..=5.0;
 
-/// What happens between a player and the NPCs that it meets.
+/// Effect of a player on the NPCs that it touches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PlayerContact {
-    /// NPCs do not walk into the player and go around it, and stand their ground where the player walks into them.
+    /// NPCs stop at the player and go around it. They do not yield if the player walks into them.
     Block,
     /// The player pushes NPCs aside, but never off a ledge or into lava.
     Push,
-    /// They pass through each other.
+    /// Player and NPCs pass through each other.
     Ghost,
 }
 
@@ -33,12 +33,12 @@ pub struct Player {
     pub radius: f32,
     /// Height, m.
     pub height: f32,
-    /// What happens between it and NPCs.
+    /// Effect on NPCs that it touches.
     pub contact: PlayerContact,
 }
 
 impl Player {
-    /// Whether NPCs meet it.
+    /// Whether it obstructs NPCs.
     pub(crate) fn is_solid(&self) -> bool {
         self.contact != PlayerContact::Ghost
     }

@@ -1,20 +1,20 @@
-//! Movers at their places, and which of them are near a place.
+//! Movers in their current poses, and the index of movers near a place.
 
 use crate::cells::{Cells, Span};
 use crate::map::{Map, Mover, MoverStop};
 use crate::mesh::{Surface, Triangle};
 use crate::{MoverId, Vec3};
 
-/// How far from a body movers are looked for, m: what it moves and they move in a tick, and the step that it may take.
+/// Distance from a body within which movers matter, m: the motion of both in a tick, and the body's step.
 pub(crate) const REACH_M: f32 = 1.5;
-/// Side of a cell of the grid that finds movers, m.
+/// Side of a cell, m.
 const CELL_M: f32 = 16.0;
 
-/// A mover at its place.
+/// A mover in its current pose.
 #[derive(Debug, Clone)]
 pub(crate) struct Posed {
     pub(crate) triangles: Vec<Triangle>,
-    /// Least and greatest coordinates, m; reversed while it is not there.
+    /// Least and greatest coordinates, m; reversed while the mover is not there.
     pub(crate) low: Vec3,
     pub(crate) high: Vec3,
     pub(crate) pose: MoverStop,

@@ -1,6 +1,6 @@
 //! Recordings: every input of a world with its tick, and hashes of intermediate states.
 //!
-//! A recording identifies the map by its hash. [`replay`](mod@crate::replay) runs it again.
+//! A recording identifies the map by its hash. [`replay`](mod@crate::replay) runs the recording again.
 
 use crate::character::{Action, CharacterProfile};
 use crate::map::{Map, MapHash, MapSpec, Piece};
@@ -45,7 +45,7 @@ pub enum Input {
     RemovePlayer(PlayerSlot),
     /// `World::edit`, with all pieces of the map.
     Edit(Vec<Piece>),
-    /// A profile that `World::profile_idx` put in the place of one that no NPC had.
+    /// A profile that replaced one without NPCs, in `World::profile_idx`.
     Reprofile(ProfileIdx, Box<CharacterProfile>),
 }
 
@@ -62,7 +62,7 @@ pub struct Recording {
     pub(crate) task: TaskConfig,
     pub(crate) npc_collision: bool,
     pub(crate) start: WorldState,
-    /// In the order of the calls, each with the number of ticks stepped before it.
+    /// Inputs in the order of the calls, each with the ticks stepped before it.
     pub(crate) inputs: Vec<(Tick, Input)>,
     pub(crate) checks: Vec<Check>,
     pub(crate) end_tick: Tick,
@@ -90,10 +90,10 @@ pub enum ReplayError {
     /// The recording is truncated or its checksum does not match.
     #[error("the recording is damaged: its checksum does not match; copy it again")]
     Damaged,
-    /// The recording is undamaged, but no world can have run like this.
+    /// The recording is undamaged, but no world can have produced it.
     #[error("the recording is not valid ({0}): record it again")]
-    Senseless(&'static str),
-    /// The recording was made on another map.
+    Invalid(&'static str),
+    /// The recording belongs to another map.
     #[error("the recording was made on map {expected}, but this is map {found}")]
     OtherMap {
         /// Map of the recording.
@@ -111,15 +111,15 @@ pub enum ReplayError {
         /// Slot of the missing NPC.
         slot: u32,
     },
-    /// An order names a mover that does not exist, or that cannot follow it.
-    #[error("the recording is inconsistent at tick {tick}: mover {} does not exist or cannot follow its order", .mover.0)]
+    /// An order is for a mover that does not exist or cannot follow it.
+    #[error("the recording is inconsistent at tick {tick}: mover {} is missing or cannot follow its order", .mover.0)]
     NoSuchMover {
         /// Tick of the order.
         tick: Tick,
         /// Index of the mover.
         mover: MoverId,
     },
-    /// A player that is moved or removed does not exist.
+    /// An input moves or removes a player that does not exist.
     #[error("the recording is inconsistent at tick {tick}: player {player} does not exist")]
     NoSuchPlayer {
         /// Tick of the input.
@@ -127,7 +127,7 @@ pub enum ReplayError {
         /// Slot of the player.
         player: u32,
     },
-    /// The map was edited in a way that is not possible.
+    /// An edit of the map is not possible.
     #[error("the recording is inconsistent at tick {tick}: {why}")]
     NoSuchEdit {
         /// Tick of the edit.
@@ -194,7 +194,7 @@ impl Recording {
     /// Reads what [`Recording::encode`] wrote.
     ///
     /// # Errors
-    /// If the bytes are not a recording, have another version, are damaged, or no world can have run like this.
+    /// If the bytes are not a recording, have another version, are damaged, or are not valid.
     pub fn decode(bytes: &[u8]) -> Result<Self, ReplayError> {
         let content = sealed::open(MAGIC, REPLAY_VERSION, bytes).map_err(|error| match error {
             SealError::Magic => ReplayError::Magic,
@@ -204,7 +204,7 @@ impl Recording {
         let recording: Self = postcard::from_bytes(content).map_err(|error| match error {
             // Checked types reject invalid values when they are deserialized.
             postcard::Error::SerdeDeCustom => {
-                ReplayError::Senseless("a character profile or the map's spec is out of range")
+                ReplayError::Invalid("a character profile or the map's spec is out of range")
             }
             _ => ReplayError::Damaged,
         })?;
@@ -212,26 +212,26 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Checks that a world can have run like this: what a replay relies on, and that the checks cover all ticks.
+    /// Checks everything that a replay relies on, and that the state hashes cover all ticks.
     fn check(&self) -> Result<(), ReplayError> {
-        let senseless = |what| Err(ReplayError::Senseless(what));
+        let invalid = |what| Err(ReplayError::Invalid(what));
         let profile_count = self.profiles.len();
         if !(1..=MAX_PROFILES).contains(&profile_count) {
-            return senseless("it has no character profile or too many");
+            return invalid("it has no character profile or too many");
         }
         if !self.task.is_sound() {
-            return senseless("a constant of its task is out of range");
+            return invalid("a constant of its task is out of range");
         }
         if !self.start.fits_some_map(profile_count) {
-            return senseless("its initial state is out of range");
+            return invalid("its initial state is out of range");
         }
         let spawns_unknown =
             |input: &Input| matches!(input, Input::Spawn(profile, ..) if usize::from(profile.0) >= profile_count);
         if self.inputs.iter().any(|(_, input)| matches!(input, Input::SpawnPlayer(player) if !player.is_sound())) {
-            return senseless("a player has a size that is out of range");
+            return invalid("a player has a size that is out of range");
         }
         if self.inputs.iter().any(|(_, input)| spawns_unknown(input)) {
-            return senseless("an NPC has a profile that does not exist");
+            return invalid("an NPC has a profile that does not exist");
         }
         let span = self.start.tick()..=self.end_tick;
         let in_order = self.inputs.is_sorted_by_key(|(tick, _)| tick)
@@ -243,10 +243,10 @@ impl Recording {
                 .chain(self.checks.iter().map(|check| &check.tick))
                 .all(|tick| span.contains(tick));
         if span.is_empty() || !in_order {
-            return senseless("its ticks are not in order");
+            return invalid("its ticks are not in order");
         }
         if self.end_tick.since(self.start.tick()) / CHECK_EVERY_TICKS >= self.checks.len() as u64 {
-            return senseless("it has too few state hashes for its length");
+            return invalid("it has too few state hashes for its length");
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! What a body relies on: at which of its stops each mover may stand so that the body can be where it is.
+//! Reliance: the stops of each mover that allow a body to be where it is.
 
 use crate::character::{Body, CharacterProfile};
 use crate::map::{Map, Mover};
@@ -8,11 +8,11 @@ use crate::navigable::DOWN;
 use crate::posed::{MoversNearby, REACH_M};
 use crate::{MoverId, StopIdx, StopSet, Vec3};
 
-/// How deep a mover must reach into a body to be in its way, m.
+/// Overlap from which a mover obstructs a body, m.
 const IN_THE_WAY_M: f32 = 0.05;
-/// Height of a mover above the feet up to which a body stands on it, m.
+/// Height of a mover above the feet up to which the body stands on it, m.
 const STEP_ON_M: f32 = 0.15;
-/// Height above the feet from which what is below them is looked for, m, and how far below them a body stands on it.
+/// Ground below a body is searched from this height above the feet, m, to this depth below them, m.
 const KNEE_M: f32 = 0.3;
 const GAP_M: f32 = 0.12;
 
@@ -27,11 +27,11 @@ struct Shape {
 /// The movers of a map at all of their stops.
 #[derive(Debug, Clone)]
 pub struct Reliance {
-    /// Shapes of each mover, stop by stop; none where it is not there.
+    /// Shape of each mover at each stop; `None` if the mover is not there.
     shapes: Vec<Vec<Option<Shape>>>,
-    /// Boxes around the journeys of each mover from stop to stop; around itself if it stays.
+    /// Boxes around the journeys of each mover between neighbouring stops; around the mover itself if it has one stop.
     swept: Vec<Vec<(Vec3, Vec3)>>,
-    /// Movers by where any of their stops is.
+    /// Movers by the places of all their stops.
     nearby: MoversNearby,
 }
 
@@ -56,13 +56,13 @@ impl Reliance {
         }
     }
 
-    /// Whether the map has no movers, so that no body relies on any.
+    /// Whether the map has no movers.
     pub fn is_void(&self) -> bool {
         self.shapes.is_empty()
     }
 
-    /// Calls `note` with the index of each mover that stands at a stop and on which `body` relies, and with the set of its stops at which
-    /// the body could be where it is.
+    /// Calls `note` with each mover on which `body` relies, and the set of its stops that allow the body to be where it
+    /// is.
     pub fn of(
         &self,
         map: &Map,
@@ -97,11 +97,12 @@ impl Reliance {
         }
     }
 
-    /// Whether a mover goes where a body with its feet at `feet` is, or nearer to it than `margin`, m, which is at most 0.5.
+    /// Whether the path of a mover touches a body at `feet`, or comes nearer to it than `margin`, m, which is at most
+    /// 0.5.
     pub fn is_swept(&self, profile: &CharacterProfile, feet: Vec3, margin: f32) -> bool {
-        debug_assert!(profile.radius + margin <= REACH_M, "movers are looked for within {REACH_M} m");
+        debug_assert!(profile.radius + margin <= REACH_M, "movers are listed within {REACH_M} m");
         let reach = Vec3::new(profile.radius + margin, 0.0, profile.radius + margin);
-        // What is below the feet is not in the way.
+        // Movers below the feet do not obstruct the body.
         let (least, most) = (feet - reach + Vec3::Y * STEP_ON_M, feet + reach + Vec3::Y * profile.height);
         let is_in = |(low, high): &(Vec3, Vec3)| low.cmple(most).all() && high.cmpge(least).all();
         self.nearby.at(feet).iter().any(|idx| self.swept[idx.idx()].iter().any(is_in))
@@ -122,7 +123,7 @@ impl Shape {
     }
 }
 
-/// Whether there is ground of the map itself close below the feet.
+/// Whether the map itself has ground close below the feet.
 fn has_ground(map: &Map, profile: &CharacterProfile, feet: Vec3) -> bool {
     let from = feet + Vec3::Y * KNEE_M;
     let below = map.mesh().cast_ray(from, DOWN, KNEE_M + profile.step_height);

@@ -8,19 +8,18 @@ use crate::world::World;
 use std::sync::Arc;
 
 impl Recording {
-    /// Runs the recording again on `map`, compares the state with the recorded one at every check and at the end, and returns
-    /// the final state. For tests, the world is saved at tick `restore_at` and the replay continues in a new world restored
-    /// from that state.
+    /// Runs the recording again on `map`, compares the state with each recorded hash, and returns the final state. For
+    /// tests, the replay saves the world at tick `restore_at` and continues in a new world that is restored from it.
     ///
     /// # Errors
-    /// If the map is another one, a state differs, or an NPC or zip line that is named does not exist.
+    /// If the map is another one, a state differs, or an input does not fit the world.
     pub fn replay(&self, map: Arc<Map>, restore_at: Option<Tick>) -> Result<WorldState, ReplayError> {
         if map.built_hash() != self.map {
             return Err(ReplayError::OtherMap { expected: self.map, found: map.built_hash() });
         }
         let map = holding(&map, Tick(0), &self.pieces)?;
         if !self.start.fits(self.profiles.len(), &map) {
-            return Err(ReplayError::Senseless("it needs zip lines or movers that the map does not have"));
+            return Err(ReplayError::Invalid("it needs zip lines or movers that the map does not have"));
         }
         let config =
             WorldConfig { profiles: self.profiles.clone(), task: self.task.clone(), npc_collision: self.npc_collision };
@@ -42,7 +41,7 @@ impl Recording {
                 apply(&mut world, tick, input)?;
             }
             if tick >= self.end_tick {
-                // What is left names a past tick, or a state after inputs that do not exist.
+                // Remaining inputs belong to a past tick; remaining checks, to inputs that do not exist.
                 let is_done = inputs.peek().is_none() && checks.peek().is_none();
                 return if is_done { Ok(world.save()) } else { Err(ReplayError::Diverged { tick, agreed }) };
             }
@@ -81,11 +80,11 @@ fn apply(world: &mut World, tick: Tick, input: &Input) -> Result<(), ReplayError
             let edited = world.edit(map);
             edited.map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })?;
         }
-        // Recordings of version 0.2 hold calls that removed nothing.
+        // Recordings of version 0.2 contain calls that removed nothing.
         Input::Despawn(slot) => _ = world.despawn(*slot),
         Input::Reprofile(idx, profile) => {
             let changed = world.reprofile(*idx, profile.as_ref().clone());
-            return if changed { Ok(()) } else { Err(ReplayError::Senseless("a profile changes that NPCs have")) };
+            return if changed { Ok(()) } else { Err(ReplayError::Invalid("a profile changes that NPCs have")) };
         }
         Input::Teleport(slot, feet, yaw) => {
             check_npc(world, tick, *slot, "teleport")?;

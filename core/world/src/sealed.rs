@@ -1,9 +1,9 @@
-//! Sealed files, which detect damage: magic, version, checksum (BLAKE3), content.
+//! Sealed files: magic, version, checksum (BLAKE3) and content. The checksum detects damage.
 
 /// Why a sealed file cannot be opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SealError {
-    /// The file begins with another magic: it is another kind of file.
+    /// The file begins with another magic, so it is another kind of file.
     Magic,
     /// The file has this version instead of the expected one.
     Version(u32),

@@ -1,4 +1,4 @@
-//! Names of the bodies of a world.
+//! Slots: the identities of the bodies of a world.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ pub struct NpcSlot(pub u32);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct PlayerSlot(pub u32);
 
-/// Names a body of a world. Of two bodies that are equally near an NPC, its observation describes the lesser first.
+/// A body of a world. Of two equally near bodies, an observation describes the lesser slot first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum BodySlot {
     Npc(NpcSlot),

@@ -4,14 +4,14 @@ use crate::Vec3;
 use serde::{Deserialize, Serialize};
 use strum::VariantArray;
 
-/// Constants of the task; defaults are the paper's where it gives them.
+/// Constants of the task. Defaults are those of the paper where it has them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TaskConfig {
-    /// A goal counts as reached within this distance of the feet, m (paper: 1 m).
+    /// Distance from the feet within which a goal is reached, m (paper: 1 m).
     pub goal_radius: f32,
     /// Decisions without a new best distance after which the episode is truncated (paper: 300).
     pub patience: u32,
-    /// The paper's lambda: metres of progress that are worth a reward of 1.
+    /// Progress that is worth a reward of 1, m (lambda in the paper).
     pub lambda: f32,
     /// Reward for every decision (paper: -0.0005).
     pub decision_penalty: f32,
@@ -26,7 +26,7 @@ impl Default for TaskConfig {
 }
 
 impl TaskConfig {
-    /// Whether the numbers are finite and those that something is divided by are above 0.
+    /// Whether all numbers are finite and all divisors are above 0.
     pub(crate) fn is_sound(&self) -> bool {
         // These comparisons are false for NaN.
         (0.0..=f32::MAX).contains(&self.goal_radius)
@@ -78,7 +78,7 @@ impl End {
         matches!(self, End::NoProgress | End::Unreachable)
     }
 
-    /// Whether the NPC came to harm.
+    /// Whether the NPC was harmed.
     pub fn is_harm(self) -> bool {
         matches!(self, End::Fell | End::Burnt | End::Drowned)
     }
@@ -88,8 +88,8 @@ impl End {
         self.into()
     }
 
-    /// The sparse reward: +1 for the goal, -1 for harm. A lack of progress is a truncation, not a failure: learners bootstrap from the
-    /// state in which it was noticed, so a reward for it would be counted twice.
+    /// The sparse reward: +1 for the goal, -1 for harm, 0 for truncations. Learners bootstrap from the last state of a
+    /// truncated episode, so a reward for the truncation would count twice.
     pub fn reward(self) -> f32 {
         match self {
             End::Reached => 1.0,
@@ -122,7 +122,7 @@ impl Episode {
         Self { goal, best_distance: feet.distance(goal), stalled_decisions: 0, decisions: 0, end: None, progress: 0.0 }
     }
 
-    /// Records the position of the feet after a tick and tests whether they have reached the goal.
+    /// Records the position of the feet after a tick, and ends the episode if they are at the goal.
     pub fn note_tick(&mut self, feet: Vec3, config: &TaskConfig) {
         let distance = feet.distance(self.goal);
         if distance < self.best_distance {

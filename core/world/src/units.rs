@@ -1,4 +1,4 @@
-//! Newtypes for units and counts that cross modules, so that the compiler tells them apart.
+//! Newtypes for units, counts and indices that cross modules, so that the compiler distinguishes them.
 
 use crate::DECISION_SECONDS;
 use serde::{Deserialize, Serialize};

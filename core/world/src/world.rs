@@ -30,11 +30,11 @@ pub struct DecisionOutcome {
     pub end: Option<End>,
 }
 
-/// A map with its NPCs, stepped tick by tick. A tick allocates nothing once its buffers have grown, unless the map has crates or
-/// a recording runs.
+/// A map with its NPCs, stepped tick by tick. Once its buffers have grown, a tick allocates memory only if the map has
+/// crates or a recording runs.
 ///
 /// The calls of one decision, for one NPC: [`World::observe`], [`World::decide`], ten times [`World::tick`]
-/// (which moves every NPC), [`World::close_decision`]. NPCs may be at different ticks of their decisions.
+/// (which moves every NPC), [`World::close_decision`]. Different NPCs may be at different ticks of their decisions.
 #[derive(Debug)]
 pub struct World {
     map: Arc<Map>,
@@ -42,7 +42,7 @@ pub struct World {
     cone: RayCone,
     tick: Tick,
     npcs: Vec<Option<Npc>>,
-    /// The empty slots of `npcs`.
+    /// Empty slots of `npcs`.
     free: BTreeSet<u32>,
     /// Abilities that each NPC used in the last tick; not part of the state.
     used_in_tick: Vec<AbilitySet>,
@@ -64,9 +64,10 @@ impl World {
     /// Creates an empty world on `map` with one or more profiles.
     ///
     /// # Panics
-    /// If there are no profiles or more than 256.
+    /// If there are no profiles or more than 256, or a constant of the task is out of range.
     pub fn with_config(map: Arc<Map>, config: WorldConfig) -> Self {
         assert!((1..=MAX_PROFILES).contains(&config.profiles.len()), "1 to {MAX_PROFILES} profiles");
+        assert!(config.task.is_sound(), "constants of the task in range");
         Self {
             movers: Movers::new(&map),
             map,
@@ -84,7 +85,7 @@ impl World {
         }
     }
 
-    /// Starts to record every input; discards a recording in progress.
+    /// Starts to record every input. Discards a recording in progress.
     pub fn start_recording(&mut self) {
         self.recording = Some(Box::new(Recording::begin(&self.map, &self.config, self.save())));
     }
@@ -102,14 +103,13 @@ impl World {
         }
     }
 
-    /// Copies the state; together with the map and the configuration, it restores this world.
+    /// Copies the state, which restores this world together with the map and the configuration.
     pub fn save(&self) -> WorldState {
         let movers = self.movers.states().to_vec();
         WorldState { tick: self.tick, npcs: self.npcs.clone(), movers, players: self.players.clone() }
     }
 
-    /// Restores a saved state, which must come from a world with the same map and configuration. Discards a recording in
-    /// progress.
+    /// Restores a saved state of a world with the same map and configuration. Discards a recording in progress.
     pub fn restore(&mut self, state: WorldState) {
         self.recording = None;
         self.tick = state.tick;
@@ -122,7 +122,7 @@ impl World {
         self.scratch.resize_with(self.npcs.len(), MoveScratch::default);
     }
 
-    /// The map that the world runs on.
+    /// Map of the world.
     pub fn map(&self) -> &Arc<Map> {
         &self.map
     }
@@ -175,8 +175,8 @@ impl World {
         NpcSlot(slot)
     }
 
-    /// Adds a copy of an NPC of another world, with the same map and configuration, and returns its slot. A recording in progress
-    /// would lack it and is discarded.
+    /// Adds a copy of an NPC of another world with the same map and configuration, and returns its slot. Discards a
+    /// recording in progress, which cannot contain the copy.
     ///
     /// # Panics
     /// If the world has no such profile.
@@ -238,10 +238,10 @@ impl World {
         self.npcs.iter().enumerate().filter_map(|(idx, npc)| npc.as_ref().map(|npc| (NpcSlot(idx as u32), npc)))
     }
 
-    /// Moves an NPC to another place, at rest and without an episode; `feet` is in m, `yaw` in rad.
+    /// Moves an NPC to another place, where it rests without an episode; `feet` is in m, `yaw` in rad.
     ///
     /// # Panics
-    /// If the slot is empty, like every method below that takes a slot.
+    /// If the slot is empty; so do all methods below that take a slot.
     pub fn teleport(&mut self, slot: NpcSlot, feet: Vec3, yaw: f32) {
         self.note(Input::Teleport(slot, feet, yaw));
         self.unlist(BodySlot::Npc(slot));
@@ -254,14 +254,15 @@ impl World {
         self.list(BodySlot::Npc(slot));
     }
 
-    /// Starts an episode towards `goal`, m; the body keeps its motion.
-    pub fn set_waypoint(&mut self, slot: NpcSlot, goal: Vec3) {
-        self.note(Input::SetWaypoint(slot, goal));
+    /// Starts an episode towards `waypoint`, m; the body keeps its motion. An NPC that follows a plan has one episode
+    /// for each waypoint.
+    pub fn set_waypoint(&mut self, slot: NpcSlot, waypoint: Vec3) {
+        self.note(Input::SetWaypoint(slot, waypoint));
         let npc = self.npc_mut(slot);
-        npc.episode = Some(Episode::new(goal, npc.body.feet));
+        npc.episode = Some(Episode::new(waypoint, npc.body.feet));
     }
 
-    /// Ends the episode without an outcome; the NPC comes to rest.
+    /// Drops the episode; the NPC comes to rest.
     pub fn clear_waypoint(&mut self, slot: NpcSlot) {
         self.note(Input::ClearWaypoint(slot));
         let npc = self.npc_mut(slot);
@@ -281,8 +282,8 @@ impl World {
         npc.body.begin_decision(&action);
     }
 
-    /// Advances every NPC by one tick. An NPC that came to harm stays in place; one that reached its goal continues until
-    /// its decision is over.
+    /// Advances every NPC by one tick. A harmed NPC stays in place. An NPC that has reached its goal continues until
+    /// its decision ends.
     pub fn tick(&mut self) {
         if self.movers.is_empty() {
             self.move_npcs(1);
@@ -300,12 +301,12 @@ impl World {
         }
     }
 
-    /// Whether NPCs meet each other, or players.
+    /// Whether NPCs can touch each other or players.
     fn has_contacts(&self) -> bool {
         self.config.npc_collision || self.players.iter().any(Option::is_some)
     }
 
-    /// Advances every NPC by ten ticks: a whole decision if all NPCs decide together.
+    /// Advances every NPC by ten ticks, which is a whole decision if all NPCs decide together.
     pub fn tick_decision(&mut self) {
         if self.has_contacts() || self.recording.is_some() || !self.movers.is_empty() {
             (0..TICKS_PER_DECISION).for_each(|_| self.tick());
@@ -314,7 +315,7 @@ impl World {
         }
     }
 
-    /// Moves the NPCs one by one, each by all ticks, which leaves what is around it in the cache.
+    /// Moves the NPCs one by one, each by all ticks, so that its surroundings stay in the cache.
     fn move_npcs(&mut self, tick_count: u32) {
         self.neighbours.forget();
         let Self { map, config, npcs, used_in_tick, scratch, .. } = self;
@@ -328,7 +329,7 @@ impl World {
         self.tick = self.tick + u64::from(tick_count);
     }
 
-    /// Moves the movers, then the NPCs that they carry and push; a mover that would crush an NPC stays where it was.
+    /// Moves the movers, then the NPCs that they carry and push. A mover that would crush an NPC stays where it was.
     fn move_with_movers(&mut self) {
         self.neighbours.forget();
         let pushers = if self.movers.has_crates() { self.pushers() } else { Vec::new() };
@@ -344,16 +345,16 @@ impl World {
             let carried = movers.carry(map, profile, &mut npc.body, scratch);
             *used = tick_npc(npc, map, profile, &config.task, scratch);
             if carried != Vec3::ZERO && !npc.body.is_grounded() {
-                // Who leaves a mover keeps its speed.
+                // A body that leaves a mover keeps the mover's speed.
                 npc.body.velocity += Vec3::new(carried.x, carried.y.max(0.0), carried.z);
             }
-            movers.note_pressed(profile, &npc.body, scratch);
+            movers.mark_blocked(profile, &npc.body, scratch);
         }
-        movers.settle(map);
+        movers.undo_blocked(map);
         self.tick = self.tick + 1;
     }
 
-    /// What pushes crates: the bodies that walk, and solid players.
+    /// Bodies that push crates: walking NPCs and solid players.
     fn pushers(&self) -> Vec<Pusher> {
         let walking = self.npcs.iter().flatten().filter(|npc| npc.harm.is_none() && npc.body.ride.is_none());
         let npcs = walking.map(|npc| {
@@ -371,7 +372,7 @@ impl World {
         npcs.chain(players).collect()
     }
 
-    /// States of the movers, in the order of those of the map.
+    /// States of the movers, in the order of the map.
     pub fn movers(&self) -> &[MoverState] {
         self.movers.states()
     }
@@ -385,8 +386,8 @@ impl World {
         obeyed
     }
 
-    /// Sends a lift or platform to the stop where an NPC wants it, unless it cycles, is on its way, or was called elsewhere within the last
-    /// second.
+    /// Calls a lift or platform to a stop. The call has no effect if the mover cycles, travels, or was called elsewhere
+    /// within the last second.
     pub fn call(&mut self, MoverAt { mover, stop }: MoverAt) {
         let idx = mover.idx();
         let called = self.map.movers().get(idx).zip(self.movers.states().get(idx));
@@ -395,8 +396,8 @@ impl World {
         }
     }
 
-    /// Takes over the states of the movers of another world on the same map, in the order of those of the map. A recording in progress
-    /// would lack them and is discarded.
+    /// Copies the states of the movers of another world on the same map, in the order of the map. Discards a recording
+    /// in progress, which cannot contain them.
     ///
     /// # Panics
     /// If the states do not fit the movers of the map.
@@ -406,17 +407,17 @@ impl World {
         self.movers.restore(&self.map, states);
     }
 
-    /// Goes on on `map`, which is this world's map with other pieces. NPCs that a new piece would enclose are moved to the nearest place
-    /// beside or on top of it, at rest, and go on from there. Returns their slots.
+    /// Replaces the map by `map`, which must differ only in its pieces. Moves each NPC that a new piece would enclose
+    /// to the nearest place beside or on top of the piece, where it rests. Returns the slots of these NPCs.
     ///
     /// # Errors
-    /// If one of them finds no place within 4.5 m; then nothing changes.
+    /// If there is no such place within 4.5 m of one of them; then nothing changes.
     ///
     /// # Panics
-    /// If `map` was built of something else.
+    /// If `map` differs in more than its pieces.
     pub fn edit(&mut self, map: Arc<Map>) -> Result<Vec<NpcSlot>, Enclosed> {
         assert!(map.built_hash() == self.map.built_hash(), "the same map but for its pieces");
-        // Pieces are in the order of their names.
+        // Pieces are sorted by name.
         let known = self.map.pieces();
         let same = |piece: &Piece| known.binary_search_by(|it| it.name.cmp(&piece.name)).map(|at| &known[at] == piece);
         let is_new = |piece: &&Piece| !same(piece).unwrap_or(false);

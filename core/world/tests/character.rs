@@ -409,7 +409,8 @@ fn solid_world_on_a_deck() -> World {
 #[test]
 fn nobody_is_pushed_off_a_ledge() {
     let mut world = solid_world_on_a_deck();
-    // One stands with its back to the edge; others run into it from the middle of the deck, and stop when they are beside it.
+    // One stands with its back to the edge; others run into it from the middle of the deck, and stop when they are
+    // beside it.
     let stands = world.spawn(Vec3::new(24.8, GROUND, 20.0), 0.0);
     let runners: Vec<NpcSlot> =
         (0..6).map(|idx| world.spawn(Vec3::new(18.0 + idx as f32 * 0.7, GROUND, 20.0), FRAC_PI_2)).collect();

@@ -135,8 +135,8 @@ fn maps_of_the_formats_without_kinds_movers_pieces_and_densities_are_read() {
     let spec = MapSpec::with_side(3, 50).unwrap();
     let map = Map::generate(&spec);
     let mut bytes = exchange::encode(&map);
-    // The densities of movers and the choice of repair are the last 25 bytes of the spec, which comes first in the description, and the
-    // kind is the one before.
+    // The densities of movers and the choice of repair are the last 25 bytes of the spec, which comes first in the
+    // description, and the kind is the one before.
     let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len() - 25;
     let (header, payload) = bytes.split_at_mut(8 + 4 + 8 + 32);
     let mut payload = payload.to_vec();
@@ -1083,7 +1083,8 @@ fn hostile_bytes_never_panic() {
 /// Times, s, and the values then.
 type Keys<'a> = &'a [(f32, &'a [f32])];
 
-/// A level of boxes with a side of 1 m around their nodes' origins, scaled by their nodes; and animations, each with a node, a path, and keys.
+/// A level of boxes with a side of 1 m around their nodes' origins, scaled by their nodes; and animations, each with a
+/// node, a path, and keys.
 fn animated_level(nodes: Value, animations: &[(usize, &str, Keys<'_>)]) -> Vec<u8> {
     let mut binary: Vec<u8> = Vec::new();
     let (mut views, mut accessors) = (Vec::new(), Vec::new());
@@ -1217,7 +1218,7 @@ fn animations_that_cannot_be_read_are_refused_with_the_node() {
     let import = |bytes: &[u8]| exchange::import_gltf(bytes, None, &ImportOptions::default());
     let keys: Keys<'_> = &[(0.0, &[0.0, f32::NAN, 0.0]), (1.0, &[0.0, 5.0, 0.0])];
     refusal(import(&animated_level(nodes(), &[(1, "translation", keys)])), "node `lift`");
-    // Bones have animations that nobody needs.
+    // Animations of bones are ignored.
     let bones = json!([{ "name": "floor", "mesh": 0, "scale": [60.0, 1.0, 60.0] }, { "name": "bone" }]);
     assert!(import(&animated_level(bones, &[(1, "translation", keys)])).is_ok());
     let keys: Keys<'_> = &[(0.0, &[0.0, 1.0, 0.0]), (1.0, &[0.0, 5.0, 0.0])];

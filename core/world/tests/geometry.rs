@@ -86,7 +86,8 @@ proptest! {
     }
 }
 
-/// Distance and surface of every triangle that a ray meets, in 64-bit arithmetic; triangles are wider by `margin` of their edges.
+/// Distance and surface of every triangle that a ray meets, in 64-bit arithmetic; triangles are wider by `margin` of
+/// their edges.
 fn crossings(map: &Map, origin: Vec3, direction: Vec3, margin: f64) -> impl Iterator<Item = (f64, Surface)> {
     let wide = |v: Vec3| v.to_array().map(f64::from);
     let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -132,7 +133,8 @@ fn a_million_rays_of_cones_end_where_parry_says() {
             if agree && ours.is_none_or(|(_, surface)| surface == Surface::Ground) {
                 continue;
             }
-            // Where one of the two passes beside a triangle that the other hits, ours must hit some triangle, and none before it.
+            // Where one of the two passes beside a triangle that the other hits, ours must hit some triangle, and none
+            // before it.
             let distance = ours.map_or(RANGE_M, |(distance, _)| distance);
             let ray = format!("from {eye:?} to {direction:?}: {ours:?}, parry says {theirs:?}");
             if let Some((distance, surface)) = ours {
@@ -358,8 +360,8 @@ fn of_a_million_spawns_none_is_off_the_ground_or_inside_geometry() {
     });
 }
 
-/// Whether a point lies in a solid: all three of parry's rays to the sky leave through more faces than they enter. One or
-/// two rays may be wrong where faces coincide or a seam leaks.
+/// Whether a point lies in a solid: all three of parry's rays to the sky leave through more faces than they enter. One
+/// or two rays may be wrong where faces coincide or a seam leaks.
 fn is_inside(mesh: &TriMesh, point: Vec3) -> bool {
     // Away from the rim, where the ground is cut off and has no underside.
     let inwards = (Vec3::new(75.0, 0.0, 75.0) - Vec3::new(point.x, 0.0, point.z)).normalize_or_zero();

@@ -1,4 +1,5 @@
-//! Doors, lifts, floors that vanish and conveyors: what levels say of them, how they move, and what they do to bodies and rays.
+//! Doors, lifts, floors that vanish and conveyors: what levels say of them, how they move, and what they do to bodies
+//! and rays.
 
 use std::sync::Arc;
 use surefoot_world::character::{Body, Support};

@@ -24,7 +24,7 @@ fn boxed(low: [f32; 3], high: [f32; 3]) -> Vec<Triangle> {
     corners.into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect()
 }
 
-/// A floor, and a wall 8 m ahead of who stands at [`EYE`] and looks along z, on its left.
+/// A floor, and a wall 8 m ahead and to the left of an NPC that stands at [`EYE`] and looks along z.
 fn world(npc_collision: bool) -> World {
     let floor = boxed([0.0, 0.0, 0.0], [SIDE_M, 1.0, SIDE_M]);
     let wall = boxed([31.0, 1.0, 28.0], [45.0, 5.0, 28.5]);
@@ -40,7 +40,7 @@ fn looker(world: &mut World) -> NpcSlot {
     slot
 }
 
-/// What an NPC's observation tells of others: the rays, and the described bodies.
+/// The part of an NPC's observation about other bodies: the rays, and the described bodies.
 fn others(world: &World, slot: NpcSlot) -> (Vec<f32>, Vec<Vec<f32>>) {
     let mut row = vec![f32::NAN; OBSERVATION_WITH_OTHERS_LEN];
     assert!(world.observe(slot, &mut row));

@@ -76,7 +76,7 @@ fn some(extent: Vec3) -> Vec<Piece> {
     pieces
 }
 
-/// The map built anew, of all its triangles.
+/// The map rebuilt from all its triangles.
 fn rebuilt(map: &Map) -> Map {
     let solid = map.mesh().triangles().iter().filter(|triangle| triangle.surface().is_solid()).copied();
     Map::from_parts(map.size(), solid.collect(), map.placed().clone())
@@ -177,7 +177,8 @@ fn pieces_on(map: &Map, shapes: Vec<PieceShape>) -> Vec<Piece> {
 
 type Corners = [[u32; 3]; 3];
 
-/// The triangles that a map gathers for a box and that pass through it, by the bits of their corners, which must be each once.
+/// The triangles that a map gathers for a box and that pass through it, by the bits of their corners, which must be
+/// each once.
 fn gathered(map: &Map, low: Vec3, high: Vec3) -> Vec<Corners> {
     let mut found = vec![u32::MAX; 3];
     map.mesh().gather_solids(low, high, &mut found);

@@ -1,4 +1,4 @@
-"""What the training examples share: success on maps that were not trained on, and the curve."""
+"""Shared by the training examples: success on unseen maps, and the curve."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import surefoot
 
 Floats = npt.NDArray[np.float32]
 TRAINING_MAPS = list(range(8))
-"""Seeds of the maps that are trained on."""
+"""Seeds of the training maps."""
 VALIDATION_MAPS = [1000, 1001, 1002, 1003]
 """Seeds of the maps on which success is measured."""
 GOALS_M = (5.0, 25.0)
@@ -24,7 +24,7 @@ LONGEST = 400
 
 
 class Evaluation:
-    """Runs one episode in each of `count` environments on maps that were not trained on."""
+    """Runs one episode in each of `count` environments on unseen maps."""
 
     def __init__(self, folder: Path, count: int = 200) -> None:
         self.envs = surefoot.VectorEnv(
@@ -51,7 +51,7 @@ class Evaluation:
             if ended.all():
                 break
             if infos:
-                # Environments whose episode has ended go on, and no longer count.
+                # Environments whose episode has ended continue, but no longer count.
                 self.envs.reset(options={"reset_mask": terminated | truncated})
         return reached / len(ended), died / len(ended)
 

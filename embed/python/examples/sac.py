@@ -110,7 +110,7 @@ class Replay:
         self.count += 1
 
     def draw(self, rng: np.random.Generator) -> tuple[torch.Tensor, ...]:
-        """Observations, actions, rewards of n steps, the observations after them, and what those are worth."""
+        """Observations, actions, rewards of n steps, the observations after them, and their discounts."""
         config = self.config
         filled = min(self.count, config.buffer_steps)
         ages = rng.integers(config.n_step, filled, config.batch)
@@ -177,7 +177,7 @@ class Learner:
 
     @torch.no_grad()
     def explore(self, observations: Floats) -> Floats:
-        """Actions as they are drawn."""
+        """Sampled actions."""
         return self.actor.sample(torch.from_numpy(observations))[0].numpy()
 
     @torch.no_grad()

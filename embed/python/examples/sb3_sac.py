@@ -56,7 +56,7 @@ def train(folder: Path, decisions: int, seed: int) -> None:
         gradient_steps=4,
         gamma=0.98,
         n_steps=3,
-        # Entropy counts as income: a high temperature teaches to stay alive rather than to arrive.
+        # Entropy counts as reward: a high temperature favours survival over arrival.
         ent_coef="auto_0.004",
         target_entropy=-2.0,
         policy_kwargs={"net_arch": [256, 256]},

@@ -1,4 +1,4 @@
-"""All of the package, once: environments, graphs and plans, policies, a server, and recorded episodes.
+"""A tour of the package: environments, graphs and plans, policies, a server, and recorded episodes.
 
     pip install "surefoot[pettingzoo,graphs,datasets]"
     python tour.py
@@ -67,7 +67,7 @@ def step_agents() -> None:
 
 
 def step_buffers() -> None:
-    """Environments in arrays of ours."""
+    """Environments that write into our arrays."""
     buffers = {
         "observations": np.zeros((32, 369), np.float32),
         "actions": np.zeros((32, 4), np.float32),
@@ -84,7 +84,7 @@ def step_buffers() -> None:
 
 
 def follow_a_plan() -> None:
-    """A goal that is far away, by plan."""
+    """A distant goal with a plan."""
     graph = surefoot.Graph.build(LEVEL, vertices=100)
     envs = surefoot.VectorEnv(1, LEVEL, goal_distance=(60, 120), autoreset_mode=AutoresetMode.DISABLED)
     observations, _ = envs.reset(seed=3)

@@ -1,7 +1,7 @@
-//! Numpy arrays of the caller, which are borrowed for the length of a call.
+//! The caller's numpy arrays, borrowed for the duration of a call.
 
+use crate::environments::Outputs;
 use crate::error::value;
-use crate::vector::Outputs;
 use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use surefoot_world::character::ACTION_LEN;
@@ -43,15 +43,15 @@ fn check_shape(found: &[usize], wanted: &[usize], name: &str) -> PyResult<()> {
 
 /// The arrays of a step.
 pub struct StepArrays<'a, 'py> {
-    /// Decisions: a row for each environment.
+    /// Holds a row for each environment.
     pub actions: &'a Bound<'py, PyArrayDyn<f32>>,
     /// Receives a row for each environment.
     pub observations: &'a Bound<'py, PyArrayDyn<f32>>,
     /// Receives a value for each environment, as the next two do.
     pub rewards: &'a Bound<'py, PyArrayDyn<f32>>,
-    /// Whether the episode ended for good.
+    /// Whether the episode terminated.
     pub terminated: &'a Bound<'py, PyArrayDyn<bool>>,
-    /// Whether the episode was cut off.
+    /// Whether the episode was truncated.
     pub truncated: &'a Bound<'py, PyArrayDyn<bool>>,
 }
 

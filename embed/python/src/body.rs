@@ -1,4 +1,4 @@
-//! Bodies by name or by figures.
+//! Bodies by name or by the fields of a profile.
 
 use crate::error::value;
 use pyo3::prelude::*;
@@ -6,7 +6,7 @@ use pyo3::types::PyDict;
 use surefoot_world::CharacterProfile;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
 
-/// The body with a name, or the one whose figures are a JSON object.
+/// Reads a body: its name, or a JSON object with the fields of its profile.
 pub fn read(text: &str) -> PyResult<CharacterProfile> {
     if text.starts_with('{') {
         return serde_json::from_str(text).map_err(|error| value(format!("body: {error}")));

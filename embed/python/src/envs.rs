@@ -1,10 +1,13 @@
-//! `Worlds` for Python: lends out the caller's arrays, and runs without the interpreter's lock.
+//! `Worlds` for Python: borrows the caller's arrays and releases the interpreter's lock while environments run.
 
 use crate::arrays::{StepArrays, readable, writable};
 use crate::body;
+use crate::environments::{Autoreset, EnvError, Environments, Finished, Setup};
 use crate::error::{state, value};
 use crate::level::Level;
-use crate::vector::{Autoreset, Finished, Setup, Worlds as Inner};
+use crate::local::{LocalWorlds, open_world};
+use crate::remote::RemoteWorlds;
+use crate::server::Server;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use std::f32::consts::TAU;
@@ -12,7 +15,6 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 use surefoot_rollout::env::{Env, Route, actions_of};
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::navigable::NoGround;
 use surefoot_world::{Map, Vec3};
 
 /// Most environments of one object.
@@ -23,25 +25,24 @@ const MAX_GOAL_M: f32 = 1500.0;
 const MOST_M: f32 = 1.0e6;
 
 /// Indices, ends and last observations of the episodes that ended.
-pub type Ends<'py> = (Bound<'py, PyArray1<i64>>, Vec<&'static str>, Bound<'py, PyArray2<f32>>);
+type Ends<'py> = (Bound<'py, PyArray1<i64>>, Vec<&'static str>, Bound<'py, PyArray2<f32>>);
 
-/// Environments of this process.
+/// Environments of this process or of a server.
 #[pyclass(module = "surefoot._native")]
-#[derive(Debug)]
 pub struct Worlds {
-    // Physics need not be shared between threads.
-    inner: Mutex<Inner>,
+    // One thread at a time uses the environments.
+    inner: Mutex<Box<dyn Environments>>,
     env_count: usize,
     observation_len: usize,
 }
 
 impl Worlds {
-    fn lock(&self) -> PyResult<MutexGuard<'_, Inner>> {
+    fn lock(&self) -> PyResult<MutexGuard<'_, Box<dyn Environments>>> {
         self.inner.lock().map_err(|_| failed())
     }
 
-    fn inner(&mut self) -> PyResult<&mut Inner> {
-        self.inner.get_mut().map_err(|_| failed())
+    fn inner(&mut self) -> PyResult<&mut dyn Environments> {
+        Ok(self.inner.get_mut().map_err(|_| failed())?.as_mut())
     }
 
     fn shape(&self) -> [usize; 2] {
@@ -54,7 +55,7 @@ fn failed() -> PyErr {
 }
 
 /// Reads the arguments that all kinds of environments share.
-pub fn setup(
+fn setup(
     levels: &[Py<Level>],
     body: &str,
     solid: bool,
@@ -88,7 +89,7 @@ fn in_range(name: &str, found: usize, most: usize) -> PyResult<()> {
 }
 
 /// Episodes that ended, as arrays; `None` if there are none.
-pub fn ends<'py>(py: Python<'py>, ended: Vec<Finished>, observation_len: usize) -> PyResult<Option<Ends<'py>>> {
+fn ends<'py>(py: Python<'py>, ended: Vec<Finished>, observation_len: usize) -> PyResult<Option<Ends<'py>>> {
     if ended.is_empty() {
         return Ok(None);
     }
@@ -130,16 +131,25 @@ impl Worlds {
         autoreset: &str,
         seed: u64,
         threads: usize,
+        server: Option<Py<Server>>,
     ) -> PyResult<Self> {
         let setup = setup(&levels, body, solid, (num_envs, worlds), goal_distance, autoreset)?;
+        let observation_len = setup.observation_len();
+        if let Some(server) = server {
+            let link = server.get().link.clone();
+            let remote = py.detach(|| RemoteWorlds::open(link, setup, seed))?;
+            let inner: Mutex<Box<dyn Environments>> = Mutex::new(Box::new(remote));
+            return Ok(Self { env_count: num_envs, observation_len, inner });
+        }
         if !(1..=worlds).contains(&threads) {
             return Err(value(format!(
                 "threads is {threads}, but the environments are in {worlds} world(s), each of which one thread steps: \
                  pass worlds={threads} or more"
             )));
         }
-        let inner = py.detach(|| Inner::open(setup, seed, threads)).map_err(value)?;
-        Ok(Self { env_count: num_envs, observation_len: inner.observation_len(), inner: Mutex::new(inner) })
+        let local = py.detach(|| LocalWorlds::open(setup, seed, threads)).map_err(value)?;
+        let inner: Mutex<Box<dyn Environments>> = Mutex::new(Box::new(local));
+        Ok(Self { env_count: num_envs, observation_len, inner })
     }
 
     #[getter]
@@ -147,21 +157,21 @@ impl Worlds {
         self.observation_len
     }
 
-    /// Begins anew with a seed.
+    /// Starts again with a seed.
     fn reseed(&mut self, py: Python<'_>, seed: u64, observations: &Bound<'_, PyArrayDyn<f32>>) -> PyResult<()> {
         let mut observations = writable(observations, &self.shape(), "observations")?;
         let (rows, inner) = (observations.as_slice_mut()?, self.inner()?);
         py.detach(|| {
             inner.reseed(seed)?;
-            inner.first_observations(rows);
+            inner.observations(rows);
             Ok(())
         })
-        .map_err(|error: NoGround| value(error))
+        .map_err(|error: EnvError| error.into())
     }
 
-    /// Writes the observations of worlds that were not stepped yet.
+    /// Writes the observations of environments that have not been stepped yet.
     fn first_observations(&self, observations: &Bound<'_, PyArrayDyn<f32>>) -> PyResult<()> {
-        self.lock()?.first_observations(writable(observations, &self.shape(), "observations")?.as_slice_mut()?);
+        self.lock()?.observations(writable(observations, &self.shape(), "observations")?.as_slice_mut()?);
         Ok(())
     }
 
@@ -174,8 +184,7 @@ impl Worlds {
         let mask = readable(mask, &[self.env_count], "reset_mask")?;
         let mut observations = writable(observations, &self.shape(), "observations")?;
         let (mask, rows, inner) = (mask.as_slice()?, observations.as_slice_mut()?, self.inner()?);
-        py.detach(|| inner.renew(mask, rows));
-        Ok(())
+        Ok(py.detach(|| inner.renew(mask, rows))?)
     }
 
     fn step<'py>(
@@ -189,11 +198,12 @@ impl Worlds {
     ) -> PyResult<Option<Ends<'py>>> {
         let (shape, inner) = (self.shape(), self.inner()?);
         let arrays = StepArrays { actions, observations, rewards, terminated, truncated };
-        let ended = arrays.lend(shape, |actions, out| py.detach(|| inner.step(actions, out)).map_err(value))??;
+        let goes_on = || Python::attach(|py| py.check_signals().is_ok());
+        let ended = arrays.lend(shape, |actions, out| py.detach(|| inner.step(actions, out, &goes_on)))??;
         ends(py, ended, shape[1])
     }
 
-    /// Gives an environment places for which it heads, and writes its observation.
+    /// Gives an environment new waypoints, and writes its observation.
     #[pyo3(signature = (env, waypoints, start, yaw, observations))]
     fn redirect(
         &mut self,
@@ -213,46 +223,52 @@ impl Worlds {
         if !(-TAU..=TAU).contains(&yaw) {
             return Err(value(format!("yaw is {yaw}, but must be -2 pi to 2 pi")));
         }
-        if start.is_none() && self.lock()?.rests().nth(env) == Some(true) {
+        if start.is_none() && self.lock()?.rests().is_some_and(|rests| rests[env]) {
             return Err(state(format!("the episode of environment {env} has ended: give a start, or reset it")));
         }
         let waypoints = waypoints.into_iter().map(|it| place("waypoints", it)).collect::<PyResult<_>>()?;
         let start = start.map(|it| place("start", it)).transpose()?.map(|feet| (feet, yaw));
         let mut observations = writable(observations, &[count, len], "observations")?;
         let row = &mut observations.as_slice_mut()?[env * len..][..len];
-        self.inner()?.redirect(&Route { npc_idx: env, start, waypoints }, row);
-        Ok(())
+        Ok(self.inner()?.redirect(&Route { npc_idx: env, start, waypoints }, row)?)
     }
 
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        points(py, self.lock()?.positions())
+        points(py, self.lock()?.positions().into_iter())
     }
 
     fn goals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        points(py, self.lock()?.goals())
+        let goals = self.lock()?.goals();
+        points(
+            py,
+            goals
+                .ok_or_else(|| value("the server drew the goals and does not report them: use NEXT_STEP"))?
+                .into_iter(),
+        )
     }
 
     fn rests<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        Ok(self.lock()?.rests().collect::<Vec<bool>>().into_pyarray(py))
+        let rests = self.lock()?.rests();
+        Ok(rests.ok_or_else(|| value("a server does not report which environments wait"))?.into_pyarray(py))
     }
 }
 
-/// The same environments in one world, stepped by Rust alone; for python/bench.py.
+/// Environments of one world that Rust steps without Python, for `bench.py`.
 #[pyclass(module = "surefoot._native")]
 #[derive(Debug)]
-pub struct Alone {
+pub struct RustOnly {
     env: Mutex<Env>,
 }
 
 #[pymethods]
-impl Alone {
+impl RustOnly {
     #[new]
     fn new(py: Python<'_>, level: Py<Level>, num_envs: usize, goal_distance: (f32, f32), seed: u64) -> PyResult<Self> {
         let setup = setup(&[level], "surefoot", false, (num_envs, 1), goal_distance, "SameStep")?;
-        Ok(Self { env: Mutex::new(py.detach(|| setup.open(0, num_envs, seed)).map_err(value)?) })
+        Ok(Self { env: Mutex::new(py.detach(|| open_world(&setup, 0, num_envs, seed)).map_err(value)?) })
     }
 
-    /// Seconds that steps with these actions take.
+    /// Duration of `steps` steps with these actions, s.
     fn seconds(&mut self, py: Python<'_>, actions: &Bound<'_, PyArrayDyn<f32>>, steps: usize) -> PyResult<f64> {
         let env = self.env.get_mut().map_err(|_| failed())?;
         let actions = readable(actions, &[env.npc_count(), ACTION_LEN], "actions")?;

@@ -24,7 +24,7 @@ use surefoot_report::render::View;
 use surefoot_rollout::{ProbeContext, graphs};
 use surefoot_world::{Ability, DECISION_SECONDS, Map};
 
-/// How often a build looks whether it was interrupted.
+/// Interval at which a build checks for an interrupt.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// A graph of a level whose edges were proved, ready for queries.
@@ -35,7 +35,7 @@ pub struct Graph {
     map: Option<Arc<Map>>,
 }
 
-/// Builds a graph, and calls `progress` with the numbers of probes made and known to be needed.
+/// Builds a graph, and calls `progress` with the numbers of finished and of known probes.
 fn build(
     py: Python<'_>,
     context: &ProbeContext,
@@ -131,7 +131,7 @@ impl Graph {
         let ability = |name: &String| {
             name.parse().ok().filter(|ability| *ability != Ability::Walk).ok_or_else(|| {
                 let names: Vec<&str> = Ability::ALL[1..].iter().map(|ability| ability.name()).collect();
-                value(format!("there is no ability {name} to do without: there are {}", names.join(", ")))
+                value(format!("there is no ability {name} to rule out: there are {}", names.join(", ")))
             })
         };
         let query = Query {
@@ -202,7 +202,7 @@ impl Graph {
 
     #[pyo3(signature = (*, pixels_per_m = 3.0, view = "top"))]
     fn png<'py>(&self, py: Python<'py>, pixels_per_m: f32, view: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let map = self.map.as_ref().ok_or_else(|| value("the graph knows no level: give one to Graph.load"))?;
+        let map = self.map.as_ref().ok_or_else(|| value("the graph has no level: pass one to Graph.load"))?;
         let view = picture::view(view)?;
         let bytes = py.detach(|| picture::draw(map, view, pixels_per_m, Some(self.graph())))?;
         Ok(PyBytes::new(py, &bytes))

@@ -26,7 +26,7 @@ impl Level {
     }
 }
 
-/// Reads the level of a file, with the sidecar beside it if there is one.
+/// Loads a level from a file, with its sidecar if there is one.
 fn load(path: &Path) -> PyResult<Level> {
     let bytes = std::fs::read(path).map_err(|error| file(path, &error))?;
     let beside = path.with_extension("surefoot.json");
@@ -56,7 +56,7 @@ enum Densities {
 }
 
 impl Densities {
-    /// As a list of words; `default` if there are no changes.
+    /// The densities as a comma-separated text; `default` if there are no changes.
     fn text(self, default: &str) -> String {
         match self {
             Self::Text(text) => text,

@@ -1,22 +1,24 @@
-//! The native module of the Python package `surefoot`: what is fast, and what is ours. The package around it (`surefoot/`) is Python and
-//! brings this into the forms that Gymnasium, PettingZoo and others expect.
+//! The native module of the Python package `surefoot`. The package around it (`surefoot/`) is Python and adapts this
+//! module to Gymnasium, PettingZoo and others.
 //!
-//! [`vector`] steps environments on several threads; it knows nothing of Python. [`envs`] lends it the caller's arrays. [`far`] steps
-//! those of a server likewise, for which [`remote`] does the same. [`level`] and
-//! [`body`] are what environments are made of. [`graph`] builds graphs and answers with a [`plan`]; [`policy`] decides. No panic crosses into Python as anything but an exception, which [`error`] writes.
+//! [`environments`] is what all environments have in common; [`local`] steps those of this process on several threads,
+//! [`remote`] those of a server. None of the three knows Python. [`envs`] passes the caller's arrays to them. [`level`]
+//! and [`body`] describe environments. [`graph`] builds graphs and answers with a [`plan`]; [`policy`] decides.
+//! [`error`] turns every failure into an exception.
 
 mod arrays;
 mod body;
+mod environments;
 mod envs;
 mod error;
-mod far;
 mod graph;
 mod level;
+mod local;
 mod picture;
 mod plan;
 mod policy;
 mod remote;
-mod vector;
+mod server;
 
 use pyo3::prelude::*;
 
@@ -24,7 +26,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::envs::{Alone, Worlds};
+    use crate::envs::{RustOnly, Worlds};
     #[pymodule_export]
     use crate::graph::Graph;
     #[pymodule_export]
@@ -34,7 +36,7 @@ mod _native {
     #[pymodule_export]
     use crate::policy::Policy;
     #[pymodule_export]
-    use crate::remote::{RemoteWorlds, Server, connect};
+    use crate::server::{Server, connect};
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
     #[pymodule_export]
@@ -45,6 +47,14 @@ mod _native {
     const ACTION_LEN: usize = surefoot_world::character::ACTION_LEN;
 
     use pyo3::prelude::*;
+
+    /// The values of the state vector of an observation: for each its index, name, meaning, scale, and whether
+    /// mirroring flips it.
+    #[pyfunction]
+    fn state_fields() -> Vec<(usize, &'static str, &'static str, f32, bool)> {
+        let fields = (surefoot_world::sense::STATE_BEGIN..).zip(&surefoot_world::sense::FIELDS);
+        fields.map(|(idx, it)| (idx, it.name, it.meaning, it.scale, it.flips)).collect()
+    }
 
     /// Names of all bodies.
     #[pyfunction]

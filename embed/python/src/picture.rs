@@ -8,10 +8,10 @@ use surefoot_world::Map;
 
 /// Side of a picture in a notebook, in pixels.
 const SIDE: f32 = 720.0;
-/// Most pixels of a picture.
+/// Greatest number of pixels of a picture.
 const MOST_PIXELS: f32 = 40.0e6;
 
-/// The view of that name.
+/// The view with this name.
 pub fn view(name: &str) -> PyResult<View> {
     match name {
         "top" => Ok(View::Top),

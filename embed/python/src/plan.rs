@@ -10,11 +10,11 @@ use surefoot_world::Vec3;
 #[pyclass(frozen, get_all, module = "surefoot")]
 #[derive(Debug, Clone)]
 pub struct Leg {
-    /// Vertex where it begins; `None` for the start or the goal.
+    /// Vertex where the leg begins; `None` for the start.
     from_vertex: Option<u32>,
-    /// Vertex where it ends; `None` for the start or the goal.
+    /// Vertex where the leg ends; `None` for the goal.
     to_vertex: Option<u32>,
-    /// The most demanding ability that it needs.
+    /// The most demanding ability that the leg needs.
     ability: &'static str,
     seconds: f64,
     chance: f64,
@@ -87,7 +87,7 @@ impl Plan {
         self.no_path.is_none()
     }
 
-    /// Places to go, m, one after another.
+    /// Waypoints in order, m.
     #[getter]
     fn waypoints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         points(py, self.waypoints.iter().copied())

@@ -1,4 +1,4 @@
-//! Policies: actions for batches of observations, and what recurrent ones remember.
+//! Policies: actions for batches of observations, and the memory of recurrent policies.
 
 use crate::arrays::readable;
 use crate::error::{chain, value};
@@ -30,7 +30,7 @@ struct State {
 }
 
 impl State {
-    /// Makes sure that `rows` rows have memories, which are empty for new ones.
+    /// Gives `rows` rows a memory; new memories are empty.
     fn grow(&mut self, rows: usize) {
         (self.rows..rows).for_each(|row| self.memories.forget(row));
         self.rows = self.rows.max(rows);
@@ -38,7 +38,7 @@ impl State {
 }
 
 impl Policy {
-    /// The shipped policy of that name, or that of a model's folder.
+    /// Loads a shipped policy by name, or the policy of a model's folder.
     pub fn open(name: &str, seed: u64) -> PyResult<Self> {
         let loaded = match Inner::shipped_named(name) {
             Some(shipped) => shipped,
@@ -56,7 +56,7 @@ impl Policy {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        // What a failed call leaves is a memory like any other.
+        // A failed call leaves a valid memory.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -107,7 +107,7 @@ impl Policy {
             state.grow(rows);
             let forgotten = mask.into_iter().flatten().enumerate().filter(|(_, reset)| **reset);
             forgotten.for_each(|(row, _)| state.memories.forget(row));
-            // A policy that does not see others is not told of them.
+            // Policies without other bodies get the first part of each row.
             let cut: Vec<f32>;
             let seen = if len == wanted {
                 values
@@ -122,7 +122,7 @@ impl Policy {
         actions.into_pyarray(py).reshape([rows, ACTION_LEN])
     }
 
-    /// Forgets what recurrent policies remember.
+    /// Clears the memory of recurrent policies.
     #[pyo3(signature = (*, seed = None))]
     fn reset(&self, seed: Option<u64>) {
         let mut state = self.state();
@@ -147,7 +147,7 @@ impl Policy {
         self.inner.memory_len() > 0
     }
 
-    /// What each row remembers.
+    /// The memory of each row.
     #[getter]
     fn memory<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let state = self.state();

@@ -1,207 +1,290 @@
-//! Servers, and environments on them, for Python.
+//! Environments of a server, with the meaning of those of this process. Knows nothing of Python.
+//!
+//! With [`Autoreset::SameStep`] the server draws starts and goals. Otherwise the client draws them in the same way and
+//! sends them as routes. If the connection to the server is lost, the client connects again, creates new environments,
+//! and ends the running episodes as [`LOST`].
 
-use crate::arrays::{StepArrays, readable, writable};
-use crate::envs::{Ends, ends, points, setup};
-use crate::error::{chain, state, value};
-use crate::far::{FarError, FarWorlds, Server as Inner};
-use crate::level::Level;
-use numpy::{PyArray2, PyArrayDyn};
-use pyo3::exceptions::{PyConnectionError, PyKeyboardInterrupt};
-use pyo3::prelude::*;
-use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard};
-use std::time::Duration;
-use surefoot_game_client::{Game, GameError};
-use surefoot_net::client::{ClientTlsFiles, Credentials};
-use surefoot_net::secret::Secret;
+use crate::environments::{Autoreset, EnvError, Environments, Finished, Outputs, Setup, check_actions};
+use std::time::{Duration, Instant};
+use surefoot_game_client::{Game, GameEnv, GameError, Level};
+use surefoot_net::client::Credentials;
+use surefoot_rollout::Goal;
+use surefoot_rollout::env::{Draw, Route, actions_of};
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::{End, Vec3};
 
-/// Longest time for which a lost server may be sought, s.
-const MOST_PATIENCE: f64 = 86_400.0;
+/// End of an episode whose server was lost.
+pub const LOST: &str = "lost";
+/// Pause between attempts to reach a lost server.
+const PAUSE: Duration = Duration::from_millis(200);
 
-/// A world server.
-#[pyclass(frozen, module = "surefoot")]
-#[derive(Debug)]
-pub struct Server {
-    inner: Inner,
+/// A server, and the data to connect again.
+#[derive(Debug, Clone)]
+pub struct ServerLink {
+    pub uri: String,
+    pub credentials: Credentials,
+    /// Longest time to try to reach a lost server.
+    pub patience: Duration,
+    pub game: Game,
 }
 
-impl From<FarError> for PyErr {
-    fn from(error: FarError) -> Self {
-        match error {
-            FarError::Game(error @ (GameError::Unreachable { .. } | GameError::Gone { .. })) => {
-                PyConnectionError::new_err(error.to_string())
-            }
-            FarError::Game(_) | FarError::NoGround(_) | FarError::Actions(_) => value(error),
-            FarError::Interrupted => PyKeyboardInterrupt::new_err("interrupted while seeking the server"),
-        }
-    }
-}
-
-/// The address as clients of gRPC write it.
-fn uri_of(text: &str) -> String {
-    for (ours, theirs) in [("grpc://", "http://"), ("grpcs://", "https://")] {
-        if let Some(rest) = text.strip_prefix(ours) {
-            return format!("{theirs}{rest}");
-        }
-    }
-    if text.contains("://") { text.to_owned() } else { format!("http://{text}") }
-}
-
-/// Connects to a server.
-#[pyfunction]
-#[pyo3(signature = (uri, *, token = None, tls_ca = None, tls_client_cert = None, tls_client_key = None, tls_server_name = None, patience = 30.0))]
-#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
-pub fn connect(
-    py: Python<'_>,
-    uri: &str,
-    token: Option<String>,
-    tls_ca: Option<PathBuf>,
-    tls_client_cert: Option<PathBuf>,
-    tls_client_key: Option<PathBuf>,
-    tls_server_name: Option<String>,
-    patience: f64,
-) -> PyResult<Server> {
-    if !(0.0..=MOST_PATIENCE).contains(&patience) {
-        return Err(value(format!("patience is {patience}, but must be 0 to {MOST_PATIENCE} s")));
-    }
-    let identity = match (tls_client_cert, tls_client_key) {
-        (Some(certificate), Some(key)) => Some((certificate, key)),
-        (None, None) => None,
-        _ => return Err(value("tls_client_cert and tls_client_key must be given together")),
-    };
-    let files = ClientTlsFiles { authority: tls_ca, identity, server_name: tls_server_name };
-    let token = token.map(Secret::new);
-    let credentials = Credentials::load(token.as_ref(), &files).map_err(|error| value(chain(&error)))?;
-    let uri = uri_of(uri);
-    let game = py.detach(|| Game::connect(&uri, &credentials)).map_err(FarError::from)?;
-    Ok(Server { inner: Inner { uri, credentials, patience: Duration::from_secs_f64(patience), game } })
-}
-
-#[pymethods]
-impl Server {
-    #[getter]
-    fn uri(&self) -> &str {
-        &self.inner.uri
-    }
-
-    fn __repr__(&self) -> String {
-        format!("<Server {}>", self.inner.uri)
-    }
-}
-
-/// Environments of a server.
-#[pyclass(module = "surefoot._native")]
+/// Environments on a server.
 #[derive(Debug)]
 pub struct RemoteWorlds {
-    inner: Mutex<FarWorlds>,
-    env_count: usize,
-    observation_len: usize,
+    server: ServerLink,
+    setup: Setup,
+    worlds: Vec<RemoteWorld>,
+    seed: u64,
+    /// Number of resets without a seed.
+    resets: u64,
 }
 
-impl RemoteWorlds {
-    fn lock(&self) -> PyResult<MutexGuard<'_, FarWorlds>> {
-        self.inner.lock().map_err(|_| failed())
-    }
-
-    fn inner(&mut self) -> PyResult<&mut FarWorlds> {
-        self.inner.get_mut().map_err(|_| failed())
-    }
-
-    fn shape(&self) -> [usize; 2] {
-        [self.env_count, self.observation_len]
-    }
+/// One world.
+#[derive(Debug)]
+struct RemoteWorld {
+    level: Level,
+    count: usize,
+    /// Number of its first environment.
+    first: usize,
+    seed: u64,
+    /// `None` after the server was lost.
+    env: Option<GameEnv>,
+    /// Draws starts and goals, unless the server does.
+    draw: Option<Draw>,
+    rests: Vec<bool>,
+    goals: Vec<Vec3>,
+    /// Whether the next step only returns the first observations of new environments.
+    is_fresh: bool,
+    renewed: Vec<usize>,
 }
 
-fn failed() -> PyErr {
-    state("these environments have failed in an earlier call: make new ones")
-}
-
-#[pymethods]
-impl RemoteWorlds {
-    #[new]
-    #[expect(clippy::too_many_arguments, reason = "called by the package alone")]
-    fn new(
-        py: Python<'_>,
-        server: Py<Server>,
-        levels: Vec<Py<Level>>,
-        body: &str,
-        solid: bool,
-        num_envs: usize,
-        worlds: usize,
-        goal_distance: (f32, f32),
-        autoreset: &str,
-        seed: u64,
-    ) -> PyResult<Self> {
-        let setup = setup(&levels, body, solid, (num_envs, worlds), goal_distance, autoreset)?;
-        let server = server.get().inner.clone();
-        let inner = py.detach(|| FarWorlds::open(server, setup, seed))?;
-        Ok(Self { env_count: num_envs, observation_len: inner.observation_len(), inner: Mutex::new(inner) })
-    }
-
-    #[getter]
-    fn observation_len(&self) -> usize {
-        self.observation_len
-    }
-
-    fn reseed(&mut self, py: Python<'_>, seed: u64, observations: &Bound<'_, PyArrayDyn<f32>>) -> PyResult<()> {
-        let mut observations = writable(observations, &self.shape(), "observations")?;
-        let (rows, inner) = (observations.as_slice_mut()?, self.inner()?);
-        py.detach(|| {
-            inner.reseed(seed)?;
-            inner.observations(rows);
-            Ok(())
-        })
-        .map_err(|error: FarError| error.into())
-    }
-
-    fn first_observations(&self, observations: &Bound<'_, PyArrayDyn<f32>>) -> PyResult<()> {
-        self.lock()?.observations(writable(observations, &self.shape(), "observations")?.as_slice_mut()?);
+impl RemoteWorld {
+    /// Creates the environment on the server with the next episodes.
+    fn open(&mut self, game: &Game, band: (f32, f32)) -> Result<(), GameError> {
+        self.env = None;
+        if self.level.map.spec().is_none() {
+            game.keep(&self.level.map)?;
+        }
+        let goals: Option<Vec<Goal>> = self.draw.as_mut().map(|draw| (0..self.count).map(|_| draw.goal()).collect());
+        self.env = Some(match &goals {
+            Some(goals) => game.open(&self.level, goals)?,
+            None => game.open_endless(&self.level, self.count, band, self.seed)?,
+        });
+        self.goals = goals.unwrap_or_default().iter().map(|goal| goal.goal).collect();
+        self.rests = vec![false; self.count];
         Ok(())
     }
 
-    fn renew(
-        &mut self,
-        py: Python<'_>,
-        mask: &Bound<'_, PyArrayDyn<bool>>,
-        observations: &Bound<'_, PyArrayDyn<f32>>,
-    ) -> PyResult<()> {
-        let mask = readable(mask, &[self.env_count], "reset_mask")?;
-        if !mask.as_slice()?.iter().all(|reset| *reset) {
-            return Err(value("a server resets all environments or none: leave the reset_mask out"));
+    /// Sends a step; with [`Autoreset::NextStep`], environments whose episode has ended start the next one.
+    fn send(&mut self, actions: &[f32], autoreset: Autoreset) -> Result<(), GameError> {
+        self.renewed.clear();
+        let Some(env) = self.env.as_mut().filter(|_| !self.is_fresh) else { return Ok(()) };
+        let mut routes = Vec::new();
+        if let (Autoreset::NextStep, Some(draw)) = (autoreset, &mut self.draw) {
+            self.renewed.extend((0..self.count).filter(|npc_idx| self.rests[*npc_idx]));
+            for &npc_idx in &self.renewed {
+                let Goal { start, yaw, goal } = draw.goal();
+                self.goals[npc_idx] = goal;
+                routes.push(Route { npc_idx, start: Some((start, yaw)), waypoints: vec![goal] });
+            }
         }
-        let mut observations = writable(observations, &self.shape(), "observations")?;
-        let (rows, inner) = (observations.as_slice_mut()?, self.inner()?);
-        py.detach(|| {
-            inner.renew()?;
-            inner.observations(rows);
-            Ok(())
-        })
-        .map_err(|error: FarError| error.into())
+        env.send(&actions_of(actions, |_| 0).expect("checked actions"), &routes)
     }
 
-    fn step<'py>(
+    /// Waits for the results of a step.
+    fn receive(&mut self, out: &mut Outputs<'_>, is_endless: bool) -> Result<Vec<Finished>, GameError> {
+        out.rewards.fill(0.0);
+        out.terminated.fill(false);
+        out.truncated.fill(false);
+        let Some(env) = &mut self.env else { return Ok(Vec::new()) };
+        if std::mem::take(&mut self.is_fresh) {
+            out.observations.copy_from_slice(&env.state().observations);
+            self.rests.fill(false);
+            return Ok(Vec::new());
+        }
+        let state = env.receive()?;
+        out.observations.copy_from_slice(&state.observations);
+        out.rewards.copy_from_slice(&state.rewards);
+        self.renewed.drain(..).for_each(|npc_idx| self.rests[npc_idx] = false);
+        let mut finished = Vec::new();
+        for (npc_idx, last) in &state.finals {
+            let end = state.ended[*npc_idx].unwrap_or(End::NoProgress);
+            let flag = if end.is_truncation() { &mut *out.truncated } else { &mut *out.terminated };
+            flag[*npc_idx] = true;
+            self.rests[*npc_idx] = !is_endless;
+            finished.push(Finished { env: self.first + npc_idx, outcome: end.name(), last: last.clone() });
+        }
+        Ok(finished)
+    }
+}
+
+impl RemoteWorlds {
+    /// Opens the worlds on a server.
+    ///
+    /// # Errors
+    /// If the server refuses, or a level has nowhere to stand.
+    pub fn open(server: ServerLink, setup: Setup, seed: u64) -> Result<Self, EnvError> {
+        let mut far = Self { server, setup, worlds: Vec::new(), seed, resets: 0 };
+        far.reseed(seed)?;
+        Ok(far)
+    }
+
+    /// Waits until a lost server is back, and opens a world on it.
+    fn recover(&mut self, idx: usize, goes_on: &dyn Fn() -> bool) -> Result<(), EnvError> {
+        let started = Instant::now();
+        self.resets += 1;
+        let seed = other_seed(self.seed, self.resets);
+        loop {
+            let world = &mut self.worlds[idx];
+            world.seed = seed.wrapping_add(idx as u64);
+            let error = match Game::connect(&self.server.uri, &self.server.credentials) {
+                Ok(game) => {
+                    self.server.game = game;
+                    match world.open(&self.server.game, self.setup.band) {
+                        Ok(()) => return Ok(()),
+                        Err(error) => error,
+                    }
+                }
+                Err(error) => error,
+            };
+            let is_final = !matches!(error, GameError::Unreachable { .. } | GameError::Gone { .. });
+            if is_final || started.elapsed() >= self.server.patience {
+                return Err(error.into());
+            }
+            if !goes_on() {
+                return Err(EnvError::Interrupted);
+            }
+            std::thread::sleep(PAUSE);
+        }
+    }
+
+    /// Ends the episodes of a world that was lost and opened again.
+    fn lose(&mut self, idx: usize, out: &mut Outputs<'_>) -> Vec<Finished> {
+        let (len, autoreset) = (self.setup.observation_len(), self.setup.autoreset);
+        let world = &mut self.worlds[idx];
+        out.rewards.fill(0.0);
+        out.terminated.fill(false);
+        out.truncated.fill(true);
+        let last = |row: usize| out.observations[row * len..][..len].to_vec();
+        let end = |row: usize| Finished { env: world.first + row, outcome: LOST, last: last(row) };
+        let finished = (0..world.count).map(end).collect();
+        match autoreset {
+            Autoreset::SameStep => {
+                let env = world.env.as_ref().expect("a world that was opened again");
+                out.observations.copy_from_slice(&env.state().observations);
+            }
+            Autoreset::NextStep => world.is_fresh = true,
+            Autoreset::Disabled => world.rests.fill(true),
+        }
+        finished
+    }
+}
+
+impl Environments for RemoteWorlds {
+    fn reseed(&mut self, seed: u64) -> Result<(), EnvError> {
+        (self.seed, self.resets) = (seed, 0);
+        self.worlds.clear();
+        let Setup { levels, body, solid, band, autoreset, .. } = self.setup.clone();
+        let mut first = 0;
+        for (world, count) in self.setup.counts().into_iter().enumerate() {
+            let map = levels[world % levels.len()].clone();
+            let seed = seed.wrapping_add(world as u64);
+            let draw = match autoreset {
+                Autoreset::SameStep => None,
+                Autoreset::NextStep | Autoreset::Disabled => Some(Draw::on(&map, &body, band, seed)?),
+            };
+            let level = Level { map, body: body.clone(), solid_npcs: solid };
+            self.worlds.push(RemoteWorld {
+                level,
+                count,
+                first,
+                seed,
+                env: None,
+                draw,
+                rests: Vec::new(),
+                goals: Vec::new(),
+                is_fresh: false,
+                renewed: Vec::new(),
+            });
+            first += count;
+        }
+        self.worlds.iter_mut().try_for_each(|world| world.open(&self.server.game, band)).map_err(EnvError::from)
+    }
+
+    fn renew(&mut self, mask: &[bool], rows: &mut [f32]) -> Result<(), EnvError> {
+        if !mask.iter().all(|reset| *reset) {
+            let text = "a server resets all environments or none: leave the reset_mask out";
+            return Err(EnvError::Argument(text.to_owned()));
+        }
+        self.resets += 1;
+        let seed = other_seed(self.seed, self.resets);
+        for (idx, world) in self.worlds.iter_mut().enumerate() {
+            // If the server draws the episodes, the new environment needs another seed.
+            world.seed = seed.wrapping_add(idx as u64);
+            world.is_fresh = false;
+            world.open(&self.server.game, self.setup.band)?;
+        }
+        self.observations(rows);
+        Ok(())
+    }
+
+    fn observations(&self, observations: &mut [f32]) {
+        let len = self.setup.observation_len();
+        for RemoteWorld { first, env, .. } in &self.worlds {
+            let Some(env) = env else { continue };
+            let rows = &env.state().observations;
+            observations[first * len..][..rows.len()].copy_from_slice(rows);
+        }
+    }
+
+    fn step(
         &mut self,
-        py: Python<'py>,
-        actions: &Bound<'py, PyArrayDyn<f32>>,
-        observations: &Bound<'py, PyArrayDyn<f32>>,
-        rewards: &Bound<'py, PyArrayDyn<f32>>,
-        terminated: &Bound<'py, PyArrayDyn<bool>>,
-        truncated: &Bound<'py, PyArrayDyn<bool>>,
-    ) -> PyResult<Option<Ends<'py>>> {
-        let (shape, inner) = (self.shape(), self.inner()?);
-        let arrays = StepArrays { actions, observations, rewards, terminated, truncated };
-        let go_on = || Python::attach(|py| py.check_signals().is_ok());
-        let ended = arrays.lend(shape, |actions, out| py.detach(|| inner.step(actions, out, &go_on)))??;
-        ends(py, ended, shape[1])
+        actions: &[f32],
+        out: Outputs<'_>,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Vec<Finished>, EnvError> {
+        check_actions(actions)?;
+        let autoreset = self.setup.autoreset;
+        for world in &mut self.worlds {
+            let own = &actions[world.first * ACTION_LEN..][..world.count * ACTION_LEN];
+            if world.send(own, autoreset).is_err() {
+                // `recover` reports the cause.
+                world.env = None;
+            }
+        }
+        let (len, mut finished, mut rest) = (self.setup.observation_len(), Vec::new(), out);
+        for idx in 0..self.worlds.len() {
+            let world = &mut self.worlds[idx];
+            let (mut own, more) = rest.split(world.count, len);
+            match world.receive(&mut own, autoreset == Autoreset::SameStep) {
+                Ok(ends) => finished.extend(ends),
+                Err(_) => world.env = None,
+            }
+            if world.env.is_none() {
+                self.recover(idx, goes_on)?;
+                finished.extend(self.lose(idx, &mut own));
+            }
+            rest = more;
+        }
+        Ok(finished)
     }
 
-    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        points(py, self.lock()?.positions())
+    fn positions(&self) -> Vec<Vec3> {
+        let envs = self.worlds.iter().flat_map(|world| &world.env);
+        envs.flat_map(|env| env.state().positions.iter().copied()).collect()
     }
 
-    fn goals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let goals = self.lock()?.goals();
-        let goals = goals.ok_or_else(|| value("the server drew the goals and does not tell them: use NEXT_STEP"))?;
-        points(py, goals.into_iter())
+    fn goals(&self) -> Option<Vec<Vec3>> {
+        (self.setup.autoreset != Autoreset::SameStep)
+            .then(|| self.worlds.iter().flat_map(|world| world.goals.iter().copied()).collect())
     }
+
+    fn redirect(&mut self, _route: &Route, _row: &mut [f32]) -> Result<(), EnvError> {
+        Err(EnvError::Argument("redirect needs environments of this process: leave the server out".to_owned()))
+    }
+}
+
+/// The seed of later episodes of environments that were created with `seed`.
+fn other_seed(seed: u64, resets: u64) -> u64 {
+    seed.wrapping_add(resets.wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }

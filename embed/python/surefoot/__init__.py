@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from ._native import VERSION, Graph, Leg, Level, Plan, Policy, Server, body_names, connect
+from ._native import VERSION, Graph, Leg, Level, Plan, Policy, Server, body_names, connect, state_fields
 from .buffers import BufferEnv
 from .single import PointGoalEnv
 from .vector import VectorEnv
@@ -34,6 +34,7 @@ __all__ = [
     "VectorEnv",
     "body_names",
     "connect",
+    "state_fields",
 ]
 
 gymnasium.register(

@@ -1,4 +1,4 @@
-"""What the native module offers; `surefoot` exports what is meant for users."""
+"""Stubs of the native module. `surefoot` exports its public part."""
 
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
@@ -41,11 +41,11 @@ class Level:
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Level:
-        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`), with the `.surefoot.json` beside it if there is one."""
+        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`), with its `.surefoot.json` if there is one."""
 
     @staticmethod
     def from_bytes(data: bytes) -> Level:
-        """Reads what `to_bytes` wrote, or the content of a level's file."""
+        """Reads the result of `to_bytes`, or the content of a level's file."""
 
     def to_bytes(self) -> bytes:
         """The content of a saved map."""
@@ -75,7 +75,7 @@ class Level:
 
     @property
     def warnings(self) -> list[str]:
-        """Oddities of an imported level that its designer may want to correct."""
+        """Warnings about an imported level."""
 
     def png(self, *, pixels_per_m: float = 3.0, view: Literal["top", "iso"] = "top") -> bytes:
         """A picture as the content of a PNG file."""
@@ -97,6 +97,7 @@ class Worlds:
         autoreset: str,
         seed: int,
         threads: int,
+        server: Server | None,
     ) -> None: ...
     @property
     def observation_len(self) -> int: ...
@@ -114,7 +115,7 @@ class Worlds:
     def rests(self) -> _Flags: ...
 
 @final
-class Alone:
+class RustOnly:
     def __init__(self, level: Level, num_envs: int, goal_distance: tuple[float, float], seed: int) -> None: ...
     def seconds(self, actions: _Floats, steps: int) -> float: ...
 
@@ -141,7 +142,7 @@ class Graph:
 
     @staticmethod
     def load(path: str | PathLike[str], level: Level | None = None) -> Graph:
-        """Loads what `save`, or `surefoot graph export --format json`, wrote. With its level the graph can be drawn."""
+        """Loads a file of `save` or of `surefoot graph export --format json`. With its level, the graph can be drawn."""
 
     def save(self, path: str | PathLike[str]) -> None:
         """Saves the graph as JSON of nodes and links."""
@@ -149,7 +150,7 @@ class Graph:
     def plan(
         self, start: _Point, goal: _Point, *, without: Sequence[str] = (), caution: float = 1.0
     ) -> Plan:
-        """Finds the cheapest plan from a place to another, m.
+        """Finds the cheapest plan from one place to another, m.
 
         `without` names abilities that it must do without (jump, double_jump, pad, zip_line, teleporter, jetpack). `caution` is 0 to 1: with 0
         dying costs no more than any failure.
@@ -171,10 +172,10 @@ class Graph:
         """
 
     def reach(self) -> dict[str, Any]:
-        """What is connected: share of pairs with a path, islands, and what is lost without each ability."""
+        """Connectivity: the share of pairs with a path, the islands, and the loss without each ability."""
 
     def reachable_from(self, vertex: int) -> _Flags:
-        """For each vertex, whether a path leads there from `vertex`."""
+        """For each vertex, whether a path leads to it from `vertex`."""
 
     def png(self, *, pixels_per_m: float = 3.0, view: Literal["top", "iso"] = "top") -> bytes:
         """A picture on its level, as the content of a PNG file."""
@@ -200,7 +201,7 @@ class Leg:
 
     @property
     def seconds(self) -> float:
-        """Expected duration, including what failures cost, s."""
+        """Expected duration, including the cost of failures, s."""
 
     @property
     def chance(self) -> float:
@@ -224,7 +225,7 @@ class Plan:
 
     @property
     def waypoints(self) -> _Floats:
-        """Places to go, m, one after another: the goal is the last, or the nearest place to it that can be reached."""
+        """Waypoints in order, m. The last one is the goal, or the reachable place nearest to it."""
 
     @property
     def legs(self) -> list[Leg]:
@@ -236,7 +237,7 @@ class Plan:
 
     @property
     def chance(self) -> float:
-        """Chance of arriving in the end, 0 to 1."""
+        """Chance of arriving, 0 to 1."""
 
     @property
     def death_chance(self) -> float:
@@ -246,11 +247,11 @@ class Plan:
 
 @final
 class Policy:
-    """A trained policy. It remembers what recurrent policies need from one call to the next, row by row."""
+    """A trained policy. A recurrent policy keeps a memory for each row from one call to the next."""
 
     @staticmethod
     def load(name: str | PathLike[str] = "general-reactive", *, seed: int = 0) -> Policy:
-        """Loads a shipped policy (`general-reactive`, `general-lstm`) or a model's folder; `seed` is that of the noise."""
+        """Loads a shipped policy (`general-reactive`, `general-lstm`) or a model's folder; `seed` is the seed of the noise."""
 
     def act(self, observations: _Floats, *, reset: _Flags | None = None, noise: float = 0.5) -> _Floats:
         """Actions for observations, an array of 369 or 461 values for each.
@@ -260,7 +261,7 @@ class Policy:
         """
 
     def reset(self, *, seed: int | None = None) -> None:
-        """Forgets what all rows remember, and begins the noise anew if a seed is given."""
+        """Clears the memory of all rows, and restarts the noise if a seed is given."""
 
     @property
     def name(self) -> str:
@@ -268,15 +269,15 @@ class Policy:
 
     @property
     def observation_len(self) -> int:
-        """Values of an observation that the policy uses: 369, or 461 if it sees others."""
+        """Values of an observation that the policy uses: 369, or 461 if it sees other bodies."""
 
     @property
     def is_recurrent(self) -> bool:
-        """Whether the policy remembers."""
+        """Whether the policy has a memory."""
 
     @property
     def memory(self) -> _Floats:
-        """What the rows remember, one after another."""
+        """The memory of all rows, row by row."""
 
     @memory.setter
     def memory(self, memory: _Floats) -> None: ...
@@ -288,6 +289,9 @@ class Server:
     @property
     def uri(self) -> str:
         """Its address."""
+
+def state_fields() -> list[tuple[int, str, str, float, bool]]:
+    """The values of the state vector in an observation: index, name, meaning, scale, and whether mirroring left to right flips the sign."""
 
 def connect(
     uri: str,
@@ -301,31 +305,6 @@ def connect(
 ) -> Server:
     """Connects to a world server at `grpc://host:port`, or with TLS at `grpcs://host:port`.
 
-    `token` is the secret of a token. The files are PEM: the authority that must have issued the server's certificate (by default one that the
-    system trusts), and the certificate and key to present. A server that goes away is sought for `patience` s.
+    `token` is the secret of a token. The files are in PEM format: the authority of the server's certificate (by default one that the system
+    trusts), and the certificate and key of the client. If the connection is lost, the client tries to connect again for `patience` s.
     """
-
-@final
-class RemoteWorlds:
-    def __init__(
-        self,
-        server: Server,
-        levels: Sequence[Level],
-        body: str,
-        solid: bool,
-        num_envs: int,
-        worlds: int,
-        goal_distance: tuple[float, float],
-        autoreset: str,
-        seed: int,
-    ) -> None: ...
-    @property
-    def observation_len(self) -> int: ...
-    def reseed(self, seed: int, observations: _Floats) -> None: ...
-    def first_observations(self, observations: _Floats) -> None: ...
-    def renew(self, mask: _Flags, observations: _Floats) -> None: ...
-    def step(
-        self, actions: _Floats, observations: _Floats, rewards: _Floats, terminated: _Flags, truncated: _Flags
-    ) -> _Ends | None: ...
-    def positions(self) -> _Floats: ...
-    def goals(self) -> _Floats: ...

@@ -1,4 +1,4 @@
-"""What all kinds of environments share: their arguments, and the worlds that these describe."""
+"""Arguments that all kinds of environments share, and the worlds that they describe."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from ._native import ACTION_LEN, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Level, RemoteWorlds, Server, Worlds, connect
+from ._native import ACTION_LEN, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Level, Server, Worlds, connect
 
 Floats: TypeAlias = npt.NDArray[np.float32]
 Flags: TypeAlias = npt.NDArray[np.bool_]
@@ -57,7 +57,7 @@ def server_of(server: Server | str | None) -> Server | None:
 
 
 def fresh_seed() -> int:
-    """A seed that nobody chose."""
+    """A random seed."""
     return secrets.randbits(63)
 
 
@@ -69,7 +69,7 @@ def checked_seed(seed: int) -> int:
 
 
 def observation_space(others: bool) -> Box:
-    """Space of an observation: 369 values, or 461 that tell of others too. Nearly all lie in [-1, 1]."""
+    """Space of an observation: 369 values, or 461 with other bodies. Nearly all are in [-1, 1]."""
     length = OBSERVATION_WITH_OTHERS_LEN if others else OBSERVATION_LEN
     return Box(-np.inf, np.inf, (length,), np.float32)
 
@@ -93,23 +93,11 @@ class Setup:
     threads: int
     server: Server | None = None
 
-    def open(self, seed: int) -> Worlds | RemoteWorlds:
+    def open(self, seed: int) -> Worlds:
         """Opens the worlds, here or on the server."""
         seed = checked_seed(seed)
-        if self.server is not None:
-            if self.threads != 1:
-                raise ValueError("threads goes with environments of this process: a server has threads of its own")
-            return RemoteWorlds(
-                self.server,
-                self.levels,
-                self.body,
-                self.others,
-                self.num_envs,
-                self.worlds,
-                self.goal_distance,
-                self.autoreset,
-                seed,
-            )
+        if self.server is not None and self.threads != 1:
+            raise ValueError("threads applies to environments of this process: a server has its own threads")
         return Worlds(
             self.levels,
             self.body,
@@ -120,13 +108,14 @@ class Setup:
             self.autoreset,
             seed,
             self.threads,
+            self.server,
         )
 
 
 def whole(name: str, value: int) -> int:
-    """A number that counts something."""
+    """A count, 1 or more."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ValueError(f"{name} is {value!r}, but must be a whole number from 1 on")
+        raise ValueError(f"{name} is {value!r}, but must be a whole number, 1 or more")
     return int(value)
 
 

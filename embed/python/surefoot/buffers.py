@@ -1,4 +1,4 @@
-"""Environments that write into the caller's arrays, as PufferLib wants them."""
+"""Environments that write into the caller's arrays, as PufferLib requires."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class BufferEnv:
 
     @property
     def done(self) -> bool:
-        """False: episodes go on for ever."""
+        """False: the environments never finish."""
         return False
 
     def reset(self, seed: int | None = None) -> tuple[Floats, list[dict[str, Any]]]:
@@ -130,7 +130,7 @@ class BufferEnv:
         return self.observations, []
 
     def step(self, actions: Any = None) -> tuple[Floats, Floats, Flags, Flags, list[dict[str, Any]]]:
-        """Runs one decision of every environment with `actions`, or with what the array of actions holds."""
+        """Runs one decision of every environment with `actions`, or with the content of the array of actions."""
         if actions is not None and actions is not self.actions:
             self.actions[:] = actions
         ends = self._worlds.step(self.actions, self.observations, self.rewards, self.terminals, self.truncations)

@@ -21,7 +21,7 @@ from ._setup import Flags, Floats, action_space
 from .vector import VectorEnv
 
 _MINARI_LAYOUT = "0.5.4"
-"""The version of Minari whose layout the files have."""
+"""Version of the Minari layout of the files."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Episode:
     """One episode of n steps."""
 
     observations: Floats
-    """n + 1 rows: the last one is what the episode ended with."""
+    """n + 1 rows; the last one is the final observation."""
     actions: Floats
     rewards: Floats
     terminations: Flags
@@ -158,7 +158,7 @@ def save_parquet(
         "action_space": _space_text(action_space()),
         "dataset_size": round(size / 1e6, 1),
     }
-    # Written last: a folder without it is no dataset.
+    # Written last, so that a folder without it is incomplete.
     (home / "metadata.json").write_text(json.dumps(about))
 
 
@@ -168,7 +168,7 @@ def load_parquet(folder: str | os.PathLike[str]) -> list[Episode]:
     home = Path(folder)
     about = home / "metadata.json"
     if not about.exists():
-        raise FileNotFoundError(f"{about} does not exist: this is no dataset, or it was not written to its end")
+        raise FileNotFoundError(f"{about} does not exist: this is not a dataset, or it is incomplete")
     try:
         count = int(json.loads(about.read_text())["total_episodes"])
     except (ValueError, KeyError, TypeError) as error:
@@ -212,7 +212,7 @@ def _pyarrow() -> tuple[Any, Any]:
 
 
 def to_minari(episodes: Sequence[Episode], dataset_id: str, **about: Any) -> Any:
-    """Makes a dataset of Minari, whose `create_dataset_from_buffers` gets `about` too, and returns it."""
+    """Creates a Minari dataset and returns it. `about` goes to `create_dataset_from_buffers`."""
     minari = _minari()
     from minari.data_collector.episode_buffer import EpisodeBuffer
 

@@ -16,7 +16,7 @@ from .vector import VectorEnv
 
 
 class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
-    """NPCs that share a world, `npc_0`, `npc_1` and so on, each with a goal of its own.
+    """NPCs that share a world, `npc_0`, `npc_1` and so on, each with its own goal.
 
     The arguments are those of `VectorEnv`. By default NPCs get in each other's way. One whose episode has ended stays where it is until
     `reset`.
@@ -75,7 +75,7 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
     ) -> tuple[
         dict[str, Floats], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:
-        """Runs one decision of all agents that are left."""
+        """Runs one decision of all remaining agents."""
         missing = [agent for agent in self.agents if agent not in actions]
         if missing:
             raise ValueError(f"actions has none for {missing[0]}: give one for every agent in agents")
@@ -110,7 +110,7 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
         return {agent: observations[self._index[agent]].copy() for agent in self.agents}
 
     def state(self) -> Floats:
-        """The observations of all agents, one after another."""
+        """The observations of all agents in order."""
         return self._env._observations.ravel().copy()
 
     def positions(self) -> Floats:
@@ -122,7 +122,7 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
         return self._env.goals()
 
     def render(self) -> None:
-        """There is nothing to see."""
+        """Does nothing: there are no pictures."""
 
     def close(self) -> None:
         """Ends the environment."""
@@ -130,7 +130,7 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
 
 
 class _Crowd(VectorEnv):
-    """Environments that may be stepped while some of them rest."""
+    """Environments that can be stepped while some of them wait for a reset."""
 
     def _needs_reset(self) -> Flags:
         return np.zeros(self.num_envs, np.bool_)

@@ -20,7 +20,7 @@ class SB3VecEnv(VecEnv):
     """
 
     def __init__(self, num_envs: int = 1, level: Any = 0, **arguments: Any) -> None:
-        # It keeps the observations of a step until the next one has been made.
+        # Stable-Baselines3 keeps the observations of a step until the next step is done.
         for fixed in ("autoreset_mode", "copy"):
             if fixed in arguments:
                 raise ValueError(f"leave {fixed} out: Stable-Baselines3 needs SAME_STEP and arrays of its own")
@@ -39,7 +39,7 @@ class SB3VecEnv(VecEnv):
         return self.envs.reset(seed=seed)[0]
 
     def step_async(self, actions: npt.NDArray[np.float32]) -> None:
-        """Takes the actions of the next step."""
+        """Stores the actions of the next step."""
         self._actions = actions
 
     def step_wait(self) -> Any:

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector import VectorEnv as _VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._native import RemoteWorlds, Server, Worlds
+from ._native import Server, Worlds
 from ._setup import (
     BodyLike,
     Flags,
@@ -41,17 +41,17 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         num_envs: Number of environments, 1 to 65536.
         level: A level, the seed of a generated map, a file, a dict of arguments of `Level.generate`, or several of these in a list.
         body: Name of a body (`surefoot.body_names()`), or a dict with the fields of its profile that differ from the default.
-        others: Whether the NPCs of a world get in each other's way and see each other; observations then have 461 values instead of 369.
+        others: Whether the NPCs of a world collide with and see each other; observations then have 461 values instead of 369.
         goal_distance: Least and greatest distance of goals from starts, m, 0 to 1500.
-        seed: Seed of starts and goals until `reset` gets one; by default nobody chooses it.
+        seed: Seed of starts and goals until `reset` gets one; random by default.
         worlds: Number of worlds among which the environments are divided; the worlds are on the levels in turn. By default one for each
             level. World k draws its starts and goals with seed + k. Results depend on it.
         threads: Number of threads that step the worlds, at most one for each. Results do not depend on it.
         autoreset_mode: What happens to an environment after its episode has ended.
         copy: Whether `reset` and `step` return arrays of their own; otherwise those that the next call overwrites.
         server: A server that runs the environments instead of this process: its address, or what `surefoot.connect` returned. The same
-            arguments give the same bits there. If it goes away, the environments are created anew as soon as it is back, and the episodes
-            that ran end as truncated with the outcome "lost".
+            arguments give the same bits there. If the connection is lost, the environments are created again as soon as the server is
+            back, and the episodes that ran are truncated with the outcome "lost".
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -93,7 +93,7 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._worlds: Worlds | RemoteWorlds = self.setup.open(fresh_seed() if seed is None else seed)
+        self._worlds: Worlds = self.setup.open(fresh_seed() if seed is None else seed)
         self._observations: Floats = np.zeros(self.observation_space.shape or (), np.float32)
         self._rewards: Floats = np.zeros(self.num_envs, np.float32)
         self._terminated: Flags = np.zeros(self.num_envs, np.bool_)
@@ -104,10 +104,10 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Starts new episodes. `options={"reset_mask": mask}` does so in some environments alone."""
+        """Starts new episodes. With `options={"reset_mask": mask}`, only some environments do."""
         self._check_open()
         if seed is not None and not isinstance(seed, (int, np.integer)):
-            raise ValueError(f"seed is {seed!r}, but must be a whole number: the environments share what they draw from")
+            raise ValueError(f"seed is {seed!r}, but must be a whole number: the environments share one generator")
         mask = None if options is None else options.get("reset_mask")
         if mask is not None:
             self._renew(self._checked(mask), seed)
@@ -134,7 +134,7 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
 
     def _renew(self, mask: Flags, seed: int | None) -> None:
         if seed is not None:
-            raise ValueError("seed goes with a reset of all environments: leave it out, or the reset_mask")
+            raise ValueError("a seed needs a reset of all environments: leave out the seed or the reset_mask")
         if not self._was_reset:
             raise ResetNeeded("reset all environments first")
         self._worlds.renew(mask, self._observations)
@@ -168,7 +168,7 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Ends the environments, here or on the server."""
-        # Whose construction failed has none.
+        # If the constructor failed, there are none.
         self.__dict__.pop("_worlds", None)
 
     def _needs_reset(self) -> Flags:
@@ -214,14 +214,14 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         start: Sequence[float] | Floats | None = None,
         yaw: float = 0.0,
     ) -> Floats:
-        """Gives an environment other places to go, m, one after another, and returns its observation.
+        """Gives an environment a route of waypoints, m, and returns its observation.
 
-        The observation points at the next place as soon as the NPC has come within 1 m of the last; the episode ends with the last place.
-        `start` puts the NPC elsewhere first, with the heading `yaw`, rad.
+        The observation points at the next waypoint as soon as the NPC has come within 1 m of the current one. The episode ends at the last
+        waypoint. `start` first moves the NPC there, with the heading `yaw`, rad.
         """
         if not self._was_reset:
             raise ResetNeeded("call reset first")
-        if not isinstance(self._worlds, Worlds):
+        if self.setup.server is not None:
             raise NotImplementedError("redirect needs environments of this process: leave the server out")
         self._worlds.redirect(env, waypoints, start, yaw, self._observations)
         if start is not None:

@@ -38,7 +38,7 @@ def test_graphs_survive_files(graph: surefoot.Graph, level: surefoot.Level, tmp_
     assert other._repr_png_() is None
     drawn = surefoot.Graph.load(tmp_path / "graph.json", level)._repr_png_()
     assert drawn is not None and drawn.startswith(b"\x89PNG")
-    with pytest.raises(ValueError, match="knows no level"):
+    with pytest.raises(ValueError, match="has no level"):
         other.png()
 
 

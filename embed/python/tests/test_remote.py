@@ -112,7 +112,7 @@ def test_what_a_server_cannot_do_is_said(islands: surefoot.Level, server: Proces
         envs.redirect(0, [(1, 1, 1)])
     with pytest.raises(ValueError, match=r"actions\[0, 0\] is NaN"):
         envs.step(np.full((2, 4), np.nan))
-    with pytest.raises(ValueError, match="threads goes with"):
+    with pytest.raises(ValueError, match="threads applies to"):
         surefoot.VectorEnv(4, islands, worlds=2, threads=2, server=server.uri)
     with pytest.raises(ValueError, match="refused"):
         surefoot.VectorEnv(5000, islands, server=server.uri)

@@ -8,7 +8,7 @@ use surefoot_planner::Router;
 use surefoot_rollout::Goal;
 use surefoot_world::character::MoveScratch;
 use surefoot_world::reach::leap::{self, Leap};
-use surefoot_world::reach::{Reach, flood};
+use surefoot_world::reach::{IslandGraph, Reach, reached};
 use surefoot_world::{CharacterProfile, Map, Vec3};
 
 /// Distance within which a place off the grid is joined to others, m.
@@ -32,7 +32,7 @@ pub(crate) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &
         let of_vertex: Vec<u32> = graph.vertices().map(|vertex| nodes.of(graph.position(vertex))).collect();
         for edge in graph.edges() {
             let (from, to) = (of_vertex[edge.key.from.idx()], of_vertex[edge.key.to.idx()]);
-            nodes.exits[from as usize].push(to);
+            nodes.graph.add_edge(from.into(), to.into(), ());
         }
     }
     let pairs: Vec<(u32, u32)> = goals.iter().map(|goal| (nodes.of(goal.start), nodes.of(goal.goal))).collect();
@@ -40,7 +40,7 @@ pub(crate) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &
     let mut floods: HashMap<u32, Vec<bool>> = HashMap::new();
     pairs
         .into_iter()
-        .map(|(from, to)| floods.entry(from).or_insert_with(|| flood(&nodes.exits, from))[to as usize])
+        .map(|(from, to)| floods.entry(from).or_insert_with(|| reached(&nodes.graph, from))[to as usize])
         .collect()
 }
 
@@ -50,17 +50,17 @@ pub(crate) fn is_on_foot(reach: &Reach, goal: &Goal) -> bool {
     island(goal.start).is_some_and(|start| island(goal.goal) == Some(start))
 }
 
-/// Islands, followed by places off the grid, and where each leads to.
+/// Islands, followed by places off the grid, and the ways from one to another.
 struct Nodes<'a> {
     terrain: &'a Terrain<'a>,
-    exits: Vec<Vec<u32>>,
+    graph: IslandGraph,
     /// Places off the grid, in the order of their nodes.
     places: Vec<Vec3>,
 }
 
 impl<'a> Nodes<'a> {
     fn new(terrain: &'a Terrain<'a>) -> Self {
-        Self { terrain, exits: terrain.reach.exits(|_| true), places: Vec::new() }
+        Self { terrain, graph: terrain.reach.graph(|_| true), places: Vec::new() }
     }
 
     /// The node of a place: its island, or a node of its own.
@@ -69,13 +69,12 @@ impl<'a> Nodes<'a> {
             return cell.island;
         }
         self.places.push(place);
-        self.exits.push(Vec::new());
-        self.exits.len() as u32 - 1
+        self.graph.add_node(()).index() as u32
     }
 
     /// Joins places off the grid to what is near them.
     fn join(&mut self) {
-        let first = (self.exits.len() - self.places.len()) as u32;
+        let first = (self.graph.node_count() - self.places.len()) as u32;
         let mut scratch = MoveScratch::default();
         for (idx, &place) in self.places.iter().enumerate() {
             let node = first + idx as u32;
@@ -83,10 +82,10 @@ impl<'a> Nodes<'a> {
             let near = others.filter(|(_, other)| other.distance(place) < NEAR_M);
             for (other, at) in near.chain(self.cells_near(place)).collect::<Vec<_>>() {
                 if leads(self.terrain, place, at, &mut scratch) {
-                    self.exits[node as usize].push(other);
+                    self.graph.add_edge(node.into(), other.into(), ());
                 }
                 if leads(self.terrain, at, place, &mut scratch) {
-                    self.exits[other as usize].push(node);
+                    self.graph.add_edge(other.into(), node.into(), ());
                 }
             }
         }

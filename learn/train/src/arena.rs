@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use surefoot_rollout::goals::{goal_at_random_distance, random_point};
 use surefoot_world::character::bodies::BODIES;
-use surefoot_world::reach::{Reach, flood};
+use surefoot_world::reach::{IslandGraph, Reach, reached};
 use surefoot_world::{CharacterProfile, Map, TaskConfig, Vec3, World, WorldConfig, navigable};
 
 /// Most failed attempts stored per map; further ones overwrite stored ones at random.
@@ -102,7 +102,7 @@ impl Arena {
 #[derive(Debug)]
 struct Surveyed {
     reach: Reach,
-    exits: Vec<Vec<u32>>,
+    islands: IslandGraph,
     /// Share of goals that must be reachable.
     share: f64,
     /// For each island from which goals were drawn, the points that are reachable.
@@ -112,8 +112,8 @@ struct Surveyed {
 impl Surveyed {
     fn new(map: &Map, profile: &CharacterProfile, share: f64) -> Self {
         let reach = Reach::survey(map, profile, 1);
-        let exits = reach.exits(|_| true);
-        Self { reach, exits, share, points: HashMap::new() }
+        let islands = reach.graph(|_| true);
+        Self { reach, islands, share, points: HashMap::new() }
     }
 
     /// For the share of goals that must be reachable, those of `points` that are reachable from `from`; otherwise, and where none is
@@ -125,7 +125,7 @@ impl Surveyed {
         let ground = &self.reach.ground;
         let island = ground.at(from)?.island;
         let known = self.points.entry(island).or_insert_with(|| {
-            let reached = flood(&self.exits, island);
+            let reached = reached(&self.islands, island);
             let is_reached = |point: &Vec3| ground.at(*point).is_some_and(|cell| reached[cell.island as usize]);
             points.iter().copied().filter(is_reached).collect()
         });

@@ -1,4 +1,4 @@
-//! Bodies with names: Surefoot's own, those of common engines, and a few that are unlike them.
+//! Named bodies: Surefoot's own, those of common engines, and a few unusual ones.
 
 use super::profile::{CharacterProfile, RawCharacterProfile};
 
@@ -7,7 +7,7 @@ use super::profile::{CharacterProfile, RawCharacterProfile};
 pub struct NamedBody {
     /// Lower-case name, as in commands.
     pub name: &'static str,
-    /// What it is, and where its figures come from.
+    /// Description and source of the figures.
     pub about: &'static str,
     change: fn(&mut RawCharacterProfile),
 }
@@ -33,7 +33,8 @@ pub const BODIES: [NamedBody; 7] = [
     },
     NamedBody {
         name: "godot",
-        about: "Godot's CharacterBody3D script template: SPEED 5, JUMP_VELOCITY 4.5, gravity 9.8, floor_max_angle 45 degrees",
+        about: "Godot's CharacterBody3D script template: SPEED 5, JUMP_VELOCITY 4.5, gravity 9.8, \
+                floor_max_angle 45 degrees",
         change: |it| {
             (it.height, it.radius) = (2.0, 0.5);
             (it.forward_speed, it.side_speed_share, it.turn_speed) = (5.0, 1.0, 360.0f32.to_radians());
@@ -46,7 +47,8 @@ pub const BODIES: [NamedBody; 7] = [
     },
     NamedBody {
         name: "unity",
-        about: "Unity's Starter Assets third-person controller: sprint 5.335 m/s, jump height 1.2 m, gravity -15, step offset 0.25 m",
+        about: "Unity's Starter Assets third-person controller: sprint 5.335 m/s, jump height 1.2 m, gravity -15, \
+                step offset 0.25 m",
         change: |it| {
             (it.height, it.radius) = (1.8, 0.28);
             (it.forward_speed, it.side_speed_share, it.turn_speed) = (5.335, 1.0, 360.0f32.to_radians());

@@ -6,14 +6,14 @@ use crate::Vec3;
 use crate::map::Liquid;
 use serde::{Deserialize, Serialize};
 
-/// Bounds of the position, m, and the speed, m/s, of a stored body; not even a pad can throw a body beyond them.
+/// Limits on the position, m, and the speed, m/s, of a stored body. No pad can throw a body beyond them.
 const FARTHEST_M: f32 = 1.0e6;
 const FASTEST: f32 = 2.0e4;
 
 /// How a body is supported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Support {
-    /// Nothing is underneath.
+    /// The body is in the air.
     #[default]
     Air,
     /// The body stands on walkable ground.
@@ -35,17 +35,17 @@ pub struct Body {
     pub support: Support,
     /// Liquid that the body wades in; `None` if it is dry.
     pub liquid: Option<Liquid>,
-    /// Jumps in the air that are left before the body must land.
+    /// Remaining jumps in the air until the body lands.
     pub air_jumps_left: u8,
     /// Ticks since the body last stood on ground, saturating.
     pub ticks_in_air: u8,
-    /// Whether the jump of the current decision has not been made yet.
+    /// Whether the jump of the current decision is still to be made.
     pub jump_pending: bool,
-    /// Ride on a zip line, if the body hangs on one.
+    /// Ride on a zip line, while the body rides one.
     pub ride: Option<Ride>,
-    /// Seconds of jetpack thrust left.
+    /// Remaining jetpack thrust, s.
     pub fuel: f32,
-    /// Whether the body was just teleported and must step off the disc before it can be teleported again.
+    /// Whether the body must step off the disc of a teleporter before it can be teleported again.
     pub teleport_locked: bool,
     /// Horizontal unit vector away from the steep face touched in the last tick.
     pub(super) steep_out: Vec3,
@@ -66,12 +66,12 @@ impl Body {
         Self { feet, yaw, ..Self::default() }
     }
 
-    /// Whether a stored body satisfies what a tick assumes, on a map with `zip_line_count` zip lines.
+    /// Whether a stored body satisfies the assumptions of a tick on a map with `zip_line_count` zip lines.
     pub(crate) fn is_sound(&self, zip_line_count: usize) -> bool {
-        let lies_within = |vector: Vec3, most: f32| vector.abs().max_element() <= most && vector.is_finite();
-        lies_within(self.feet, FARTHEST_M)
-            && lies_within(self.velocity, FASTEST)
-            && lies_within(self.steep_out, 1.0)
+        let is_within = |vector: Vec3, most: f32| vector.abs().max_element() <= most && vector.is_finite();
+        is_within(self.feet, FARTHEST_M)
+            && is_within(self.velocity, FASTEST)
+            && is_within(self.steep_out, 1.0)
             && self.yaw.is_finite()
             && self.ride.is_none_or(|ride| (ride.line_idx as usize) < zip_line_count && ride.distance.is_finite())
     }
@@ -88,7 +88,7 @@ impl Body {
         self.is_grounded() && self.velocity.length_squared() < REST_SPEED * REST_SPEED
     }
 
-    /// Whether a jump requested now would be made.
+    /// Whether the body could jump now.
     pub fn can_jump(&self, profile: &CharacterProfile) -> bool {
         self.is_grounded() || self.ticks_in_air <= profile.coyote_ticks || self.air_jumps_left > 0
     }
@@ -105,7 +105,7 @@ impl Body {
         Vec3::new(vector.z * sin - vector.x * cos, vector.y, vector.x * sin + vector.z * cos)
     }
 
-    /// Begins a decision: its jump, if any, is pending until it is made once.
+    /// Begins a decision. Its jump, if any, is pending until the body has jumped once.
     pub fn begin_decision(&mut self, action: &Action) {
         self.jump_pending = action.jump > 0.0;
     }

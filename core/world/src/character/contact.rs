@@ -1,5 +1,5 @@
-//! Collision of a body with geometry: integrate in small steps, push out of the deepest contact, follow ground that falls
-//! away.
+//! Collision of a body with geometry: integrate in small steps, push out of the deepest contact, follow ground that
+//! falls away.
 
 use super::body::{Body, Support};
 use super::profile::CharacterProfile;
@@ -7,8 +7,8 @@ use super::surroundings::{MoveScratch, Slope};
 use crate::mesh::{Contact, Mesh};
 use crate::{TICK_SECONDS, Vec3};
 
-/// Longest move between two contact passes, m, of a capsule with a radius of [`SUBSTEP_RADIUS_M`] or more; proportionally shorter
-/// for slimmer ones: below the radius, so that nothing tunnels.
+/// Longest move between two contact passes, m, of a capsule with a radius of [`SUBSTEP_RADIUS_M`] or more. It is
+/// proportionally shorter for slimmer capsules: below the radius, so that no body tunnels.
 const SUBSTEP_M: f32 = 0.22;
 const SUBSTEP_RADIUS_M: f32 = 0.3;
 /// Contact passes after each move.
@@ -54,7 +54,7 @@ impl Body {
         }
     }
 
-    /// Moves the body out of what it penetrates, deepest contact first, and removes the blocked part of its velocity.
+    /// Moves the body out of geometry, deepest contact first, and removes the blocked part of its velocity.
     fn push_out(&mut self, profile: &CharacterProfile, slope: Slope, scratch: &MoveScratch, was_grounded: bool) {
         for _ in 0..MAX_PUSHES {
             let Some(contact) = scratch.deepest_contact(profile, self.feet) else { return };
@@ -130,7 +130,7 @@ pub fn is_clear(mesh: &Mesh, profile: &CharacterProfile, feet: Vec3, slop: f32, 
         if hit.surface.is_solid() && enters && from.y + hit.distance > feet.y - 1.0e-3 {
             return false;
         }
-        // The ray hit the ground itself, something inside it, or something that bodies pass through.
+        // The ray hit the ground below, geometry inside it, or a surface that bodies pass.
         from += up * (hit.distance + 1.0e-3);
         if from.y >= crown {
             break;

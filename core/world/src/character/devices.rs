@@ -46,7 +46,8 @@ impl Body {
         used.insert(Ability::Teleporter);
     }
 
-    /// Rides a zip line for one tick: the cable sets the motion until its end, or until the body lets go with a jump.
+    /// Rides a zip line for one tick. The cable determines the motion until its end, or until the body lets go by a
+    /// jump.
     pub(super) fn ride_on(&mut self, map: &Map, profile: &CharacterProfile, ride: Ride) {
         let line = &map.placed().zip_lines[ride.line_idx as usize];
         let distance = ride.distance + profile.zip_line_speed * TICK_SECONDS;

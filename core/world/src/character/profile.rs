@@ -1,21 +1,19 @@
-//! Character profiles: what makes one kind of character move differently from another.
+//! Character profiles: the size and the motion of a kind of character.
 
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 
-/// Largest `coyote_ticks`. A body that has jumped counts as one that left the ground 255 ticks ago, which must be too long ago.
+/// Largest `coyote_ticks`. After a jump, a body counts as 255 ticks in the air, which must exceed any `coyote_ticks`.
 const MAX_COYOTE_TICKS: u8 = u8::MAX - 1;
 
-/// Everything that makes one kind of character move differently from another.
-///
-/// Every value is in its range: a profile is made from a [`RawCharacterProfile`], which is checked.
+/// Size and motion of a kind of character. All values are in range: a profile is a checked [`RawCharacterProfile`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "RawCharacterProfile")]
 pub struct CharacterProfile(RawCharacterProfile);
 
 /// The values of a [`CharacterProfile`] before they are checked.
 ///
-/// Defaults follow the figures of the environment that the paper's authors released. In files, fields that are left out have them.
+/// Defaults follow the environment that the paper's authors released. In files, missing fields have the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RawCharacterProfile {

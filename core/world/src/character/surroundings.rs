@@ -1,34 +1,35 @@
-//! The solid triangles near a body, kept from tick to tick: a move asks the map only once the body has left what is known.
+//! The solid triangles near a body, kept from tick to tick. A move reads the map again only after the body has left the
+//! known box.
 
 use super::profile::CharacterProfile;
 use crate::Vec3;
 use crate::mesh::{Contact, LANES, Mesh, Triangle, bits};
 
-/// How far ahead of a body triangles are gathered: where its velocity takes it in this time, s, but not farther than this, m, and a
+/// Triangles are gathered ahead of a body as far as its velocity takes it in this time, s, at most this far, m, plus a
 /// margin, m.
 const LOOK_AHEAD_S: f32 = 0.15;
 const MAX_AHEAD_M: f32 = 3.0;
 const MARGIN_M: f32 = 0.3;
-/// Slack of the test that rules triangles out before the exact one, m.
+/// Slack of the test that excludes triangles before the exact test, m.
 const PLANE_SLACK_M: f32 = 1.0e-3;
-/// A contact counts as deeper than another from this difference on, m.
+/// Smallest difference at which one contact is deeper than another, m.
 const DEEPER_M: f32 = 1.0e-6;
 /// Contacts shallower than this are ignored, in metres.
 const CONTACT_SLOP_M: f32 = 1.0e-4;
 
 /// Scratch memory of the controller, reused so that a tick does not allocate.
 ///
-/// What it remembers makes the moves of one body cheaper. It never changes their result, and may serve any body on any map.
+/// Its content makes the moves of one body cheaper, but never changes their result. Any body on any map may use it.
 #[derive(Debug, Default)]
 pub struct MoveScratch {
-    /// The mesh and the box of which all solid triangles are known.
+    /// The mesh, and the box whose solid triangles are known.
     known: Option<(u64, Vec3, Vec3)>,
     triangles: Vec<Triangle>,
     planes: Vec<Planes>,
-    /// Bit `n` of each is set where triangle `n` of the block touches the box of the present move.
+    /// For each block, bit `n` is set if triangle `n` touches the box of the current move.
     touched: Vec<u8>,
     indices: Vec<u32>,
-    /// Solid triangles that are no part of a map.
+    /// Solid triangles of movers.
     obstacles: Vec<Triangle>,
     slope: Slope,
 }
@@ -86,8 +87,8 @@ impl Planes {
         bits(std::array::from_fn(|lane| touches(lane, 0) & touches(lane, 1) & touches(lane, 2))) as u8
     }
 
-    /// Least signed distance of an upright segment from each plane, and the triangles whose planes a capsule around the segment
-    /// may touch from the front.
+    /// Least signed distance of an upright segment from each plane, and the triangles whose planes a capsule around the
+    /// segment may touch from the front.
     fn within_reach(&self, low: Vec3, height: f32, radius: f32) -> ([f32; LANES], u8) {
         let (mut lower, mut upper) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
@@ -103,7 +104,7 @@ impl Planes {
 }
 
 impl MoveScratch {
-    /// The steepest slope of a profile; its functions are computed anew only if it is another one than before.
+    /// The steepest slope of a profile; its trigonometric functions are computed only when the profile changes.
     pub(super) fn slope(&mut self, profile: &CharacterProfile) -> Slope {
         let angle = profile.max_slope;
         if self.slope.angle != angle {
@@ -112,8 +113,8 @@ impl MoveScratch {
         self.slope
     }
 
-    /// Selects the solid triangles whose bounds touch the box of a move; a body with this velocity is likely to need those ahead
-    /// next.
+    /// Selects the solid triangles whose bounds touch the box of a move, and gathers those ahead of a body with this
+    /// velocity.
     pub(super) fn select(&mut self, mesh: &Mesh, low: Vec3, high: Vec3, velocity: Vec3) {
         let is_known = self.known.is_some_and(|(of, known_low, known_high)| {
             of == mesh.id() && low.cmpge(known_low).all() && high.cmple(known_high).all()
@@ -127,12 +128,12 @@ impl MoveScratch {
         self.touched.extend(self.planes.iter().map(|planes| planes.touching(low, high)));
     }
 
-    /// Forgets all obstacles besides the map.
+    /// Removes all obstacles besides the map.
     pub(crate) fn begin_obstacles(&mut self) {
         self.obstacles.clear();
     }
 
-    /// Adds solid triangles that the next moves collide with, besides those of the map.
+    /// Adds solid triangles that block the next moves, besides those of the map.
     pub(crate) fn add_obstacles(&mut self, triangles: &[Triangle]) {
         self.obstacles.extend_from_slice(triangles);
     }
@@ -149,8 +150,8 @@ impl MoveScratch {
         self.known = Some((mesh.id(), low, high));
     }
 
-    /// The deepest contact of a body with the selected triangles; of several that are as deep, the one of the first triangle
-    /// of the map.
+    /// The deepest contact of a body with the selected triangles; of equally deep contacts, that with the first
+    /// triangle.
     pub(crate) fn deepest_contact(&self, profile: &CharacterProfile, feet: Vec3) -> Option<Contact> {
         let low = feet + Vec3::new(0.0, profile.radius, 0.0);
         let height = profile.height - 2.0 * profile.radius;
@@ -164,7 +165,7 @@ impl MoveScratch {
             while close != 0 {
                 let lane = close.trailing_zeros() as usize % LANES;
                 close &= close - 1;
-                // No contact is deeper than that with the whole plane.
+                // No contact is deeper than the contact with the whole plane.
                 let depth = deepest.map_or(CONTACT_SLOP_M, |best| best.depth + DEEPER_M);
                 if distances[lane] >= 0.0 && profile.radius - distances[lane] <= depth {
                     continue;

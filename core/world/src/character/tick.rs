@@ -4,16 +4,17 @@ use super::action::Action;
 use super::body::{Body, Support};
 use super::profile::CharacterProfile;
 use super::surroundings::MoveScratch;
+use crate::float::wrapped;
 use crate::map::Map;
 use crate::{Ability, AbilitySet, TICK_SECONDS, Vec3};
 
 /// Terminal speed of a fall, m/s.
 const MAX_FALL_SPEED: f32 = 45.0;
-/// Share of the air control that is left while sliding down a steep face.
+/// Air control on a steep face, as a share.
 const SLIDE_CONTROL: f32 = 0.2;
-/// Depth of liquid above the feet from which it slows a body down, in metres.
+/// Depth of liquid above the feet that slows a body down, m.
 const WADING_DEPTH_M: f32 = 0.25;
-/// Share of the walking speed that is left in water.
+/// Speed in water as a share of the walking speed.
 const WADING_SPEED: f32 = 0.5;
 
 impl Body {
@@ -43,16 +44,10 @@ impl Body {
     }
 
     fn turn(&mut self, profile: &CharacterProfile, action: &Action) {
-        use std::f32::consts::{PI, TAU};
-        self.yaw += action.turn * profile.turn_speed * TICK_SECONDS;
-        if self.yaw > PI {
-            self.yaw -= TAU;
-        } else if self.yaw <= -PI {
-            self.yaw += TAU;
-        }
+        self.yaw = wrapped(self.yaw + action.turn * profile.turn_speed * TICK_SECONDS);
     }
 
-    /// The horizontal velocity that an action asks for, m/s.
+    /// The horizontal velocity that an action requests, m/s.
     pub(crate) fn wish(&self, profile: &CharacterProfile, action: &Action) -> Vec3 {
         let (sin, cos) = libm::sincosf(self.yaw);
         let forward = action.forward.max(-profile.side_speed_share);
@@ -111,7 +106,7 @@ impl Body {
         self.jump_pending = false;
     }
 
-    /// Applies jetpack thrust in the air while the jump is held and was not used for a jump in this tick.
+    /// Applies jetpack thrust in the air while the jump is held, unless the body jumps in this tick.
     fn thrust(&mut self, profile: &CharacterProfile, action: &Action, used: &mut AbilitySet) {
         let jumps = used.contains(Ability::Jump) || used.contains(Ability::DoubleJump);
         let wanted = action.jump > 0.0 && !jumps && !self.is_grounded();

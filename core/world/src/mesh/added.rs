@@ -1,4 +1,4 @@
-//! The triangles that were added to a map since it was built: few, in cells seen from above, and made anew with every change.
+//! The triangles that edits add to a map. They are few, and every change rebuilds their index.
 
 use super::columns::Columns;
 use super::ray::{RayHit, stretch_within};
@@ -8,7 +8,7 @@ use crate::cells::{CellLists, Cells};
 
 /// Side of a cell, m.
 const CELL_M: f32 = 16.0;
-/// Room around the bounds of the triangles, m, so that none lies on the border.
+/// Room around the bounds of the triangles, m, so that none is on the border.
 const SLACK_M: f32 = 0.01;
 
 #[derive(Debug)]
@@ -16,7 +16,7 @@ pub(super) struct Added {
     pub triangles: Vec<Triangle>,
     low: Vec3,
     high: Vec3,
-    /// Indices of the triangles that may be in each cell, ascending.
+    /// Indices of the triangles that touch each cell, ascending.
     lists: CellLists<u32>,
     /// The index for cones of rays.
     pub cones: Columns,
@@ -38,7 +38,7 @@ impl Added {
         size_of_val(self.triangles.as_slice()) + self.lists.memory_bytes() + self.cones.memory_bytes()
     }
 
-    /// Whether anything of it may lie within `reach` metres of `point`.
+    /// Whether a triangle may be within `reach` metres of `point`.
     pub fn is_near(&self, point: Vec3, reach: f32) -> bool {
         let reach = Vec3::splat(reach);
         (point + reach).cmpge(self.low).all() && (point - reach).cmple(self.high).all()
@@ -92,7 +92,7 @@ impl Added {
             let is_met = |idx: &&u32| self.triangles[**idx as usize].is_solid_in(low, high);
             found.extend(self.lists.of(cell).iter().filter(is_met).map(|idx| first + idx));
         }
-        // `found` holds other triangles as well: indices are only compared where each names one triangle of the whole mesh.
+        // `found` also holds built triangles; all its indices refer to the whole mesh.
         found[begin..].sort_unstable();
         found.dedup();
     }

@@ -1,35 +1,36 @@
-//! Triangles in upright columns over a horizontal grid: the structure through which the cone of rays is cast.
+//! Triangles in upright columns over a horizontal grid: the index for cones of rays.
 //!
-//! The rays of one azimuth lie in one upright plane, so that they pass the same columns, one after the other. A column knows the
-//! lowest and the highest point of what it holds, which is all that most steps read. Its triangles are kept in blocks of eight,
-//! sorted by height, in the form that the intersection needs (Baldwin and Weber, "Fast Ray-Triangle Intersections by Coordinate
+//! The rays of one azimuth share an upright plane, so they pass the same columns in the same order. Most steps of a ray
+//! read only the lowest and the highest point of a column. The triangles of a column are in blocks of eight, sorted by
+//! height, in the form that the intersection needs (Baldwin and Weber, "Fast Ray-Triangle Intersections by Coordinate
 //! Transformation", 2016).
 
 use super::lanes::LANES;
 use super::triangle::{Surface, Triangle};
-use crate::{Vec3, parallel};
+use crate::Vec3;
+use rayon::prelude::*;
 
-/// Slack around columns, heights and the stretches of rays, m: a triangle on a border is found from both sides.
+/// Slack around columns, heights and stretches of rays, m, so that both sides of a border find a triangle on it.
 pub(super) const SLACK_M: f32 = 1.0e-3;
-/// Triangles that a column should hold where there are any: about one block with what overlaps.
+/// Wanted number of triangles in a column that is not empty: about one block with overlapping triangles.
 const TRIANGLES_PER_COLUMN: f32 = 9.0;
 /// Least and greatest side of a column, m.
 const MIN_SIDE_M: f32 = 0.25;
 const MAX_SIDE_M: f32 = 4.0;
-/// Least side of the cells in which the density of triangles is estimated, m, and their greatest number.
+/// Smallest side of the cells that estimate the density of triangles, m, and their greatest number.
 const DENSITY_CELL_M: f32 = 4.0;
 const MAX_DENSITY_CELLS: f32 = 65_536.0;
-/// Most columns, in all and for each triangle, most places of triangles in columns, and most blocks, which are 0.6 GB; levels with
-/// more get wider columns.
+/// Limits on columns, columns per triangle, entries of triangles in columns, and blocks (0.6 GB). Levels beyond them
+/// get wider columns.
 const MIN_COLUMNS: f32 = 1024.0;
 const COLUMNS_PER_TRIANGLE: f32 = 4.0;
 const MAX_ENTRIES: usize = 24_000_000;
 const MAX_BLOCKS: usize = 1_500_000;
-/// Most steps of the heights at which columns begin and end.
+/// Greatest number of quanta of height.
 const MAX_QUANTA: f32 = 65_000.0;
-/// A block ends where nothing is for this height, m: rays pass between the blocks.
+/// A block ends at a gap of this height, m, through which rays pass.
 const GAP_M: f32 = 0.75;
-/// Least upright component of a normal for which the plane limits the height over a column.
+/// Smallest vertical component of a normal for which the plane limits the height inside a column.
 const MIN_UPRIGHT: f32 = 0.02;
 /// Columns of a tile along x and z; together they fill a cache line.
 const TILE_X: usize = 4;
@@ -38,7 +39,7 @@ const TILE_LEN: usize = TILE_X * TILE_Z;
 /// Rows of tiles that are sorted together when the columns are built.
 const BAND_TILES: usize = 8;
 
-/// What a step of a ray reads.
+/// The part of a column that each step of a ray reads.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 pub(super) struct Column {
@@ -49,9 +50,9 @@ pub(super) struct Column {
     blocks: u32,
 }
 
-/// Set where all triangles are [`Surface::Ground`].
+/// Flag: all triangles are [`Surface::Ground`].
 const ONLY_GROUND: u32 = 1 << 31;
-/// Set where there is a single block.
+/// Flag: there is a single block.
 const SINGLE: u32 = 1 << 30;
 
 impl Column {
@@ -80,8 +81,8 @@ struct Tile([Column; TILE_LEN]);
 
 /// Eight triangles as the rows of their transformations: along the normal, and along both edges.
 ///
-/// A row is `x, y, z, offset`: for a point relative to the base of its column, the first gives the distance from the plane, the
-/// others the barycentric coordinates. Unused lanes are zero and never hit.
+/// A row is `x, y, z, offset`: for a point relative to the base of its column, the first gives the distance from the
+/// plane, the others the barycentric coordinates. Unused lanes are zero and never hit.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub(super) struct Block {
@@ -165,17 +166,15 @@ impl Columns {
         }
     }
 
-    /// `None` if that would take too much memory, because many triangles span much of the level.
+    /// `None` if the columns would need too much memory, because many triangles span much of the level.
     fn with_side(triangles: &[Triangle], side: f32, bounds: &Bounds) -> Option<Self> {
         let mut columns = Self::empty(side, bounds);
         if triangles.iter().map(|triangle| columns.most_columns(triangle)).sum::<usize>() > MAX_ENTRIES {
             return None;
         }
-        let threads = parallel::core_count();
         let bands = columns.triangles_by_band(triangles);
-        let bands = parallel::map_indices(bands.len(), threads, |range| {
-            range.map(|band| columns.build_band(triangles, &bands[band], band)).collect()
-        });
+        let build = |(band, indices): (usize, &Vec<u32>)| columns.build_band(triangles, indices, band);
+        let bands: Vec<Band> = bands.par_iter().enumerate().map(build).collect();
         let block_count = bands.iter().map(|band| band.blocks.len()).sum();
         if block_count > MAX_BLOCKS {
             return None;
@@ -189,9 +188,8 @@ impl Columns {
             fills.push((band, own));
             rest = others;
         }
-        parallel::for_each_slab(&mut fills, 1, threads, |_, fill| {
-            let (band, blocks) = &mut fill[0];
-            band.blocks.iter().zip(blocks.iter_mut()).for_each(|(of, block)| columns.fill(block, triangles, band, of));
+        fills.into_par_iter().for_each(|(band, blocks)| {
+            band.blocks.iter().zip(blocks).for_each(|(of, block)| columns.fill(block, triangles, band, of));
         });
         columns.blocks = blocks;
         Some(columns)
@@ -408,7 +406,7 @@ impl Columns {
     }
 }
 
-/// Side of a column for which most columns that hold anything hold one block, m.
+/// Side of a column, m, for which most columns that are not empty have one block.
 fn column_side(triangles: &[Triangle], bounds: &Bounds) -> f32 {
     let size = bounds.high - bounds.low;
     let area = size.x * size.z;
@@ -425,7 +423,7 @@ fn column_side(triangles: &[Triangle], bounds: &Bounds) -> f32 {
     let side = (TRIANGLES_PER_COLUMN * occupied / count).sqrt().clamp(MIN_SIDE_M, MAX_SIDE_M);
     let longest = size.x.max(size.z);
     let most_columns = MIN_COLUMNS + COLUMNS_PER_TRIANGLE * count;
-    // Neither many columns in all, nor in a row.
+    // Limit the number of columns in total and in a row.
     side.max((area / most_columns).sqrt()).max(longest / most_columns)
 }
 

@@ -1,7 +1,7 @@
 //! Casts a cone of rays, the rays of one azimuth together.
 //!
-//! One walk over the columns serves eight elevations: each step compares the heights of eight rays with those of the column, and
-//! each ray that touches a column meets eight triangles at once.
+//! One walk over the columns serves eight elevations. Each step compares the heights of eight rays with the column, and
+//! intersects each ray that touches the column with eight triangles at once.
 
 use super::columns::{Block, Column, Columns, SLACK_M};
 use super::lanes::{LANES, Lanes, Portable};
@@ -10,12 +10,14 @@ use crate::Vec3;
 
 /// Horizontal component below which a ray never leaves its column along an axis.
 const PARALLEL: f32 = 1.0e-9;
-/// Stands for the distance to a border that is never reached, m.
+/// Distance to a border that the ray never reaches, m.
 const NEVER_M: f32 = 1.0e30;
 /// All rays of a fan.
 const ALL_RAYS: u32 = (1 << LANES) - 1;
+/// Surfaces of a block of ground.
+const ONLY_GROUND: [Surface; LANES] = [Surface::Ground; LANES];
 
-/// Where a ray of a cone ended.
+/// Hit of a ray of a cone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConeHit {
     /// Distance along the ray, m.
@@ -24,7 +26,7 @@ pub struct ConeHit {
     pub surface: Surface,
 }
 
-/// What the rays of a cone hit, by elevation and azimuth.
+/// Hits of the rays of a cone, by elevation and azimuth.
 pub type ConeHits = [[Option<ConeHit>; LANES]; LANES];
 
 /// The elevations of a cone and the reach of its rays.
@@ -63,7 +65,7 @@ impl Elevations {
         self.range
     }
 
-    /// How far a ray climbs on each metre over the ground, m, and how long it is on it.
+    /// Rise and length of a ray per horizontal metre, m.
     pub(crate) fn slope(&self, lane: usize) -> (f32, f32) {
         (self.tangents[lane], self.stretch[lane])
     }
@@ -80,7 +82,7 @@ impl Elevations {
     }
 }
 
-/// A cone that is cast from one place.
+/// A cone at one place.
 #[derive(Clone, Copy)]
 struct Cast<'a> {
     columns: &'a Columns,
@@ -115,24 +117,24 @@ impl pulp::NullaryFnOnce for OnAvx2<'_> {
     }
 }
 
-/// A fan on its way over the columns. Distances are horizontal, m.
+/// State of a fan that crosses the columns. Distances are horizontal, m.
 struct Walk<V> {
     /// Distance to the next border across x and z.
     next: (f32, f32),
     /// Distance between borders.
     spacing: (f32, f32),
-    /// Column that comes next, counted from the ring, and the step to its neighbours.
+    /// Next column, counted from the ring, and the step to its neighbours.
     column: (i32, i32),
     step: (i32, i32),
-    /// Where the walk enters the column that comes next.
+    /// Distance at which the walk enters the next column.
     entry: f32,
     /// Heights of the rays there, in quanta.
     entry_heights: V,
-    /// Where the columns end.
+    /// Distance at which the columns end.
     border: f32,
-    /// Where the walk ends: at the border, or at the reach of the rays that have not hit anything.
+    /// Distance at which the walk ends: the border, or the reach of the open rays.
     end: f32,
-    /// Rays that have not hit anything.
+    /// Open rays: those that have not hit anything.
     open: u32,
 }
 
@@ -174,7 +176,7 @@ impl Cast<'_> {
         }
     }
 
-    /// Starts a walk where the rays enter the columns; `None` if they pass beside them.
+    /// Starts a walk where the rays enter the columns; `None` if the rays miss them.
     #[inline(always)]
     fn begin<L: Lanes>(self, lanes: L, (hx, hz): (f32, f32), rays: u32) -> Option<Walk<L::Values>> {
         let Self { columns, elevations, eye, .. } = self;
@@ -203,13 +205,13 @@ impl Cast<'_> {
         })
     }
 
-    /// Quanta that each ray rises on a metre over the ground.
+    /// Rise of each ray per horizontal metre, in quanta.
     #[inline(always)]
     fn tangents<L: Lanes>(self, lanes: L) -> L::Values {
         lanes.mul(lanes.load(&self.elevations.tangents), lanes.splat(self.columns.quanta_per_m))
     }
 
-    /// Walks to the next column that an open ray touches.
+    /// Advances to the next column that an open ray touches.
     #[inline(always)]
     fn advance<L: Lanes>(self, lanes: L, walk: &mut Walk<L::Values>) -> Option<Touched<L::Values>> {
         let height = lanes.splat((self.eye.y - self.columns.floor) * self.columns.quanta_per_m);
@@ -249,49 +251,21 @@ impl Cast<'_> {
         azimuth: usize,
         hits: &mut ConeHits,
     ) -> u32 {
-        let Self { columns, elevations, .. } = self;
+        let columns = self.columns;
         let column = touched.column;
-        let (mut near, mut far) = ([0.0f32; LANES], [0.0f32; LANES]);
-        for lane in 0..LANES {
-            let stretch = elevations.stretch[lane];
-            let (from, to) = (touched.from * stretch - SLACK_M, touched.to * stretch + SLACK_M);
-            near[lane] = if from > 0.0 { from } else { 0.0 };
-            far[lane] = if to < elevations.range { to } else { elevations.range };
-        }
         let eye = self.eye - columns.base(touched.place, column.low);
-        let (mut surfaces, mut hit) = ([Surface::Ground; LANES], 0u32);
+        let mut found = Nearest::new(self.elevations, touched.from, touched.to);
         for idx in column.first_block().. {
             let Some(block) = columns.blocks.get(idx) else { break };
-            let mut rays = touched.rays;
-            let mut is_last = true;
-            if !column.is_single() {
-                let span = columns.spans[idx];
-                let above = lanes.at_most(lanes.splat(f32::from(span.low)), touched.highest);
-                let below = lanes.at_most(touched.lowest, lanes.splat(f32::from(span.high)));
-                rays &= lanes.bits(lanes.both(above, below));
-                is_last = span.is_last;
-            }
+            let (rays, is_last) = self.rays_at(lanes, touched, idx);
             if rays != 0 {
                 let block = PreparedBlock::new(lanes, block, eye);
-                while rays != 0 {
-                    let ray = rays.trailing_zeros() as usize % LANES;
-                    rays &= rays - 1;
-                    let (mut triangles, distances) = block.intersect(lanes, directions[ray], near[ray], far[ray]);
-                    if triangles == 0 {
-                        continue;
-                    }
-                    let distances = lanes.store(distances);
-                    while triangles != 0 {
-                        let triangle = triangles.trailing_zeros() as usize % LANES;
-                        triangles &= triangles - 1;
-                        // The first of several triangles at the same distance counts.
-                        if hit >> ray & 1 == 0 || distances[triangle] < far[ray] {
-                            hit |= 1 << ray;
-                            far[ray] = distances[triangle];
-                            if !column.is_only_ground() {
-                                surfaces[ray] = columns.surfaces[idx][triangle];
-                            }
-                        }
+                let surfaces = if column.is_only_ground() { &ONLY_GROUND } else { &columns.surfaces[idx] };
+                for ray in set_bits(rays) {
+                    let (triangles, distances) =
+                        block.intersect(lanes, directions[ray], found.near[ray], found.far[ray]);
+                    if triangles != 0 {
+                        found.note(ray, triangles, &lanes.store(distances), surfaces);
                     }
                 }
             }
@@ -299,13 +273,70 @@ impl Cast<'_> {
                 break;
             }
         }
-        let mut rays = hit;
-        while rays != 0 {
-            let ray = rays.trailing_zeros() as usize % LANES;
-            rays &= rays - 1;
-            hits[ray][azimuth % LANES] = Some(ConeHit { distance: far[ray], surface: surfaces[ray] });
+        for ray in set_bits(found.hit) {
+            hits[ray][azimuth % LANES] = Some(ConeHit { distance: found.far[ray], surface: found.surfaces[ray] });
         }
-        hit
+        found.hit
+    }
+
+    /// The open rays that pass at the height of a block, and whether the block is the last of its column.
+    #[inline(always)]
+    fn rays_at<L: Lanes>(self, lanes: L, touched: &Touched<L::Values>, block: usize) -> (u32, bool) {
+        if touched.column.is_single() {
+            return (touched.rays, true);
+        }
+        let span = self.columns.spans[block];
+        let above = lanes.at_most(lanes.splat(f32::from(span.low)), touched.highest);
+        let below = lanes.at_most(touched.lowest, lanes.splat(f32::from(span.high)));
+        (touched.rays & lanes.bits(lanes.both(above, below)), span.is_last)
+    }
+}
+
+/// Indices of the bits that are set, ascending.
+#[inline(always)]
+fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let idx = bits.trailing_zeros() as usize;
+        (bits != 0).then(|| {
+            bits &= bits - 1;
+            idx % LANES
+        })
+    })
+}
+
+/// The nearest hits of the rays in a column.
+struct Nearest {
+    /// Stretch of each ray inside the column, m; a hit shortens it.
+    near: [f32; LANES],
+    far: [f32; LANES],
+    surfaces: [Surface; LANES],
+    /// Rays that hit something.
+    hit: u32,
+}
+
+impl Nearest {
+    #[inline(always)]
+    fn new(elevations: &Elevations, from: f32, to: f32) -> Self {
+        let (mut near, mut far) = ([0.0f32; LANES], [0.0f32; LANES]);
+        for lane in 0..LANES {
+            let stretch = elevations.stretch[lane];
+            let (from, to) = (from * stretch - SLACK_M, to * stretch + SLACK_M);
+            near[lane] = if from > 0.0 { from } else { 0.0 };
+            far[lane] = if to < elevations.range { to } else { elevations.range };
+        }
+        Self { near, far, surfaces: ONLY_GROUND, hit: 0 }
+    }
+
+    /// Notes the nearest of these triangles of a block; of several at the same distance, the first one counts.
+    #[inline(always)]
+    fn note(&mut self, ray: usize, triangles: u32, distances: &[f32; LANES], surfaces: &[Surface; LANES]) {
+        for triangle in set_bits(triangles) {
+            if self.hit >> ray & 1 == 0 || distances[triangle] < self.far[ray] {
+                self.hit |= 1 << ray;
+                self.far[ray] = distances[triangle];
+                self.surfaces[ray] = surfaces[triangle];
+            }
+        }
     }
 }
 

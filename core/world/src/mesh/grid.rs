@@ -2,7 +2,8 @@
 
 use super::columns::Columns;
 use super::triangle::Triangle;
-use crate::{Vec3, parallel};
+use crate::Vec3;
+use rayon::prelude::*;
 
 /// Side of a grid cell in metres.
 pub(super) const CELL_M: f32 = 1.6;
@@ -10,10 +11,10 @@ pub(super) const CELL_M: f32 = 1.6;
 const CELLS_PER_M: f32 = 1.0 / CELL_M;
 /// Longest empty-space skip that is stored, in cells.
 const MAX_SKIP: u8 = 15;
-/// Number of triangles found, some of them several times, from which on those found twice are removed in between.
+/// Number of collected indices from which duplicates are removed before the search ends.
 const MANY_FOUND: usize = 4096;
-/// Fewest cells for which starting threads is worth the time.
-const CELLS_WORTH_THREADS: usize = 1 << 16;
+/// Smallest number of cells for which another thread saves time.
+const CELLS_PER_THREAD: usize = 1 << 16;
 
 /// Centre of a grid cell.
 #[inline]
@@ -21,8 +22,13 @@ fn centre_of([x, y, z]: [i32; 3]) -> Vec3 {
     (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5)) * CELL_M
 }
 
-/// Bit set in the entry of a cell without triangles; the other bits are a lower bound of the Chebyshev distance, in cells,
-/// to the nearest cell with triangles.
+/// Slabs of so many values, with their indices.
+fn each_slab(values: &mut [u8], slab_len: usize) -> impl IndexedParallelIterator<Item = (usize, &mut [u8])> {
+    values.par_chunks_mut(slab_len).enumerate().with_min_len(CELLS_PER_THREAD.div_ceil(slab_len))
+}
+
+/// Bit set in the entry of a cell without triangles; the other bits are a lower bound of the Chebyshev distance, in
+/// cells, to the nearest cell with triangles.
 pub(super) const EMPTY: u32 = 1 << 31;
 
 /// The triangles of one occupied cell.
@@ -156,14 +162,13 @@ impl Grid {
 
     /// Chebyshev distance transform of the cells with a count above 0, capped at [`MAX_SKIP`].
     ///
-    /// The transform is separable: first the distance along x, then `min over j of max(d(j), |i - j|)` along y and z, row
-    /// by row so that the inner loops run over consecutive bytes.
+    /// The transform is separable: first the distance along x, then `min over j of max(d(j), |i - j|)` along y and z.
+    /// The inner loops run over consecutive bytes.
     fn empty_space_skips(&self, triangle_counts: &[u32]) -> Vec<u8> {
         let [nx, ny, nz] = self.counts.map(|count| count as usize);
-        let threads = if triangle_counts.len() < CELLS_WORTH_THREADS { 1 } else { parallel::core_count() };
         let slab_len = nx * ny;
         let mut along_x = vec![0u8; triangle_counts.len()];
-        parallel::for_each_slab(&mut along_x, nx, threads, |row_idx, row| {
+        each_slab(&mut along_x, nx).for_each(|(row_idx, row)| {
             let counts = &triangle_counts[row_idx * nx..(row_idx + 1) * nx];
             let mut distance = MAX_SKIP;
             for (value, &count) in row.iter_mut().zip(counts) {
@@ -181,7 +186,7 @@ impl Grid {
             }
         };
         let mut along_xy = along_x.clone();
-        parallel::for_each_slab(&mut along_xy, slab_len, threads, |z, slab| {
+        each_slab(&mut along_xy, slab_len).for_each(|(z, slab)| {
             for y in 0..ny {
                 let into = &mut slab[y * nx..(y + 1) * nx];
                 for reach in 1..MAX_SKIP {
@@ -197,7 +202,7 @@ impl Grid {
         });
         let mut skips = along_x;
         skips.copy_from_slice(&along_xy);
-        parallel::for_each_slab(&mut skips, slab_len, threads, |z, slab| {
+        each_slab(&mut skips, slab_len).for_each(|(z, slab)| {
             for reach in 1..MAX_SKIP {
                 let layer = |z: usize| &along_xy[z * slab_len..(z + 1) * slab_len];
                 if let Some(before) = z.checked_sub(usize::from(reach)) {
@@ -211,7 +216,8 @@ impl Grid {
         skips
     }
 
-    /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box, in ascending order.
+    /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box, in ascending
+    /// order.
     pub fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
         found.clear();
         let (from, to) = self.clamped_cells(low, high);

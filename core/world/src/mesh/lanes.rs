@@ -1,8 +1,8 @@
 //! Eight numbers at a time, in the widest registers that the processor has.
 //!
-//! Every implementation gives the same bits: operations round one by one, nothing is fused, and comparisons with NaN are false.
+//! All implementations give the same bits: each operation rounds, none are fused, and comparisons with NaN are false.
 
-/// Numbers that are processed at a time: the elevations of a cone, the triangles of a block.
+/// Numbers per operation: the elevations of a cone, or the triangles of a block.
 pub const LANES: usize = 8;
 
 /// Bit `n` is set where lane `n` is.
@@ -32,7 +32,7 @@ pub(super) trait Lanes: Copy {
     fn bits(self, mask: Self::Mask) -> u32;
 }
 
-/// Plain arithmetic, which compilers turn into the vectors that every processor of a platform has: SSE2, NEON.
+/// Plain arithmetic, which the compiler turns into the platform's baseline vector instructions: SSE2, NEON.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Portable;
 

@@ -1,4 +1,4 @@
-//! All triangles of a map: those that it was built of, whose index maps share, and those that were added since.
+//! All triangles of a map: the built ones, whose index edited maps share, and the added ones.
 
 use super::added::Added;
 use super::fan::{ConeHits, Elevations};
@@ -18,7 +18,7 @@ static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 pub struct Mesh {
     built: Arc<Grid>,
     added: Option<Added>,
-    /// Differs from that of every other mesh of this process.
+    /// Unique among all meshes of this process.
     id: u64,
 }
 
@@ -32,17 +32,17 @@ pub struct Triangles<'a> {
 type Iter<'a> = std::iter::Chain<std::slice::Iter<'a, Triangle>, std::slice::Iter<'a, Triangle>>;
 
 impl<'a> Triangles<'a> {
-    /// Their number.
+    /// Number of triangles.
     pub fn len(self) -> usize {
         self.built.len() + self.added.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no triangles.
     pub fn is_empty(self) -> bool {
         self.len() == 0
     }
 
-    /// One after the other.
+    /// All triangles in order.
     pub fn iter(self) -> Iter<'a> {
         self.built.iter().chain(self.added)
     }
@@ -82,16 +82,16 @@ impl Mesh {
 
     /// Makes a draft ready for cones of rays.
     pub(crate) fn complete(self) -> Self {
-        let draft = Arc::into_inner(self.built).expect("nobody shares a draft");
+        let draft = Arc::into_inner(self.built).expect("a draft has one owner");
         Self { built: Arc::new(draft.complete()), ..self }
     }
 
-    /// The triangles that this mesh was built of, with others added to them. Takes no longer where the mesh is large.
+    /// The built triangles of this mesh with others added. The time does not depend on the size of the mesh.
     pub(crate) fn with_added(&self, triangles: Vec<Triangle>) -> Self {
         Self::of(self.built.clone(), Added::new(triangles))
     }
 
-    /// Tells this mesh from every other one of the process.
+    /// Identity of this mesh among all meshes of the process.
     pub(crate) fn id(&self) -> u64 {
         self.id
     }
@@ -102,7 +102,7 @@ impl Mesh {
         Triangles { built: &self.built.triangles, added }
     }
 
-    /// The triangles that it was built of.
+    /// The triangles that the mesh was built from.
     pub(crate) fn built_triangles(&self) -> &[Triangle] {
         &self.built.triangles
     }
@@ -114,7 +114,7 @@ impl Mesh {
 
     /// Returns the triangles of a draft and drops its index.
     pub(crate) fn into_triangles(self) -> Vec<Triangle> {
-        Arc::into_inner(self.built).expect("nobody shares a draft").into_triangles()
+        Arc::into_inner(self.built).expect("a draft has one owner").into_triangles()
     }
 
     /// Memory of the triangles and their index, in bytes.
@@ -147,8 +147,8 @@ impl Mesh {
 
     /// Number of solids that contain `point`: 0 in the open. Solids must be closed and may overlap.
     ///
-    /// Counts the faces through which a ray to the sky leaves and enters. The result is the median of three rays, since one
-    /// may graze an edge or meet two faces that coincide.
+    /// Counts the faces through which a ray to the sky leaves and enters solids. The result is the median of three
+    /// rays, because one ray may graze an edge or hit two coincident faces.
     pub fn solid_depth_at(&self, point: Vec3) -> u32 {
         let tilts = [Vec3::new(0.017_3, 1.0, 0.020_1), Vec3::new(-0.151, 1.0, 0.083), Vec3::new(0.061, 1.0, -0.217)];
         let mut depths = tilts.map(|tilt| self.faces_left(point, tilt.normalize()));
@@ -169,8 +169,8 @@ impl Mesh {
         count
     }
 
-    /// Replaces the content of `found` with the indices of the solid triangles that may touch the box, ascending and each once: all that
-    /// touch it, and none whose bounds do not.
+    /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box, ascending
+    /// and unique.
     pub fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
         self.built.gather_solids(low, high, found);
         if let Some(added) = &self.added {

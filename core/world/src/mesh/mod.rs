@@ -1,10 +1,11 @@
-//! Triangles, indexed twice: a uniform grid for contacts and single rays, and upright columns for the cones of rays that NPCs cast.
+//! Triangles, indexed twice: a uniform grid for contacts and single rays, and upright columns for the cones of rays
+//! that NPCs cast.
 //!
-//! Each cell of the grid lists the triangles that touch it; an empty cell holds a lower bound of the Chebyshev distance, in
-//! cells, to the nearest cell with triangles, so that rays skip empty space. `columns` holds the other index and `fan` casts
-//! through it, with the vectors of `lanes`; `docs/adr/0021-columns.md` says why.
-//! `layers` puts triangles that were added later over both.
-//! parry3d's triangle is the reference: property tests compare rays and contacts with it.
+//! Each cell of the grid lists the triangles that touch it; an empty cell holds a lower bound of the Chebyshev
+//! distance, in cells, to the nearest cell with triangles, so that rays skip empty space. `columns` holds the other
+//! index and `fan` casts through it, with the vectors of `lanes`; `docs/adr/0021-columns.md` explains why. `layers`
+//! combines both with the triangles that edits add. parry3d's triangle is the reference: property tests compare rays
+//! and contacts with it.
 
 mod added;
 mod columns;

@@ -24,7 +24,7 @@ impl Grid {
         let mut travelled = self.enter(origin, direction)?;
         let inverse = Vec3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
         let step = [direction.x, direction.y, direction.z].map(|d| if d > 0.0 { 1 } else { -1 });
-        // Along an axis where the ray grows, it leaves a cell through the upper border.
+        // Along an axis where its coordinate increases, the ray leaves a cell through the upper border.
         let upper = step.map(|step| (step + 1) / 2);
         let entry = self.cell_of(origin + direction * travelled);
         let mut cell = [0, 1, 2].map(|axis| entry[axis].clamp(0, self.counts[axis] - 1));
@@ -33,7 +33,7 @@ impl Grid {
                 return None;
             }
             let entry = self.cells[self.cell_idx(cell)];
-            // Leave this cell, or the block of cells around it that is known to be empty.
+            // Leave this cell, or the empty block of cells around it.
             let margin = if entry & EMPTY == 0 { 0 } else { (entry & !EMPTY) as i32 - 1 };
             let exit = |axis: usize, o: f32, inverse: f32| {
                 let border = (cell[axis] + upper[axis] + step[axis] * margin) as f32 * CELL_M;
@@ -71,7 +71,7 @@ impl Grid {
         None
     }
 
-    /// Finds the first triangle of one cell on a stretch of a ray, which may be hit slightly outside the cell.
+    /// Finds the first triangle of one cell on a stretch of a ray. The hit may be slightly outside the cell.
     #[inline]
     fn cast_in_cell(
         &self,
@@ -105,7 +105,7 @@ impl Grid {
     }
 }
 
-/// Distances along a ray at which it enters and leaves a box, m, of those up to `most`; `None` if it misses the box.
+/// Distances up to `most` at which a ray enters and leaves a box, m; `None` if it misses the box.
 pub(super) fn stretch_within(
     origin: Vec3,
     direction: Vec3,

@@ -2,7 +2,7 @@
 
 use crate::Vec3;
 
-/// Barycentric slack that keeps rays from passing through the seams between neighbouring triangles.
+/// Barycentric slack that stops rays at the seams between neighbouring triangles.
 pub(super) const SEAM_SLACK: f32 = 1.0e-4;
 
 /// Surface of a triangle.
@@ -11,11 +11,11 @@ pub(super) const SEAM_SLACK: f32 = 1.0e-4;
 pub enum Surface {
     /// Rock, buildings and plateaus: solid.
     Ground = 0,
-    /// Surface of a water pool: hit by rays, passed by bodies.
+    /// Surface of a water pool: stops rays, not bodies.
     Water = 1,
-    /// Surface of a lava pool: hit by rays, passed by bodies.
+    /// Surface of a lava pool: stops rays, not bodies.
     Lava = 2,
-    /// Disc of a jump pad: hit by rays, passed by bodies; the position of the feet triggers the pad.
+    /// Disc of a jump pad: stops rays, not bodies. The position of the feet triggers the pad.
     Pad = 3,
     /// Station of a zip line; otherwise like a pad.
     ZipLine = 4,
@@ -80,7 +80,7 @@ impl Triangle {
         self.surface
     }
 
-    /// Height of the triangle above or below a point of the plane, m; `None` if it does not reach there.
+    /// Height of the triangle at (`x`, `z`), m; `None` if it does not cover that point.
     pub fn height_at(&self, x: f32, z: f32) -> Option<f32> {
         const HIGH: f32 = 20_000.0;
         self.ray(Vec3::new(x, HIGH, z), Vec3::NEG_Y, 0.0, 2.0 * HIGH).map(|distance| HIGH - distance)
@@ -98,8 +98,8 @@ impl Triangle {
         self.surface.is_solid() && own_low.cmple(high).all() && own_high.cmpge(low).all()
     }
 
-    /// The rows `x, y, z, offset` that give, for a point relative to `base`, its distance from the plane and its barycentric
-    /// coordinates along both edges (Baldwin and Weber, 2016).
+    /// The rows `x, y, z, offset` that give, for a point relative to `base`, its distance from the plane and its
+    /// barycentric coordinates along both edges (Baldwin and Weber, 2016).
     pub(super) fn transformation(&self, base: Vec3) -> [f32; 12] {
         let double_area = self.ab.cross(self.ac).length();
         let (u, v) = (self.ac.cross(self.normal) / double_area, self.normal.cross(self.ab) / double_area);
@@ -108,8 +108,8 @@ impl Triangle {
         [n[0], n[1], n[2], n[3], u[0], u[1], u[2], u[3], v[0], v[1], v[2], v[3]]
     }
 
-    /// Distance of the two-sided intersection within `near..=far` along the ray: the plane first, which decides most cases,
-    /// then barycentric coordinates, slightly widened so that seams do not leak.
+    /// Distance of the two-sided intersection within `near..=far` along the ray. The plane decides most cases; the
+    /// barycentric coordinates are slightly widened so that seams do not leak.
     #[inline]
     pub(crate) fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
         let offset = origin - self.a;
@@ -133,7 +133,8 @@ impl Triangle {
         self.closest(point).0
     }
 
-    /// Closest point of the triangle to `point`, and whether it is off the border (Ericson, Real-Time Collision Detection, 5.1.5).
+    /// Closest point of the triangle to `point`, and whether it is off the border (Ericson, Real-Time Collision
+    /// Detection, 5.1.5).
     #[inline]
     fn closest(&self, point: Vec3) -> (Vec3, bool) {
         let (ab, ac, a) = (self.ab, self.ac, self.a);
@@ -171,8 +172,8 @@ impl Triangle {
 
     /// Penetration of an upright capsule, if any.
     ///
-    /// The capsule is the vertical segment of length `height` above `low`, widened by `radius`. Contacts from
-    /// behind are ignored: a body enters a solid only through a bug, and pushing it outwards would make that worse.
+    /// The capsule is the vertical segment of length `height` above `low`, widened by `radius`. Contacts from behind
+    /// are ignored: a body enters a solid only through a bug, and a push outwards would make that worse.
     #[inline]
     pub fn capsule_contact(&self, low: Vec3, height: f32, radius: f32) -> Option<Contact> {
         let low_side = self.normal.dot(low - self.a);

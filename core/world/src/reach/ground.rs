@@ -1,10 +1,12 @@
 //! Places to stand on a grid, joined into islands by walking.
 
 use crate::character::{CharacterProfile, MoveScratch, is_clear};
-use crate::float::hypot;
+use crate::float::horizontal;
 use crate::map::Map;
 use crate::mesh::Surface;
-use crate::{Vec3, navigable, parallel};
+use crate::{Vec3, navigable};
+use petgraph::unionfind::UnionFind;
+use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
@@ -42,7 +44,7 @@ pub struct Ground {
     starts: Vec<u32>,
     cells: Vec<Cell>,
     islands: Vec<Island>,
-    /// Bit n is set where the cell can walk to its n-th neighbour of [`NEIGHBOURS`].
+    /// For each cell, bit n is set if a walk leads to its n-th neighbour of [`NEIGHBOURS`].
     walkable: Vec<u8>,
 }
 
@@ -50,14 +52,12 @@ pub struct Ground {
 pub const NEIGHBOURS: [(i32, i32); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1)];
 
 impl Ground {
-    /// Finds all places and islands on `thread_count` threads.
-    pub(super) fn survey(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
+    /// Finds all places and islands.
+    pub(super) fn survey(map: &Map, profile: &CharacterProfile) -> Self {
         let extent = map.extent();
         let (columns, rows) = ((extent.x / SPACING_M) as i32, (extent.z / SPACING_M) as i32);
-        let found = parallel::map_indices(rows as usize, thread_count, |range| {
-            let mut scratch = MoveScratch::default();
-            range.map(|row| find_row(map, profile, columns, row as i32, &mut scratch)).collect()
-        });
+        let find = |scratch: &mut MoveScratch, row: i32| find_row(map, profile, columns, row, scratch);
+        let found: Vec<_> = (0..rows).into_par_iter().map_init(MoveScratch::default, find).collect();
         let mut starts = vec![0];
         let mut cells = Vec::new();
         for (row_cells, counts) in found {
@@ -67,7 +67,7 @@ impl Ground {
             cells.extend(row_cells.into_iter().map(|feet| Cell { feet, island: 0 }));
         }
         let mut ground = Self { columns, rows, starts, cells, islands: Vec::new(), walkable: Vec::new() };
-        ground.join_on_foot(map, profile, thread_count);
+        ground.join_on_foot(map, profile);
         ground
     }
 
@@ -120,7 +120,8 @@ impl Ground {
         best.map(|(_, idx)| idx)
     }
 
-    /// Index of the cell to which a cell can walk in the direction `NEIGHBOURS[neighbour]`: the one nearest in height.
+    /// Index of the cell to which one can walk from a cell in the direction `NEIGHBOURS[neighbour]`: the one nearest in
+    /// height.
     pub fn neighbour(&self, cell_idx: usize, neighbour: usize) -> Option<usize> {
         if !self.walks_to(cell_idx, neighbour) {
             return None;
@@ -131,18 +132,18 @@ impl Ground {
         self.column(column + dx, row + dz).min_by(|a, b| rise(a).total_cmp(&rise(b)))
     }
 
-    /// Whether a cell can walk to its neighbour `NEIGHBOURS[neighbour]`.
+    /// Whether a walk leads from a cell to its neighbour `NEIGHBOURS[neighbour]`.
     pub fn walks_to(&self, cell_idx: usize, neighbour: usize) -> bool {
         self.walkable[cell_idx] & (1 << neighbour) != 0
     }
 
-    /// Whether a walk of at most `metres` from place to place leads from one point to another; false if one is at no place.
+    /// Whether a walk of at most `metres` over places leads from one point to another; false if a point is at no place.
     pub fn walks_within(&self, from: Vec3, to: Vec3, metres: f32) -> bool {
         let (Some(start), Some(goal)) = (self.index_at(from), self.index_at(to)) else { return false };
         if self.cells[start].island != self.cells[goal].island {
             return false;
         }
-        // Lengths are not negative, so that their bits are ordered as they are.
+        // Lengths are not negative, so their bits have the same order.
         let mut best: BTreeMap<usize, f32> = BTreeMap::from([(start, 0.0)]);
         let mut open = BinaryHeap::from([Reverse((0u32, start))]);
         while let Some(Reverse((bits, cell))) = open.pop() {
@@ -165,55 +166,50 @@ impl Ground {
         false
     }
 
-    fn join_on_foot(&mut self, map: &Map, profile: &CharacterProfile, thread_count: usize) {
-        let column_count = (self.columns * self.rows) as usize;
-        let joins: Vec<(u32, u32, u8)> = parallel::map_indices(column_count, thread_count, |range| {
-            let mut joins = Vec::new();
-            for idx in range {
-                let (column, row) = (idx as i32 % self.columns, idx as i32 / self.columns);
-                for cell in self.column(column, row) {
-                    // The other half follows by symmetry.
-                    for (neighbour, &(dx, dz)) in (0..).zip(&NEIGHBOURS[..4]) {
-                        for other in self.column(column + dx, row + dz) {
-                            if can_walk(map, profile, self.cells[cell].feet, self.cells[other].feet) {
-                                joins.push((cell as u32, other as u32, neighbour));
-                            }
-                        }
-                    }
-                }
-            }
-            joins
-        });
-        let mut parents: Vec<u32> = (0..self.cells.len() as u32).collect();
+    fn join_on_foot(&mut self, map: &Map, profile: &CharacterProfile) {
+        let joins: Vec<Vec<(u32, u32, u8)>> =
+            (0..self.rows).into_par_iter().map(|row| self.joins_of_row(map, profile, row)).collect();
+        let mut joined = UnionFind::<u32>::new(self.cells.len());
         self.walkable = vec![0; self.cells.len()];
-        for (a, b, neighbour) in joins {
+        for (a, b, neighbour) in joins.into_iter().flatten() {
             self.walkable[a as usize] |= 1 << neighbour;
             self.walkable[b as usize] |= 1 << (neighbour + 4);
-            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
-            parents[a.max(b) as usize] = a.min(b);
+            joined.union(a, b);
         }
-        let mut counts = vec![0u32; self.cells.len()];
-        let roots: Vec<u32> = (0..self.cells.len() as u32).map(|cell| root(&mut parents, cell)).collect();
-        roots.iter().for_each(|&root| counts[root as usize] += 1);
-        let mut order: Vec<u32> = (0..counts.len() as u32).filter(|&cell| counts[cell as usize] > 0).collect();
-        order.sort_by_key(|&root| std::cmp::Reverse(counts[root as usize]));
-        self.islands = order.iter().map(|&root| Island { cell_count: counts[root as usize] }).collect();
-        let mut island_of_root = counts;
-        for (island, &root) in (0..).zip(&order) {
-            island_of_root[root as usize] = island;
-        }
-        for (cell, root) in self.cells.iter_mut().zip(roots) {
-            cell.island = island_of_root[root as usize];
-        }
+        self.number_islands(joined.into_labeling());
     }
-}
 
-fn root(parents: &mut [u32], mut cell: u32) -> u32 {
-    while parents[cell as usize] != cell {
-        parents[cell as usize] = parents[parents[cell as usize] as usize];
-        cell = parents[cell as usize];
+    /// The pairs of neighbouring cells between which a walk leads, for one row of the grid, with the direction.
+    fn joins_of_row(&self, map: &Map, profile: &CharacterProfile, row: i32) -> Vec<(u32, u32, u8)> {
+        let mut joins = Vec::new();
+        for (column, cell) in (0..self.columns).flat_map(|column| self.column(column, row).map(move |it| (column, it)))
+        {
+            // The other half of the directions follows by symmetry.
+            for (neighbour, &(dx, dz)) in (0..).zip(&NEIGHBOURS[..4]) {
+                let others = self.column(column + dx, row + dz);
+                let walks =
+                    others.filter(|other| can_walk(map, profile, self.cells[cell].feet, self.cells[*other].feet));
+                joins.extend(walks.map(|other| (cell as u32, other as u32, neighbour)));
+            }
+        }
+        joins
     }
-    cell
+
+    /// Numbers the islands: the largest comes first, and of equally large ones the one whose first cell comes first.
+    fn number_islands(&mut self, labels: Vec<u32>) {
+        // Number of cells and first cell of each label.
+        let mut found: BTreeMap<u32, (u32, usize)> = BTreeMap::new();
+        for (cell, &label) in labels.iter().enumerate() {
+            found.entry(label).or_insert((0, cell)).0 += 1;
+        }
+        let mut order: Vec<(u32, (u32, usize))> = found.into_iter().collect();
+        order.sort_by_key(|&(_, (count, first))| (Reverse(count), first));
+        self.islands = order.iter().map(|&(_, (cell_count, _))| Island { cell_count }).collect();
+        let island_of: BTreeMap<u32, u32> = order.iter().map(|(label, _)| *label).zip(0..).collect();
+        for (cell, label) in self.cells.iter_mut().zip(labels) {
+            cell.island = island_of[&label];
+        }
+    }
 }
 
 /// Places of one row of the grid, and the number of places in each column.
@@ -242,11 +238,11 @@ fn find_row(
     (found, counts)
 }
 
-/// Whether the character can walk between two neighbouring places in both directions: the ground between them is
-/// continuous, dry and nowhere too steep, and nothing is in the way.
+/// Whether the character can walk between two neighbouring places in both directions: the ground is continuous, dry,
+/// nowhere too steep, and free of obstacles.
 fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
     let offset = b - a;
-    let run = hypot(offset.x, offset.z);
+    let run = horizontal(offset);
     let slope = libm::tanf(profile.max_slope);
     if offset.y.abs() > run * slope + profile.step_height {
         return false;
@@ -270,7 +266,7 @@ fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
     is_open_between(map, a, b)
 }
 
-/// Whether nothing is in the way of a character between two places.
+/// Whether there is no obstacle between two places.
 pub(super) fn is_open_between(map: &Map, a: Vec3, b: Vec3) -> bool {
     let offset = b - a;
     let length = offset.length().max(1.0e-3);

@@ -1,10 +1,10 @@
-//! Scripted leaps: where a character lands when it runs off a ledge, jumps, or is thrown.
+//! Scripted leaps: the landing of a character that runs off a ledge, jumps, or is thrown.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::map::Map;
 use crate::{Ability, TICK_SECONDS, Vec3};
 
-/// How a leap begins and what the body does in the air.
+/// The beginning of a leap and the controls in the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Leap {
     /// Runs towards the target and off the edge.
@@ -30,8 +30,8 @@ const MAX_RUN_TICKS: u32 = 24;
 /// Deceleration in the air that the approach assumes, m/s2: less than the default character has.
 const BRAKE: f32 = 18.0;
 
-/// Simulates a leap from `from` towards `target` and returns where the body lands, m; `None` if it lands nowhere in time,
-/// in a liquid or outside the map, or triggers a device on the way.
+/// Simulates a leap from `from` towards `target` and returns the place where the body lands, m. `None` if it does not
+/// land in time, lands in a liquid or outside the map, or triggers a device on the way.
 pub fn land(
     map: &Map,
     profile: &CharacterProfile,
@@ -40,61 +40,80 @@ pub fn land(
     leap: Leap,
     scratch: &mut MoveScratch,
 ) -> Option<Vec3> {
-    let heading = target - from;
-    let mut body = Body::at(from, libm::atan2f(heading.x, heading.z));
-    body.support = crate::character::Support::Ground;
-    body.air_jumps_left = profile.extra_jumps;
-    let mut has_left_ground = false;
-    match leap {
-        Leap::Pad(speed) => {
-            body.velocity.y = speed;
-            body.leave_ground();
-            has_left_ground = true;
-        }
-        Leap::Jetpack(fuel) => body.fuel = fuel,
-        _ => {}
-    }
-    let mut jumps_made = 0;
+    let mut leaper = Leaper::new(profile, from, target, leap);
     for tick in 0..MAX_TICKS {
-        let remaining = Vec3::new(target.x - body.feet.x, 0.0, target.z - body.feet.z);
-        let along = remaining.dot(body.facing());
-        let speed = if matches!(leap, Leap::Run) && !has_left_ground {
-            profile.forward_speed
-        } else {
-            approach_speed(profile, along)
-        };
-        let mut action = Action { forward: (speed / profile.forward_speed).clamp(-1.0, 1.0), ..Action::default() };
-        let grounded = body.is_grounded();
-        let wants_jump = match leap {
-            Leap::Run => false,
-            Leap::Jump | Leap::DoubleJump | Leap::Jetpack(_) if jumps_made == 0 => tick == 0,
-            Leap::RunAndJump | Leap::RunAndDoubleJump if jumps_made == 0 => !grounded,
-            Leap::Jump | Leap::RunAndJump => false,
-            _ => jumps_made < 2 && body.air_jumps_left > 0 && body.velocity.y < 0.5 && body.feet.y < target.y + 1.0,
-        };
-        body.jump_pending = wants_jump;
-        let wants_thrust =
-            matches!(leap, Leap::Jetpack(_)) && jumps_made > 0 && (body.feet.y < target.y + 1.2 || along > 3.0);
-        if wants_jump || wants_thrust {
-            action.jump = 1.0;
-        }
-        let used = body.tick(map, profile, &action, scratch);
-        jumps_made += u32::from(used.contains(Ability::Jump)) + u32::from(used.contains(Ability::DoubleJump));
-        if [Ability::Pad, Ability::ZipLine, Ability::Teleporter].into_iter().any(|device| used.contains(device)) {
+        let action = leaper.decide(profile, tick);
+        let used = leaper.body.tick(map, profile, &action, scratch);
+        leaper.jumps_made += u32::from(used.contains(Ability::Jump)) + u32::from(used.contains(Ability::DoubleJump));
+        let feet = leaper.body.feet;
+        let meets_device =
+            [Ability::Pad, Ability::ZipLine, Ability::Teleporter].into_iter().any(|device| used.contains(device));
+        if meets_device || map.is_outside(feet) || map.liquid_at(feet, 0.0).is_some() {
             return None;
         }
-        if map.is_outside(body.feet) || map.liquid_at(body.feet, 0.0).is_some() {
-            return None;
+        leaper.has_left_ground |= !leaper.body.is_grounded();
+        if leaper.has_left_ground && leaper.body.is_grounded() {
+            return Some(feet);
         }
-        has_left_ground |= !body.is_grounded();
-        if has_left_ground && body.is_grounded() {
-            return Some(body.feet);
-        }
-        if !has_left_ground && tick >= MAX_RUN_TICKS {
+        if !leaper.has_left_ground && tick >= MAX_RUN_TICKS {
             return None;
         }
     }
     None
+}
+
+/// A body that leaps.
+struct Leaper {
+    body: Body,
+    target: Vec3,
+    leap: Leap,
+    jumps_made: u32,
+    has_left_ground: bool,
+}
+
+impl Leaper {
+    fn new(profile: &CharacterProfile, from: Vec3, target: Vec3, leap: Leap) -> Self {
+        let heading = target - from;
+        let mut body = Body::at(from, libm::atan2f(heading.x, heading.z));
+        body.support = crate::character::Support::Ground;
+        body.air_jumps_left = profile.extra_jumps;
+        match leap {
+            Leap::Pad(speed) => {
+                body.velocity.y = speed;
+                body.leave_ground();
+            }
+            Leap::Jetpack(fuel) => body.fuel = fuel,
+            _ => {}
+        }
+        Self { body, target, leap, jumps_made: 0, has_left_ground: matches!(leap, Leap::Pad(_)) }
+    }
+
+    /// The controls of a tick: approaches the target so that the body can stop there, and jumps as the leap requires.
+    fn decide(&mut self, profile: &CharacterProfile, tick: u32) -> Action {
+        let (feet, target) = (self.body.feet, self.target);
+        let along = Vec3::new(target.x - feet.x, 0.0, target.z - feet.z).dot(self.body.facing());
+        let runs = self.leap == Leap::Run && !self.has_left_ground;
+        let speed = if runs { profile.forward_speed } else { approach_speed(profile, along) };
+        self.body.jump_pending = self.wants_jump(tick);
+        let thrusts =
+            matches!(self.leap, Leap::Jetpack(_)) && self.jumps_made > 0 && (feet.y < target.y + 1.2 || along > 3.0);
+        let jump = if self.body.jump_pending || thrusts { 1.0 } else { 0.0 };
+        Action { forward: (speed / profile.forward_speed).clamp(-1.0, 1.0), jump, ..Action::default() }
+    }
+
+    fn wants_jump(&self, tick: u32) -> bool {
+        let body = &self.body;
+        match self.leap {
+            Leap::Run => false,
+            Leap::Jump | Leap::DoubleJump | Leap::Jetpack(_) if self.jumps_made == 0 => tick == 0,
+            Leap::RunAndJump | Leap::RunAndDoubleJump if self.jumps_made == 0 => !body.is_grounded(),
+            Leap::Jump | Leap::RunAndJump => false,
+            _ => {
+                let falls = body.velocity.y < 0.5 && body.feet.y < self.target.y + 1.0;
+                self.jumps_made < 2 && body.air_jumps_left > 0 && falls
+            }
+        }
+    }
 }
 
 /// Speed from which the body can still stop within `along` metres, m/s, with the sign of `along`.

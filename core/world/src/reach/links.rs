@@ -2,61 +2,35 @@
 
 use super::ground::{Cell, Ground, NEIGHBOURS, SPACING_M};
 use super::leap::{self, Leap};
-use super::tries::Tries;
+use super::limits::JumpLimits;
 use super::{Link, Means};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
-use crate::float::hypot;
+use crate::float::horizontal;
 use crate::map::Map;
 use crate::{Vec3, navigable};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Longest throw of a pad or flight of a jetpack that is tried, m.
+/// Longest throw of a pad or flight of a jetpack that a survey tries, m.
 pub(crate) const THROW_REACH_M: f32 = 17.0;
-/// Highest fall that is tried, m.
+/// Highest fall that a survey tries, m.
 const MAX_DROP_M: f32 = 60.0;
 
-/// Finds all links of `ground`, sorted. One thread finds all links of an island, so the result does not depend on
-/// `thread_count`.
-pub(super) fn find(
-    map: &Map,
-    profile: &CharacterProfile,
-    ground: &Ground,
-    thread_count: usize,
-    tries: &Tries,
-) -> Vec<Link> {
-    let borders = borders_by_island(ground);
-    let next = AtomicUsize::new(0);
-    let found: Mutex<Vec<Link>> = Mutex::new(Vec::new());
-    std::thread::scope(|scope| {
-        for _ in 0..thread_count.max(1) {
-            scope.spawn(|| {
-                let mut links = Vec::new();
-                let mut scratch = MoveScratch::default();
-                loop {
-                    let island = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(cells) = borders.get(island) else { break };
-                    let mut search = IslandSearch {
-                        map,
-                        profile,
-                        ground,
-                        tries,
-                        island: island as u32,
-                        known: BTreeMap::new(),
-                        scratch: &mut scratch,
-                    };
-                    for &cell_idx in cells {
-                        search.drops(cell_idx as usize);
-                        search.jumps(cell_idx as usize);
-                    }
-                    links.extend(search.links());
-                }
-                found.lock().expect("no searcher panics").extend(links);
-            });
+/// Finds all links of `ground`, sorted.
+pub(super) fn find(map: &Map, profile: &CharacterProfile, ground: &Ground, limits: &JumpLimits) -> Vec<Link> {
+    let of_island = |scratch: &mut MoveScratch, (island, cells): (usize, &Vec<u32>)| {
+        let (island, known) = (island as u32, BTreeMap::new());
+        let mut search = IslandSearch { map, profile, ground, limits, island, known, scratch };
+        for &cell_idx in cells {
+            search.drops(cell_idx as usize);
+            search.jumps(cell_idx as usize);
         }
-    });
-    let mut links = found.into_inner().expect("no searcher panics");
+        search.links().collect::<Vec<Link>>()
+    };
+    let borders = borders_by_island(ground);
+    let found: Vec<Vec<Link>> =
+        borders.par_iter().enumerate().with_max_len(1).map_init(MoveScratch::default, of_island).collect();
+    let mut links = found.concat();
     device_links(map, profile, ground, &mut links);
     links.sort_unstable();
     links.dedup_by_key(|link| (link.from, link.to, link.means));
@@ -74,7 +48,7 @@ fn borders_by_island(ground: &Ground) -> Vec<Vec<u32>> {
     borders
 }
 
-/// What the search has found about links to another island.
+/// Findings about links to another island.
 #[derive(Debug, Clone, Copy, Default)]
 struct Known {
     /// The least demanding means, and the cells of take-off and landing.
@@ -87,7 +61,7 @@ struct IslandSearch<'a> {
     map: &'a Map,
     profile: &'a CharacterProfile,
     ground: &'a Ground,
-    tries: &'a Tries,
+    limits: &'a JumpLimits,
     island: u32,
     known: BTreeMap<u32, Known>,
     scratch: &'a mut MoveScratch,
@@ -103,7 +77,7 @@ impl IslandSearch<'_> {
     fn is_settled(&self, island: u32, means: Means) -> bool {
         island == self.island
             || self.known.get(&island).is_some_and(|known| {
-                known.best.is_some_and(|(best, ..)| best <= means) || known.failures >= self.tries.max_failures
+                known.best.is_some_and(|(best, ..)| best <= means) || known.failures >= self.limits.max_failures
             })
     }
 
@@ -125,7 +99,7 @@ impl IslandSearch<'_> {
         island == Some(target.island)
     }
 
-    /// Tries to run off every edge of a cell that has ground below.
+    /// Tries to run off each edge of a cell that has ground below it.
     fn drops(&mut self, cell_idx: usize) {
         let feet = self.ground.cells()[cell_idx].feet;
         for (neighbour, (dx, dz)) in NEIGHBOURS.into_iter().enumerate() {
@@ -148,7 +122,7 @@ impl IslandSearch<'_> {
         }
     }
 
-    /// Tries to jump to other ground beyond every edge of a cell.
+    /// Tries to jump to ground beyond each edge of a cell.
     fn jumps(&mut self, cell_idx: usize) {
         let feet = self.ground.cells()[cell_idx].feet;
         let (column, row) = self.ground.column_of(feet);
@@ -156,11 +130,11 @@ impl IslandSearch<'_> {
             if self.ground.walks_to(cell_idx, neighbour) {
                 continue;
             }
-            for reach in 1..=self.tries.jump_reach {
+            for reach in 1..=self.limits.jump_reach {
                 for target_idx in self.ground.column(column + dx * reach, row + dz * reach) {
                     let target = self.ground.cells()[target_idx];
                     let rise = target.feet.y - feet.y;
-                    if !(-20.0..=self.tries.max_rise_m).contains(&rise) {
+                    if !(-20.0..=self.limits.max_rise_m).contains(&rise) {
                         continue;
                     }
                     self.jump_to(cell_idx, &target, rise, reach as f32 * SPACING_M);
@@ -170,7 +144,7 @@ impl IslandSearch<'_> {
     }
 
     fn jump_to(&mut self, from: usize, target: &Cell, rise: f32, run: f32) {
-        let (most_rise, most_run) = self.tries.single_m;
+        let (most_rise, most_run) = self.limits.single_m;
         let single = rise < most_rise && run < most_run;
         if single && !self.is_settled(target.island, Means::Jump) {
             let leaps = if rise > 0.3 { [Leap::Jump, Leap::RunAndJump] } else { [Leap::RunAndJump, Leap::Jump] };
@@ -189,7 +163,7 @@ impl IslandSearch<'_> {
     }
 }
 
-/// The cell nearest to `centre` of every island with ground so close that a character can step on a device there, by island.
+/// For each island from which a character can step onto a device at `centre`, the nearest cell, by island.
 pub(crate) fn cells_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
     let (column, row) = ground.column_of(centre);
     let mut nearest: BTreeMap<u32, (f32, u32)> = BTreeMap::new();
@@ -198,7 +172,7 @@ pub(crate) fn cells_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
             for idx in ground.column(x, z) {
                 let Cell { feet, island } = ground.cells()[idx];
                 let offset = feet - centre;
-                let distance = hypot(offset.x, offset.z);
+                let distance = horizontal(offset);
                 let is_nearer = nearest.get(&island).is_none_or(|&(least, _)| distance < least);
                 if offset.y.abs() < 0.8 && distance < 2.4 && is_nearer {
                     nearest.insert(island, (distance, idx as u32));
@@ -221,7 +195,7 @@ pub(crate) fn between<'a>(
     takeoffs.iter().map(link).filter(|link| link.from != link.to)
 }
 
-/// Up to six cells of every island within `reach` metres of `centre` and below `rise` metres above it, from near to far.
+/// Up to six cells of each island within `reach` metres of `centre` and below `rise` metres above it, from near to far.
 pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f32) -> Vec<Cell> {
     let (column, row) = ground.column_of(centre);
     let span = (reach / SPACING_M) as i32;
@@ -229,7 +203,7 @@ pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f3
     for z in row - span..=row + span {
         for x in column - span..=column + span {
             for cell in &ground.cells()[ground.column(x, z)] {
-                let distance = hypot(cell.feet.x - centre.x, cell.feet.z - centre.z);
+                let distance = horizontal(cell.feet - centre);
                 if distance <= reach && cell.feet.y - centre.y < rise {
                     by_island.entry(cell.island).or_default().push((distance, *cell));
                 }
@@ -240,7 +214,7 @@ pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f3
         .into_values()
         .flat_map(|mut cells| {
             cells.sort_by(|a, b| a.0.total_cmp(&b.0));
-            // The nearest cell is often right above; one further in is easier to land on.
+            // The nearest cell is often right above; a cell farther from the edge is easier to land on.
             let picks = [0, 1, 2, 3, 4, 6].map(|eighths| cells.len() * eighths / 8);
             let mut cells: Vec<Cell> = picks.into_iter().map(|idx| cells[idx].1).collect();
             cells.dedup_by_key(|cell| cell.feet.to_array().map(f32::to_bits));
@@ -294,7 +268,7 @@ fn device_links(map: &Map, profile: &CharacterProfile, ground: &Ground, links: &
     }
 }
 
-/// Simulates a ride on the zip line whose station is at `from` and returns where the body lands, m.
+/// Simulates a ride on the zip line with a station at `from`. Returns the place where the body lands, m.
 fn ride(map: &Map, profile: &CharacterProfile, from: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
     const MAX_RIDE_TICKS: u32 = 1800;
     let mut body = Body::at(from, 0.0);

@@ -1,31 +1,32 @@
-//! Which places of a map a character can reach, by geometry and ballistics, without a policy.
+//! The survey of a map: the places that a character can reach by geometry and ballistics, without a policy.
 //!
-//! Three layers. [`ground`]: every place to stand on a fine grid, joined into *islands* by walking. [`leap`]: what
-//! the character's body does when it runs off a ledge, jumps, or is thrown by a pad; each leap is simulated tick by
-//! tick. This module: directed *links* between islands, each shown by a simulated leap or ride or by a mover beside both, and what they
-//! connect.
+//! [`ground`] finds every place to stand on a fine grid and joins the places into *islands* by walking. [`leap`]
+//! simulates a body, tick by tick, that runs off a ledge, jumps, or is thrown by a pad. This module finds directed
+//! *links* between islands, each by a simulated leap or ride or by a mover beside both islands.
 //!
-//! The result is conservative: a jump counts only where a scripted body made it.
+//! The result is conservative: a jump counts only if a scripted body made it.
 
-mod borders;
 pub mod ground;
 pub mod leap;
+mod limits;
 pub(crate) mod links;
 mod rides;
-mod tries;
-
-pub use borders::Cause;
 
 use crate::character::CharacterProfile;
 use crate::map::Map;
+use crate::parallel::with_threads;
 use ground::Ground;
+use limits::JumpLimits;
+use petgraph::algo::kosaraju_scc;
+use petgraph::graph::{DiGraph, NodeIndex};
+use petgraph::visit::{Dfs, EdgeRef, IntoNeighbors, NodeCount, Reversed, Visitable};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use strum::VariantArray;
-use tries::Tries;
 
-/// What a character must do to follow a link between two islands.
+/// The move or mover that a link needs.
 #[derive(
     Debug,
     Clone,
@@ -57,7 +58,7 @@ pub enum Means {
     Teleporter,
     /// A jetpack.
     Jetpack,
-    /// A lift or platform that is ridden, or a floor or conveyor that is walked over.
+    /// A ride on a lift or platform, or a walk over a floor or conveyor.
     Mover,
 }
 
@@ -78,9 +79,9 @@ pub struct Link {
     pub from: u32,
     /// Index of the island that the link reaches.
     pub to: u32,
-    /// What a character must do to follow the link.
+    /// The move or mover that the link needs.
     pub means: Means,
-    /// Index of the cell where a character leaves the first island, or that is nearest to the device that takes it away.
+    /// Index of the cell where a character leaves the first island, or the cell nearest to the device that it uses.
     pub takeoff: u32,
     /// Index of the cell where it arrives.
     pub landing: u32,
@@ -91,27 +92,34 @@ pub struct Link {
 pub struct Reach {
     /// Places to stand and the islands that they form.
     pub ground: Ground,
-    /// Links between islands, sorted; at most one for each pair of islands and each means.
+    /// Links between islands, sorted; at most one for each pair of islands and means.
     pub links: Vec<Link>,
 }
 
-/// Random starts whose reachable share is averaged.
+/// Islands or regions, and the ways from one to another.
+pub type IslandGraph = DiGraph<(), ()>;
+
+/// Number of random starts of an estimate.
 const START_COUNT: usize = 1000;
 
 impl Reach {
-    /// Surveys `map` for characters of `profile`, with jumps of up to 10 m; the result does not depend on `thread_count`.
+    /// Surveys `map` for characters of `profile`, with jumps of up to 10 m; the result does not depend on
+    /// `thread_count`.
     pub fn survey(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
-        Self::survey_with(map, profile, thread_count, &Tries::usual())
+        Self::survey_with(map, profile, thread_count, &JumpLimits::usual())
     }
 
-    /// Like [`survey`](Self::survey), but tries jumps as far and as high as the body may get, and more of them. Takes longer.
+    /// Like [`survey`](Self::survey), but tries more jumps, as far and as high as the body can jump. Takes longer.
     pub fn survey_far(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
-        Self::survey_with(map, profile, thread_count, &Tries::far(profile))
+        Self::survey_with(map, profile, thread_count, &JumpLimits::far(profile))
     }
 
-    fn survey_with(map: &Map, profile: &CharacterProfile, thread_count: usize, tries: &Tries) -> Self {
-        let ground = Ground::survey(map, profile, thread_count);
-        let mut links = links::find(map, profile, &ground, thread_count, tries);
+    fn survey_with(map: &Map, profile: &CharacterProfile, thread_count: usize, limits: &JumpLimits) -> Self {
+        let (ground, mut links) = with_threads(thread_count, || {
+            let ground = Ground::survey(map, profile);
+            let links = links::find(map, profile, &ground, limits);
+            (ground, links)
+        });
         links.extend(rides::links(map, profile, &ground));
         links.sort_unstable();
         Self { ground, links }
@@ -143,37 +151,31 @@ impl Reach {
         sum / START_COUNT as f64
     }
 
-    /// For each island, the islands to which its links lead whose means are `usable`.
-    pub fn exits(&self, usable: impl Fn(Means) -> bool) -> Vec<Vec<u32>> {
-        let mut exits = vec![Vec::new(); self.ground.islands().len()];
-        for link in self.links.iter().filter(|link| usable(link.means)) {
-            exits[link.from as usize].push(link.to);
-        }
-        exits
+    /// The islands, joined by the links whose means are `usable`.
+    pub fn graph(&self, usable: impl Fn(Means) -> bool) -> IslandGraph {
+        let links = self.links.iter().filter(|link| usable(link.means));
+        let mut graph = IslandGraph::from_edges(links.map(|link| (link.from, link.to)));
+        (graph.node_count()..self.ground.islands().len()).for_each(|_| _ = graph.add_node(()));
+        graph
     }
 
     /// Merges islands that can reach one another over links whose means are `usable`.
     pub fn regions(&self, usable: impl Fn(Means) -> bool) -> Regions {
-        let islands = self.ground.islands();
-        let forward = self.exits(usable);
-        let (of_island, region_count) = strongly_connected(&forward);
-        let mut cell_counts = vec![0u64; region_count];
-        let mut exits = vec![Vec::new(); region_count];
-        for (island, &region) in islands.iter().zip(&of_island) {
-            cell_counts[region as usize] += u64::from(island.cell_count);
-        }
-        for (from, targets) in forward.iter().enumerate() {
-            for &to in targets {
-                let (from, to) = (of_island[from], of_island[to as usize]);
-                if from != to {
-                    exits[from as usize].push(to);
-                }
+        let graph = self.graph(usable);
+        let regions = kosaraju_scc(&graph);
+        let mut of_island = vec![0; graph.node_count()];
+        let mut cell_counts = vec![0u64; regions.len()];
+        for (region, islands) in regions.iter().enumerate() {
+            for island in islands {
+                of_island[island.index()] = region as u32;
+                cell_counts[region] += u64::from(self.ground.islands()[island.index()].cell_count);
             }
         }
-        exits.iter_mut().for_each(|targets| {
-            targets.sort_unstable();
-            targets.dedup();
-        });
+        let ends = graph.edge_references().map(|edge| [edge.source(), edge.target()].map(|it| of_island[it.index()]));
+        let ends: BTreeSet<(u32, u32)> = ends.filter(|[from, to]| from != to).map(|[from, to]| (from, to)).collect();
+        let mut exits = IslandGraph::with_capacity(regions.len(), ends.len());
+        regions.iter().for_each(|_| _ = exits.add_node(()));
+        exits.extend_with_edges(ends);
         Regions { of_island, cell_counts, exits }
     }
 }
@@ -185,8 +187,7 @@ pub struct Regions {
     pub of_island: Vec<u32>,
     /// Number of cells in each region.
     pub cell_counts: Vec<u64>,
-    /// For each region, the regions that it leads to directly.
-    pub exits: Vec<Vec<u32>>,
+    exits: IslandGraph,
 }
 
 impl Regions {
@@ -197,16 +198,12 @@ impl Regions {
 
     /// For each region, whether it can be reached from `start`; true for `start` itself.
     pub fn reachable_from(&self, start: u32) -> Vec<bool> {
-        flood(&self.exits, start)
+        reached(&self.exits, start)
     }
 
     /// For each region, whether it can reach `goal`; true for `goal` itself.
     pub fn reaching(&self, goal: u32) -> Vec<bool> {
-        let mut entrances = vec![Vec::new(); self.exits.len()];
-        for (from, targets) in (0..).zip(&self.exits) {
-            targets.iter().for_each(|&to| entrances[to as usize].push(from));
-        }
-        flood(&entrances, goal)
+        reached(Reversed(&self.exits), goal)
     }
 
     fn cells_reachable_from(&self, start: u32) -> u64 {
@@ -215,61 +212,15 @@ impl Regions {
     }
 }
 
-/// For each node, whether the directed edges `exits` lead to it from `start`; true for `start` itself.
-pub fn flood(exits: &[Vec<u32>], start: u32) -> Vec<bool> {
-    let mut reached = vec![false; exits.len()];
-    let mut open = vec![start];
-    while let Some(node) = open.pop() {
-        if !std::mem::replace(&mut reached[node as usize], true) {
-            open.extend(&exits[node as usize]);
-        }
+/// For each node, whether the edges of `graph` lead to it from `start`; true for `start` itself.
+pub fn reached<G>(graph: G, start: u32) -> Vec<bool>
+where
+    G: IntoNeighbors<NodeId = NodeIndex> + Visitable<NodeId = NodeIndex> + NodeCount,
+{
+    let mut reached = vec![false; graph.node_count()];
+    let mut search = Dfs::new(graph, NodeIndex::from(start));
+    while let Some(node) = search.next(graph) {
+        reached[node.index()] = true;
     }
     reached
-}
-
-/// Tarjan's algorithm without recursion: the component of each node, and the number of components.
-fn strongly_connected(exits: &[Vec<u32>]) -> (Vec<u32>, usize) {
-    const NEW: u32 = u32::MAX;
-    let node_count = exits.len();
-    let (mut order, mut low) = (vec![NEW; node_count], vec![0u32; node_count]);
-    let mut component = vec![NEW; node_count];
-    let (mut next_order, mut component_count) = (0, 0);
-    let (mut stack, mut calls): (Vec<u32>, Vec<(u32, usize)>) = (Vec::new(), Vec::new());
-    for root in 0..node_count as u32 {
-        if order[root as usize] != NEW {
-            continue;
-        }
-        calls.push((root, 0));
-        while let Some((node, exit_idx)) = calls.pop() {
-            let n = node as usize;
-            if exit_idx == 0 {
-                order[n] = next_order;
-                low[n] = next_order;
-                next_order += 1;
-                stack.push(node);
-            }
-            if let Some(&to) = exits[n].get(exit_idx) {
-                calls.push((node, exit_idx + 1));
-                if order[to as usize] == NEW {
-                    calls.push((to, 0));
-                } else if component[to as usize] == NEW {
-                    low[n] = low[n].min(order[to as usize]);
-                }
-                continue;
-            }
-            if low[n] == order[n] {
-                while let Some(member) = stack.pop() {
-                    component[member as usize] = component_count;
-                    if member == node {
-                        break;
-                    }
-                }
-                component_count += 1;
-            }
-            if let Some(&(parent, _)) = calls.last() {
-                low[parent as usize] = low[parent as usize].min(low[n]);
-            }
-        }
-    }
-    (component, component_count as usize)
 }

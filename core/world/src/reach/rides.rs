@@ -1,25 +1,26 @@
-//! Links over movers: lifts and platforms that are ridden, and floors and conveyors that are walked over.
+//! Links over movers: rides on lifts and platforms, and walks over floors and conveyors.
 //!
-//! A mover joins every place that is beside its top at one of its stops. Movers whose tops are beside each other act as one. Doors count as
-//! open: their triangles are no part of the ground.
+//! A mover joins all places beside its top at any of its stops. Movers whose tops are beside each other act as one.
+//! Doors count as open, because their triangles are not part of the ground.
 
 use super::ground::{Ground, SPACING_M, is_open_between};
 use super::{Link, Means};
 use crate::Vec3;
 use crate::character::CharacterProfile;
-use crate::float::hypot;
+use crate::float::horizontal;
 use crate::map::Map;
 use crate::map::mover::{Mover, MoverKind};
 use crate::navigable::DOWN;
+use petgraph::unionfind::UnionFind;
 use std::collections::BTreeMap;
 
-/// Distance between the places on a mover that are looked at, m, and most of them along one side.
+/// Distance between sampled places on a mover, m, and their greatest number along one side.
 const SAMPLE_M: f32 = 0.5;
 const MAX_SAMPLES: f32 = 16.0;
-/// Farthest that a place on a mover is from the cell from which a character steps onto it, seen from above, m: half of the diagonal of a cell,
-/// and what it strides over.
+/// Greatest horizontal distance between a place on a mover and a cell from which a character steps onto it, m: half of
+/// the diagonal of a cell, and a stride.
 const STRIDE_M: f32 = 0.71 * SPACING_M + 0.5;
-/// How much higher or lower than a step a place may be, m: cells lie up to this far from the ground.
+/// Slack of the height of a step, m: cells are up to this far from the ground.
 const SLACK_M: f32 = 0.1;
 
 /// The links over all movers of `map`.
@@ -28,14 +29,14 @@ pub(super) fn links(map: &Map, profile: &CharacterProfile, ground: &Ground) -> V
     let tops: Vec<Vec<Vec3>> = movers.iter().map(|mover| tops(mover, profile)).collect();
     let mut links = Vec::new();
     for group in groups(&tops, profile) {
-        // One cell of each island that is beside the group.
+        // One cell of each island beside the group.
         let mut beside: BTreeMap<u32, u32> = BTreeMap::new();
         for top in group.iter().flat_map(|&idx| &tops[idx]) {
             for cell in cells_beside(map, profile, ground, *top) {
                 beside.entry(ground.cells()[cell as usize].island).or_insert(cell);
             }
         }
-        // A ring leads from each of them to all.
+        // A ring of links leads from each island to all others.
         let ring: Vec<(u32, u32)> = beside.into_iter().collect();
         let pairs = ring.iter().zip(ring.iter().cycle().skip(1));
         let link = |(&(from, takeoff), &(to, landing)): (&(u32, u32), &(u32, u32))| Link {
@@ -73,10 +74,10 @@ fn tops(mover: &Mover, profile: &CharacterProfile) -> Vec<Vec3> {
 }
 
 fn is_step(profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
-    (from.y - to.y).abs() <= profile.step_height + SLACK_M && hypot(from.x - to.x, from.z - to.z) <= STRIDE_M
+    (from.y - to.y).abs() <= profile.step_height + SLACK_M && horizontal(from - to) <= STRIDE_M
 }
 
-/// The cells from which a character steps onto a mover at `top`, and back.
+/// The cells from which a character steps onto a mover at `top`, and to which it steps back.
 fn cells_beside(map: &Map, profile: &CharacterProfile, ground: &Ground, top: Vec3) -> Vec<u32> {
     let (column, row) = ground.column_of(top);
     let around = (-1..=1).flat_map(|x| (-1..=1).map(move |z| (x, z)));
@@ -88,25 +89,24 @@ fn cells_beside(map: &Map, profile: &CharacterProfile, ground: &Ground, top: Vec
     cells.filter(is_beside).map(|idx| idx as u32).collect()
 }
 
-/// The movers, by index, in groups that are joined by places beside each other.
+/// Groups of movers, by index, whose places are beside each other.
 fn groups(tops: &[Vec<Vec3>], profile: &CharacterProfile) -> Vec<Vec<usize>> {
     let square = |point: &Vec3| ((point.x / STRIDE_M) as i32, (point.z / STRIDE_M) as i32);
     let mut by_square: BTreeMap<(i32, i32), Vec<(usize, Vec3)>> = BTreeMap::new();
     for (idx, tops) in tops.iter().enumerate() {
         tops.iter().for_each(|top| by_square.entry(square(top)).or_default().push((idx, *top)));
     }
-    let mut exits = vec![Vec::new(); tops.len()];
+    let mut joined = UnionFind::<usize>::new(tops.len());
     for (&(x, z), places) in &by_square {
         let around = (x - 1..=x + 1).flat_map(|x| (z - 1..=z + 1).map(move |z| (x, z)));
         for (other, place) in around.filter_map(|square| by_square.get(&square)).flatten() {
             let beside = places.iter().filter(|(idx, top)| idx != other && is_step(profile, *top, *place));
-            beside.for_each(|(idx, _)| exits[*idx].push(*other as u32));
+            beside.for_each(|(idx, _)| _ = joined.union(*idx, *other));
         }
     }
-    let (of_mover, count) = super::strongly_connected(&exits);
-    let mut groups = vec![Vec::new(); count];
-    for (idx, group) in of_mover.into_iter().enumerate() {
-        groups[group as usize].push(idx);
+    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (idx, group) in joined.into_labeling().into_iter().enumerate() {
+        groups.entry(group).or_default().push(idx);
     }
-    groups
+    groups.into_values().collect()
 }

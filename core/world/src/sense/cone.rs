@@ -1,4 +1,4 @@
-//! The cone of rays with which an NPC sees: 8 x 8 rays, denser ahead.
+//! The cone of 8 x 8 rays of an observation, denser ahead.
 
 use crate::Vec3;
 use crate::character::{Body, CharacterProfile};
@@ -59,7 +59,7 @@ impl RayCone {
         directions(&self.elevations, self.headings(body))
     }
 
-    /// How far the rays of a row climb on each metre over the ground, m, and how long they are on it.
+    /// Rise of the rays of a row per horizontal metre, m, and their length per horizontal metre, m.
     pub(crate) fn slope(&self, row: usize) -> (f32, f32) {
         self.elevations.slope(row)
     }
@@ -74,8 +74,8 @@ impl RayCone {
         }
     }
 
-    /// Casts the cone from `body` at the map and its movers and calls `found` with the index, distance (m) and surface of each ray that
-    /// hits.
+    /// Casts the cone from `body` at the map and its movers and calls `found` with the index, distance (m) and surface
+    /// of each ray that hits.
     pub(crate) fn cast_with(
         &self,
         map: &Map,

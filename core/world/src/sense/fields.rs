@@ -45,8 +45,8 @@ const fn field(name: &'static str, meaning: &'static str, scale: f32, of: fn(&Se
 const SPEED: f32 = 12.0;
 const USUAL_SLOPE: f32 = 35.0_f32.to_radians();
 
-/// The state vector. Vectors are in the body's frame: x to the right, y up, z ahead. The values from `body_height` on compare the body
-/// with the default body, for which they are all 0.
+/// The state vector. Vectors are in the body's frame: x to the right, y up, z ahead. The values from `body_height` on
+/// compare the body with the default body, for which they are all 0.
 pub const FIELDS: [Field; 49] = [
     field("goal_distance", "distance to the goal, m", 50.0, |it| it.goal.length()).within(4.0),
     field("goal_x", "unit direction to the goal", 1.0, |it| it.goal_direction.x).flipped(),
@@ -82,7 +82,7 @@ pub const FIELDS: [Field; 49] = [
     field("jetpack_z", "unit direction to the nearest jetpack", 1.0, |it| it.jetpack.direction.z),
     field("jetpack_proximity", "1 - distance / 50 m of the nearest jetpack", 1.0, |it| it.jetpack.proximity),
     field("fuel", "jetpack fuel, s", 5.0, |it| it.body.fuel).within(1.0),
-    field("is_on_zip_line", "1 if the body hangs on a zip line", 1.0, |it| flag(it.body.ride.is_some())),
+    field("is_on_zip_line", "1 if the body rides a zip line", 1.0, |it| flag(it.body.ride.is_some())),
     field("body_height", "logarithm of the ratio of heights", 1.0, |it| it.ratio(|body| body.height)),
     field("body_radius", "logarithm of the ratio of radii", 1.0, |it| it.ratio(|body| body.radius)),
     field("body_forward_speed", "logarithm of the ratio of speeds", 1.0, |it| it.ratio(|body| body.forward_speed)),
@@ -192,12 +192,12 @@ impl<'a> Senses<'a> {
         self.last.ticks_in_water as f32 / self.context.task.drown_ticks as f32
     }
 
-    /// Logarithm of the ratio of a quantity of the body to that of the default body.
+    /// Logarithm of the ratio of a quantity between this body and the default body.
     fn ratio(&self, of: fn(&RawCharacterProfile) -> f32) -> f32 {
         libm::logf(of(self.context.profile) / of(&self.usual))
     }
 
-    /// Difference of a quantity of the body from that of the default body.
+    /// Difference of a quantity between this body and the default body.
     fn difference(&self, of: fn(&RawCharacterProfile) -> f32) -> f32 {
         of(self.context.profile) - of(&self.usual)
     }

@@ -13,12 +13,13 @@
 //! | 369..433 | proximity of each ray that ends on another body, 0 where it ends on none |
 //! | 433..461 | the four nearest bodies in sight within 12 m, 7 values each; zeros where there are fewer |
 //!
-//! The values of a body are 0..3 the position of its feet from the observer's / 12 m, 3..6 its velocity less the observer's / 12 m/s,
-//! and 6 its proximity `1 - d / 12 m`.
+//! The values of a body are 0..3 the position of its feet from the observer's / 12 m, 3..6 its velocity less the
+//! observer's / 12 m/s, and 6 its proximity `1 - d / 12 m`.
 //!
-//! Rays are ordered row by row from the lowest elevation, each row from left to right. Vectors are in the body's frame (x right, y up,
-//! z forward). Rows of [`OBSERVATION_LEN`] values lack the last two parts, rows of [`OBSERVATION_WITH_OTHERS_LEN`] values have them.
-//! They are zeros where only the map obstructs an NPC. To rays, bodies are upright cylinders.
+//! Rays are ordered row by row from the lowest elevation, each row from left to right. Vectors are in the body's frame
+//! (x right, y up, z forward). Rows of [`OBSERVATION_LEN`] values lack the last two parts, rows of
+//! [`OBSERVATION_WITH_OTHERS_LEN`] values have them. They are zeros where only the map obstructs an NPC. To rays,
+//! bodies are upright cylinders.
 
 mod cone;
 mod fields;
@@ -48,9 +49,9 @@ pub const STATE_BEGIN: usize = RAY_COUNT * RAY_CHANNELS;
 pub const STATE_LEN: usize = FIELDS.len();
 /// Length of an observation without others.
 pub const OBSERVATION_LEN: usize = STATE_BEGIN + STATE_LEN;
-/// Length of an observation with what it tells of others.
+/// Length of an observation with other bodies.
 pub const OBSERVATION_WITH_OTHERS_LEN: usize = OBSERVATION_LEN + OTHERS_LEN;
-/// Length of an observation, with what it tells of others or without.
+/// Length of an observation, with or without other bodies.
 pub const fn observation_len(sees_others: bool) -> usize {
     if sees_others { OBSERVATION_WITH_OTHERS_LEN } else { OBSERVATION_LEN }
 }
@@ -58,7 +59,7 @@ pub const fn observation_len(sees_others: bool) -> usize {
 /// Changes whenever the meaning of an observation changes; stored in checkpoints.
 pub const OBSERVATION_VERSION: u32 = 3;
 
-/// What a ray ended on.
+/// A thing that a ray hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Seen {
     /// A surface of the map or a mover.
@@ -72,7 +73,7 @@ pub enum Seen {
 pub struct Sight {
     /// Origin of the rays, m.
     pub eye: Vec3,
-    /// End of each ray, m, and what it ended on; a ray that hits nothing ends at its full range.
+    /// End of each ray, m, and the thing that it hit. A ray that hits nothing ends at its full range.
     pub ends: Vec<(Vec3, Option<Seen>)>,
 }
 
@@ -112,18 +113,19 @@ pub struct SenseContext<'a> {
     pub task: &'a TaskConfig,
 }
 
-/// Facts about the previous decision that the state vector reports.
+/// The previous decision, as far as the state vector reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LastDecision {
     /// Velocity at the start of the decision, m/s.
     pub velocity: Vec3,
     /// Forward, strafe, turn and jump, each in [-1, 1].
     pub action: [f32; 4],
-    /// Ticks in water; counts down again outside water.
+    /// Ticks in water, which count down again outside water.
     pub ticks_in_water: u32,
 }
 
-/// Writes a whole observation into `row`. `others` lists the bodies that may be seen; it is not called if the row has no room for them.
+/// Writes a whole observation into `row`. `others` lists the bodies that may be visible; it is called only if the row
+/// has room for them.
 ///
 /// # Panics
 /// If `row` is neither [`OBSERVATION_LEN`] nor [`OBSERVATION_WITH_OTHERS_LEN`] long.
@@ -144,18 +146,20 @@ pub(crate) fn observe<T: Iterator<Item = (BodySlot, Other)>>(
     }
 }
 
-/// What the rays of a body ended on, and the others that it sees, in a world that is not ours.
+/// Results of ray casts and the visible bodies, from a game's own physics.
 #[derive(Debug, Clone, Copy)]
 pub struct Found<'a> {
-    /// What each ray ended on, in the order of an observation, with the distance, m; `None` if it hit nothing. Other bodies are left out.
+    /// Distance, m, and surface at which each ray ended, in the order of an observation; `None` if it hit nothing. Rays
+    /// pass through other bodies.
     pub hits: &'a [Option<(f32, Surface)>; RAY_COUNT],
-    /// Distance, m, at which each ray meets another body; infinite if it meets none.
+    /// Distance, m, at which each ray hits another body; infinite if it hits none.
     pub body_hits: &'a [f32; RAY_COUNT],
-    /// Feet, m, and velocity, m/s, of the others in sight, in any order.
+    /// Feet, m, and velocity, m/s, of the bodies in sight, in any order.
     pub others: &'a [(Vec3, Vec3)],
 }
 
-/// Writes an observation like [`World::observe`](crate::World::observe), for a body that moves in a world that is not ours. Allocates nothing.
+/// Writes an observation like [`World::observe`](crate::World::observe), for a body in a game's own physics. Allocates
+/// nothing.
 ///
 /// # Panics
 /// If `row` is neither [`OBSERVATION_LEN`] nor [`OBSERVATION_WITH_OTHERS_LEN`] long.
@@ -178,16 +182,17 @@ pub fn observe_found(
     }
 }
 
-/// The rays of an observation, which become zeros, its state vector, and what it tells of others, if it has room for that.
+/// Splits an observation into its rays, which become zeros, its state vector, and the part about other bodies, which
+/// may be empty.
 fn parts(row: &mut [f32]) -> (&mut [f32], &mut [f32], &mut [f32]) {
-    assert!([OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN].contains(&row.len()), "a row of an observation");
+    assert!([OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN].contains(&row.len()), "the length of an observation");
     let (own, social) = row.split_at_mut(OBSERVATION_LEN);
     let (rays, state) = own.split_at_mut(STATE_BEGIN);
     rays.fill(0.0);
     (rays, state, social)
 }
 
-/// Writes into the rays of an observation, which are zeros, that one ended on `surface` after `distance`, m.
+/// Writes a ray that ended on `surface` after `distance`, m, into the rays of an observation, which are zeros.
 fn note_ray(rays: &mut [f32], idx: usize, distance: f32, surface: Surface) {
     rays[idx] = 1.0 - distance / RAY_RANGE_M;
     if let Some((channel, value)) = surface_channel(surface) {
@@ -195,7 +200,7 @@ fn note_ray(rays: &mut [f32], idx: usize, distance: f32, surface: Surface) {
     }
 }
 
-/// The ray channel that represents `surface`, and its value; `None` for ground.
+/// Ray channel and value that represent `surface`; `None` for ground.
 pub fn surface_channel(surface: Surface) -> Option<(usize, f32)> {
     match surface {
         Surface::Ground => None,
@@ -208,7 +213,7 @@ pub fn surface_channel(surface: Surface) -> Option<(usize, f32)> {
     }
 }
 
-/// The surface on which ray `ray` of an observation ended; ground if no channel represents one.
+/// Surface on which ray `ray` of an observation ended; ground if no channel shows another one.
 pub fn ray_surface(observation: &[f32], ray: usize) -> Surface {
     let shows = |&surface: &Surface| {
         surface_channel(surface)

@@ -1,4 +1,4 @@
-//! What an NPC sees of other bodies: NPCs that get in its way, and players.
+//! Other bodies in an observation: NPCs and players.
 
 use super::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
 use crate::Vec3;
@@ -7,20 +7,21 @@ use crate::map::Map;
 use crate::movers::Movers;
 use crate::slot::BodySlot;
 
-/// How many other bodies the observation describes one by one.
+/// Greatest number of other bodies that an observation describes one by one.
 const NEAREST: usize = 4;
-/// Values of each of them: 0..3 its place from the body's feet / 12 m and 3..6 its velocity less the body's / 12 m/s, both in the body's
-/// frame (x right, y up, z forward), and 6 its proximity `1 - d / 12 m`, 0 if there is nobody.
+/// Values of each of them: 0..3 its position from the observer's feet / 12 m and 3..6 its velocity less the observer's
+/// / 12 m/s, both in the observer's frame (x right, y up, z forward), and 6 its proximity `1 - d / 12 m`, 0 if there is
+/// none.
 const VALUES: usize = 7;
 /// Distance up to which bodies are described one by one, m.
 const RANGE_M: f32 = 12.0;
 /// Speed at which the velocity of another body is 1, m/s.
 const SPEED: f32 = 12.0;
-/// Length of the part of an observation that tells of others: the proximity of each ray that ends on another body, then the nearest
-/// bodies in sight.
+/// Length of the part of an observation about other bodies: the proximity of each ray that ends on a body, then the
+/// nearest bodies in sight.
 pub const OTHERS_LEN: usize = RAY_COUNT + NEAREST * VALUES;
-/// Nothing of a body is seen whose feet are farther from those of the beholder than this, m, seen from above: a ray is that long, no body
-/// is taller than 5 m, and the rest is slack.
+/// Horizontal distance beyond which no part of another body is visible, m: the length of a ray, the height of the
+/// tallest body (5 m), and slack.
 pub(crate) const REACH_M: f32 = RAY_RANGE_M + 6.0;
 
 /// Another body, an upright cylinder.
@@ -37,8 +38,8 @@ pub(crate) struct Other {
 }
 
 impl Other {
-    /// Between which distances seen from above, m, a ray from `eye` is over or under the body or within it: `heading` is the horizontal
-    /// direction of the ray (x, z), of length 1.
+    /// Horizontal distances between which a ray from `eye` is above, below or inside the body, m. `heading` is the
+    /// horizontal unit direction of the ray (x, z).
     fn chord(&self, eye: Vec3, heading: (f32, f32)) -> Option<(f32, f32)> {
         let offset = self.feet - eye;
         let along = offset.x * heading.0 + offset.z * heading.1;
@@ -51,9 +52,9 @@ impl Other {
         (along + half > 0.0).then_some(((along - half).max(0.0), along + half))
     }
 
-    /// Where on that chord a ray that climbs by `slope` on each metre enters the body, m.
+    /// Horizontal distance at which a ray that rises by `slope` per metre enters the body on that chord, m.
     fn entered_by(&self, eye: Vec3, (near, far): (f32, f32), slope: f32) -> Option<f32> {
-        // Between these distances the ray is as high as the body.
+        // Between these distances the ray is between soles and crown.
         let (bottom, top) = ((self.feet.y - eye.y) / slope, (self.feet.y + self.height - eye.y) / slope);
         let (first, last) = (near.max(bottom.min(top)), far.min(bottom.max(top)));
         (first <= last).then_some(first)
@@ -64,7 +65,8 @@ impl Other {
     }
 }
 
-/// The first of `others` that each ray of the cone meets: calls `found` with the index of the ray and the distance, m.
+/// Calls `found` with the index of each ray of the cone that hits one of `others`, and the distance of the first hit,
+/// m.
 pub(crate) fn cast_cone(
     cone: &RayCone,
     eye: Vec3,
@@ -90,7 +92,8 @@ pub(crate) fn cast_cone(
     }
 }
 
-/// Writes what a body sees of others into `row`, which has [`OTHERS_LEN`] values. `proximities` are those of the rays that end on the map.
+/// Writes the visible bodies into `row`, which has [`OTHERS_LEN`] values. `proximities` are those of the rays on the
+/// map.
 pub(crate) fn observe(
     cone: &RayCone,
     (map, movers): (&Map, &Movers),
@@ -115,8 +118,8 @@ pub(crate) fn observe(
     describe(body, seen.map(|other| (other.feet, other.velocity)), states);
 }
 
-/// Writes into the rays of what a body sees of others, which are zeros, that one ended on another body after `distance`, m, unless it ends on
-/// the map before, of which `proximity` tells.
+/// Writes a ray that ends on another body after `distance`, m, unless the map, at `proximity`, is nearer. `rays` are
+/// zeros.
 fn note_ray(rays: &mut [f32], ray: usize, distance: f32, proximity: f32) {
     let nearer = 1.0 - distance / RAY_RANGE_M;
     if nearer > proximity {
@@ -124,7 +127,7 @@ fn note_ray(rays: &mut [f32], ray: usize, distance: f32, proximity: f32) {
     }
 }
 
-/// Describes the first of the bodies `seen`, of which it gets the position of the feet, m, and the velocity, m/s, in `states`, which are zeros.
+/// Describes the first of the visible bodies, given by feet, m, and velocity, m/s, in `states`, which are zeros.
 fn describe(body: &Body, seen: impl Iterator<Item = (Vec3, Vec3)>, states: &mut [f32]) {
     for ((feet, velocity), values) in seen.zip(states.chunks_exact_mut(VALUES)) {
         let place = body.to_local(feet - body.feet) / RANGE_M;
@@ -134,8 +137,8 @@ fn describe(body: &Body, seen: impl Iterator<Item = (Vec3, Vec3)>, states: &mut 
     }
 }
 
-/// Writes what a body sees of others as [`observe`] does, from what its rays ended on, with distances in m, and the bodies in sight, of which it
-/// gets the position of the feet, m, and the velocity, m/s. Allocates nothing.
+/// Like [`observe`], from the distances, m, at which rays hit bodies, and the feet, m, and velocities, m/s, of the
+/// visible bodies. Allocates nothing.
 pub(crate) fn observe_found(
     body: &Body,
     hits: impl Iterator<Item = (usize, f32)>,
@@ -160,7 +163,7 @@ pub(crate) fn observe_found(
     describe(body, found.map(|(_, feet, velocity)| (feet, velocity)), states);
 }
 
-/// Whether nothing solid lies between two places.
+/// Whether nothing solid is between two places.
 fn is_in_sight(map: &Map, movers: &Movers, eye: Vec3, place: Vec3) -> bool {
     let distance = eye.distance(place);
     let Some(direction) = (place - eye).try_normalize() else { return true };
@@ -170,7 +173,7 @@ fn is_in_sight(map: &Map, movers: &Movers, eye: Vec3, place: Vec3) -> bool {
     is_clear
 }
 
-/// Mirrors what an observation tells of others left to right, in place; its own inverse.
+/// Mirrors the part about other bodies left to right, in place; its own inverse.
 pub(crate) fn mirror(row: &mut [f32]) {
     let (rays, states) = row.split_at_mut(RAY_COUNT);
     rays.chunks_mut(RAY_SIDE).for_each(<[f32]>::reverse);

@@ -24,7 +24,8 @@ impl World {
         slot
     }
 
-    /// Moves a player; `feet` is in m, `velocity` in m/s. False, and nothing changes, if it does not exist or a number is not finite.
+    /// Moves a player; `feet` is in m, `velocity` in m/s. Returns false, and changes nothing, if the player does not
+    /// exist or a number is not finite.
     pub fn move_player(&mut self, slot: PlayerSlot, feet: Vec3, velocity: Vec3) -> bool {
         let Some(player) = self.player(slot) else { return false };
         let moved = Player { feet, velocity, ..*player };

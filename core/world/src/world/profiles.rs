@@ -1,4 +1,4 @@
-//! The profiles of a world's NPCs: those that no NPC has make room for others.
+//! The profiles of a world's NPCs. A profile without NPCs may be replaced.
 
 use super::World;
 use crate::character::CharacterProfile;
@@ -6,8 +6,8 @@ use crate::npc::{MAX_PROFILES, ProfileIdx};
 use crate::recording::Input;
 
 impl World {
-    /// Index of a profile. One that the world does not have takes the place of a profile that no NPC has, but never that of
-    /// the first one, or is added. `None` if the world would then have more than `limit` profiles, at most 256.
+    /// Index of a profile. A profile that the world lacks replaces a profile without NPCs, except the first one, or is
+    /// added. `None` if the world would then have more than `limit` profiles, at most 256.
     pub fn profile_idx(&mut self, profile: &CharacterProfile, limit: usize) -> Option<ProfileIdx> {
         if let Some(known) = self.config.profiles.iter().position(|known| known == profile) {
             return Some(ProfileIdx(known as u8));

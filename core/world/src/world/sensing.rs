@@ -8,8 +8,8 @@ use crate::sense::{self, Other, SenseContext, Sight};
 use crate::slot::BodySlot;
 
 impl World {
-    /// Writes the NPC's observation into `row`. A row that is too short for the part about others goes without it.
-    /// Returns false, and writes zeros, if the NPC has no episode.
+    /// Writes the NPC's observation into `row`, without other bodies if the row is too short for them. Writes zeros and
+    /// returns false if the NPC has no episode.
     pub fn observe(&self, slot: NpcSlot, row: &mut [f32]) -> bool {
         let npc = self.npc(slot).expect("observe an occupied slot");
         let Some(episode) = &npc.episode else {
@@ -37,14 +37,14 @@ impl World {
         near.filter(move |(body, _)| *body != BodySlot::Npc(slot))
     }
 
-    /// All bodies that get in the way of NPCs.
+    /// All bodies that obstruct NPCs.
     fn bodies(&self) -> impl Iterator<Item = (BodySlot, Other)> {
         let npcs = self.npcs().map(|(slot, _)| BodySlot::Npc(slot));
         let players = self.players().map(|(slot, _)| BodySlot::Player(slot));
         npcs.chain(players).filter_map(|body| Some((body, self.other(body)?)))
     }
 
-    /// A body as others see it; `None` if it gets in nobody's way.
+    /// A body as others see it; `None` if it obstructs no NPC.
     fn other(&self, body: BodySlot) -> Option<Other> {
         match body {
             BodySlot::Npc(slot) => {
@@ -61,14 +61,14 @@ impl World {
         }
     }
 
-    /// Lists a body that has appeared or moved among the neighbours of others.
+    /// Adds a body that has appeared or moved to the index of neighbours.
     pub(super) fn list(&mut self, body: BodySlot) {
         if let Some(other) = self.other(body) {
             self.neighbours.add(body, other);
         }
     }
 
-    /// Takes a body that is about to move or to disappear off the list.
+    /// Removes a body that is about to move or disappear from the index of neighbours.
     pub(super) fn unlist(&mut self, body: BodySlot) {
         if let Some(other) = self.other(body) {
             self.neighbours.remove(body, other);
@@ -158,7 +158,8 @@ mod tests {
         }
     }
 
-    /// The rays that end on others, and the nearest bodies, by the plain search through all bodies of the world, as bits.
+    /// The rays that end on others, and the nearest bodies, by the plain search through all bodies of the world, as
+    /// bits.
     fn plain(world: &World, slot: NpcSlot) -> Vec<u32> {
         let npc = world.npc(slot).unwrap();
         let all = world.bodies().filter(|(body, _)| *body != BodySlot::Npc(slot));

@@ -1,14 +1,14 @@
-//! Which leaps a survey tries.
+//! Limits on the jumps that a survey tries.
 
 use super::ground::SPACING_M;
 use crate::character::CharacterProfile;
 
-/// Longest jump of any body that is tried, m.
+/// Longest jump of any body that a survey tries, m.
 const MAX_JUMP_M: f32 = 30.0;
 
-/// Which leaps are tried. The generator's repair depends on the usual ones: with others it would make other maps.
+/// Limits on the jumps that a survey tries. Repaired maps depend on the usual limits.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Tries {
+pub(super) struct JumpLimits {
     /// Failed leaps after which the search gives up on a pair of islands.
     pub max_failures: u32,
     /// Longest jump, in columns of the grid.
@@ -19,12 +19,12 @@ pub(super) struct Tries {
     pub single_m: (f32, f32),
 }
 
-impl Tries {
+impl JumpLimits {
     pub fn usual() -> Self {
         Self { max_failures: 10, jump_reach: 8, max_rise_m: 4.7, single_m: (2.4, 9.0) }
     }
 
-    /// As far and as high as a body gets on level ground, all its jumps taken at the top of the one before.
+    /// The jumps of a body from level ground, each jump in the air made at the top of the jump before it.
     pub fn far(profile: &CharacterProfile) -> Self {
         let (rise_m, seconds) = (
             profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity),
