@@ -9,9 +9,8 @@
 #[path = "../../tools/fuzz/src/lib.rs"]
 mod untrusted;
 
-use burn::tensor::Device;
 use prost::Message;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand::rngs::ChaCha8Rng;
 use std::path::Path;
 use std::sync::Arc;
@@ -22,7 +21,7 @@ use surefoot_planner::export::{Format, export};
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::{BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::wire as planner_wire;
-use surefoot_policy::{Actor, Manifest, checkpoint, exchange as weights};
+use surefoot_policy::{Manifest, Parameter, Weights};
 use surefoot_proto::plans::{plan_to_wire, settings_to_wire};
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
 use surefoot_server::WorldId;
@@ -271,11 +270,16 @@ fn saved_world(level: Option<&Arc<Map>>) -> Vec<u8> {
 }
 
 fn networks() -> Vec<(&'static str, Vec<u8>)> {
-    let actor = Actor::new(&NETWORK, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(1));
-    let burnpack = checkpoint::module_bytes(&actor).expect("a module");
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let parameters = NETWORK.parameter_shapes().into_iter().map(|(name, shape)| {
+        let values = (0..shape.iter().product()).map(|_| rng.random_range(-0.5..0.5)).collect();
+        (name, Parameter { shape, values })
+    });
+    let network = Weights::new(&NETWORK, parameters.collect()).expect("the network's shapes");
+    let burnpack = network.to_burnpack();
     let manifest = Manifest::new("small", NETWORK, &burnpack, serde_json::json!({ "seed": 1 }));
     vec![
-        ("safetensors", weights::to_safetensors(&actor, &manifest).expect("a module")),
+        ("safetensors", surefoot_exchange::to_safetensors(&network, &manifest).expect("a module")),
         ("burnpack", burnpack),
         ("manifest", serde_json::to_vec(&manifest).expect("plain data")),
     ]

@@ -3,9 +3,7 @@
 use e2e::{
     ground, set_goal, small_map, spawn, start_server, start_worker, start_worker_with, watch_until, world_client,
 };
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
-use surefoot_policy::{ActorConfig, Manifest, Policy};
+use surefoot_policy::{ActorConfig, Manifest, Policy, Weights};
 use surefoot_proto::world::v1 as wire;
 use surefoot_server::ServerConfig;
 
@@ -14,9 +12,14 @@ fn seeing() -> Policy {
     let shipped = Policy::shipped().unwrap();
     let own = shipped.manifest().actor;
     let config = ActorConfig { sees_others: true, ..own };
-    let device = burn::tensor::Device::flex();
-    let actor = shipped.actor().clone().grown(&own, &config, &device, &mut ChaCha8Rng::seed_from_u64(0));
-    Policy::new(&actor, Manifest::new("seeing", config, &[], serde_json::Value::Null))
+    let weights = Weights::from_burnpack(&own, shipped.weights()).unwrap();
+    let mut parameters = weights.parameters().clone();
+    let first = parameters.get_mut("trunk.first.weight").unwrap();
+    let rows = config.sensed_len() - own.sensed_len();
+    first.values.resize(first.values.len() + rows * config.hidden, 0.0);
+    first.shape[0] += rows;
+    let weights = Weights::new(&config, parameters).unwrap().to_burnpack();
+    Policy::from_bytes(Manifest::new("seeing", config, &weights, serde_json::Value::Null), &weights).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]

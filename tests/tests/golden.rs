@@ -5,7 +5,7 @@
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::sync::Arc;
-use surefoot_policy::Policy;
+use surefoot_policy::{Batch, Policy, Scratch};
 use surefoot_world::{Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, navigable};
 
 /// A world on a map of 120 m with 16 NPCs that act at random, after 3,600 ticks: one minute.
@@ -62,7 +62,7 @@ fn the_shipped_weights_decide_as_before() {
         world.observe(NpcSlot(idx as u32), row);
     }
     let (policy, mut actions) = (Policy::shipped().unwrap(), Vec::new());
-    policy.act_with_noise(&observations, &mut [], Vec::new(), &mut actions);
+    policy.act(Batch { observations: &observations, memory: &mut [], noise: &[] }, &mut Scratch::default(), &mut actions);
     // The order of additions in matrix products depends on the processor; four digits agree on all processors.
     let digits: Vec<i32> =
         actions[0].to_array().into_iter().map(|value| (f64::from(value) * 1.0e4).round() as i32).collect();

@@ -30,12 +30,7 @@ impl WorldTask {
             styles.push(style);
         }
         let rows = Rows { observations: std::mem::take(&mut batch.observations), memory, noise };
-        let Decided { mut actions, memory } = if self.is_lockstep {
-            let policy = self.policy.clone();
-            tokio::task::spawn_blocking(move || rows.decide(&policy)).await?
-        } else {
-            self.inference.decide(rows).await.ok_or(WorldError::Inference)?
-        };
+        let Decided { mut actions, memory } = self.inference.decide(rows).await.ok_or(WorldError::Inference)?;
         let body = self.ground.body().cloned().unwrap_or_default();
         let shape = |action: Action, style: Style, state: &Option<State>| {
             state.as_ref().map_or(action, |state| style.shape(action, state, &body))

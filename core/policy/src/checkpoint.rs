@@ -1,14 +1,8 @@
 //! Weights on disk: a burnpack file beside a JSON manifest that describes it.
 
-use crate::actor::Actor;
 pub use crate::manifest::MANIFEST_FILE;
 use crate::manifest::{CheckpointError, Manifest, parse_manifest, read};
 use crate::policy::Policy;
-use burn::module::Module;
-use burn::store::ModuleRecord;
-use burn::tensor::{Bytes, DType, Device};
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
 use std::io::Write;
 use std::path::Path;
 
@@ -69,22 +63,6 @@ impl Policy {
         let weights = weights(folder, &manifest)?;
         Self::from_bytes(manifest, &weights)
     }
-
-    /// Decodes a policy from the contents of a model's files.
-    ///
-    /// # Errors
-    /// If the weights do not match the manifest, or do not fit this program's network or observation.
-    pub fn from_bytes(manifest: Manifest, weights: &[u8]) -> Result<Self, CheckpointError> {
-        manifest.check(weights)?;
-        let device = Device::flex();
-        let actor = load_module(Actor::new(&manifest.actor, &device, &mut ChaCha8Rng::seed_from_u64(0)), weights)?;
-        Ok(Self::new(&actor, manifest))
-    }
-
-    /// blake3 of the weights file, hexadecimal; part of every graph's id.
-    pub fn weights_hash(&self) -> &str {
-        &self.manifest().weights_hash
-    }
 }
 
 /// Reads the weights that a manifest describes from its folder.
@@ -122,40 +100,4 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), CheckpointError
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| std::fs::rename(&temporary, path))
         .map_err(|source| CheckpointError::Io { path: path.to_owned(), source })
-}
-
-/// Serializes a module's parameters.
-///
-/// # Errors
-/// If the module cannot be encoded.
-pub fn module_bytes<M: Module>(module: &M) -> Result<Vec<u8>, CheckpointError> {
-    module
-        .valid()
-        .into_record()
-        .into_bytes()
-        .map(|bytes| bytes.to_vec())
-        .map_err(|error| CheckpointError::Decode(error.to_string()))
-}
-
-/// Loads parameters into a module of the same shape.
-///
-/// # Errors
-/// If the bytes cannot be decoded, or the shapes or types of numbers differ.
-pub fn load_module<M: Module>(module: M, bytes: &[u8]) -> Result<M, CheckpointError> {
-    let decode = |error: burn::store::RecordError| CheckpointError::Decode(error.to_string());
-    check_types(bytes).map_err(CheckpointError::Decode)?;
-    let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes.to_vec())).map_err(decode)?;
-    module.try_load_record(record).map_err(decode)
-}
-
-/// Checks that all tensors hold `f32`: burn panics on types that are none of a module's.
-fn check_types(bytes: &[u8]) -> Result<(), String> {
-    let file =
-        burn_pack::Reader::from_bytes(Bytes::from_bytes_vec(bytes.to_vec())).map_err(|error| error.to_string())?;
-    for tensor in file.into_tensors().map_err(|error| error.to_string())? {
-        if tensor.dtype != DType::F32 {
-            return Err(format!("tensor {} is of type {:?}, expected F32", tensor.name, tensor.dtype));
-        }
-    }
-    Ok(())
 }

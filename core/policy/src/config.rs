@@ -1,6 +1,7 @@
 //! Sizes of the networks.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, observation_len};
@@ -8,7 +9,10 @@ use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, observation_len};
 /// Number of values of an observation that come from rays; they are the first.
 pub const RAY_LEN: usize = RAY_COUNT * RAY_CHANNELS;
 /// Number of an LSTM's gates. Their columns are ordered input, forget, output, candidate.
-pub(crate) const GATES: usize = 4;
+pub const GATES: usize = 4;
+
+/// Bounds of the logarithm of an action's standard deviation.
+pub const LOG_STD_RANGE: (f32, f32) = (-5.0, 2.0);
 
 /// Sizes of an actor's layers, each at most 4096.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,8 +50,8 @@ impl ActorConfig {
         observation_len(self.sees_others)
     }
 
-    /// Number of values that the LSTM and the first hidden layer get of an observation.
-    pub(crate) fn sensed_len(&self) -> usize {
+    /// Number of values that an encoded observation passes to the LSTM and the first hidden layer.
+    pub fn sensed_len(&self) -> usize {
         self.ray_features + self.observation_len() - RAY_LEN
     }
 
@@ -62,19 +66,26 @@ impl ActorConfig {
         widths.contains(&self.ray_features) && widths.contains(&self.hidden) && self.memory_len() <= MAX_WIDTH
     }
 
-    /// Number of parameters of an actor with these sizes, which must be [sound](Self::is_sound). Checked against the length of a
-    /// weights file before memory is allocated.
-    pub fn parameter_count(&self) -> usize {
+    /// Shapes of all parameters of an actor with these sizes, by name.
+    pub fn parameter_shapes(&self) -> BTreeMap<String, Vec<usize>> {
         let &Self { ray_features, hidden, .. } = self;
-        let sensed = self.sensed_len();
-        let memory = self.memory_len();
-        let dense = |inputs: usize, outputs: usize| (inputs + 1) * outputs;
-        let lstm = if memory > 0 { dense(sensed, GATES * memory) + memory * GATES * memory } else { 0 };
-        dense(RAY_LEN, ray_features)
-            + lstm
-            + dense(sensed + memory, hidden)
-            + dense(hidden, hidden)
-            + dense(hidden, 2 * ACTION_LEN)
+        let (sensed, memory) = (self.sensed_len(), self.memory_len());
+        let mut layers = vec![
+            ("trunk.rays", RAY_LEN, ray_features),
+            ("trunk.first", sensed + memory, hidden),
+            ("trunk.second", hidden, hidden),
+            ("head", hidden, 2 * ACTION_LEN),
+        ];
+        let mut shapes = BTreeMap::new();
+        if memory > 0 {
+            layers.push(("trunk.memory.input", sensed, GATES * memory));
+            shapes.insert("trunk.memory.recurrent".to_owned(), vec![memory, GATES * memory]);
+        }
+        for (name, inputs, outputs) in layers {
+            shapes.insert(format!("{name}.weight"), vec![inputs, outputs]);
+            shapes.insert(format!("{name}.bias"), vec![outputs]);
+        }
+        shapes
     }
 }
 

@@ -1,26 +1,23 @@
-//! Inference: actor networks, checkpoints and batched policy evaluation.
+//! Inference: turns rows of observations (`surefoot_world::sense`) into actions.
 //!
-//! This crate turns observation rows (`surefoot_world::sense`) into actions. It knows nothing of training, sockets or
-//! graphs. Start at [`Policy`], which is built from [`actor`], [`network`], and the layers [`dense`] and [`lstm`] with their fast
-//! paths in [`cpu`]. [`FlatActor`] is the same network for callers who must not allocate.
+//! Start at [`Policy`]. It holds an [`Actor`]; the one that [`Policy::from_bytes`] makes is [`CpuActor`], which allocates nothing
+//! and whose results do not depend on the batch. burn's network, from whose records [`Weights`] are read, is in `surefoot-train`, with
+//! a test that compares the two. This crate knows nothing of training, sockets or graphs.
 
-pub mod actor;
+pub mod activation;
 pub mod checkpoint;
 pub mod config;
-pub mod cpu;
-pub mod dense;
-pub mod exchange;
-mod flat;
-pub mod lstm;
+mod cpu_actor;
+mod hidden;
 mod manifest;
-pub mod memories;
-pub mod network;
+mod matrix;
+pub mod noise;
 mod policy;
-pub mod state;
+mod weights;
 
-pub use actor::Actor;
 pub use config::ActorConfig;
-pub use flat::{FlatActor, FlatScratch};
+pub use cpu_actor::{CpuActor, Scratch};
+pub use hidden::HiddenStates;
 pub use manifest::{CheckpointError, Manifest};
-pub use memories::HiddenStates;
-pub use policy::Policy;
+pub use policy::{Actor, Batch, Policy};
+pub use weights::{Parameter, Weights};

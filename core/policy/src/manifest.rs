@@ -110,13 +110,6 @@ impl Manifest {
         if !self.actor.is_sound() {
             return Err(CheckpointError::Sizes(self.actor));
         }
-        // Memory for the network is allocated before its weights are read, so the manifest's sizes must not exceed the file.
-        let (needed, found) = (self.actor.parameter_count() * size_of::<f32>(), weights.len());
-        if found < needed {
-            return Err(CheckpointError::Decode(format!(
-                "the network that the manifest describes has {needed} bytes of weights, the file is {found} bytes long"
-            )));
-        }
         same("kind", self.kind.clone(), kind(&self.actor).to_owned())?;
         same("observation_len", self.observation_len.to_string(), self.actor.observation_len().to_string())?;
         same("observation_version", self.observation_version.to_string(), OBSERVATION_VERSION.to_string())

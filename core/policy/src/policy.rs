@@ -1,38 +1,77 @@
-//! Inference with a trained actor.
+//! A trained policy: its weights, their manifest, and the actor that evaluates them.
 
-use crate::actor::{ActionDistribution, Actor, gaussian};
-use crate::manifest::Manifest;
-use crate::network::Past;
-use crate::state::HiddenState;
-use burn::module::Module;
-use burn::tensor::{Device, Tensor, TensorData};
-use rand::Rng;
+use crate::cpu_actor::{CpuActor, Scratch};
+use crate::manifest::{CheckpointError, Manifest};
+use crate::weights::Weights;
+use std::fmt;
 use std::sync::Arc;
-use surefoot_world::character::{ACTION_LEN, Action};
+use surefoot_world::Action;
+use surefoot_world::character::ACTION_LEN;
 
-/// A trained actor that decides for many NPCs at once. Cheap to clone: clones share the weights.
-#[derive(Debug, Clone)]
+/// Evaluates a policy's network.
+pub trait Actor: fmt::Debug + Send + Sync {
+    /// Allocates what [`act`](Self::act) needs of `scratch` for batches of up to `row_count` rows.
+    fn fit(&self, _scratch: &mut Scratch, _row_count: usize) {}
+
+    /// Computes the action of each row of `batch`, as [`Policy::act`] describes.
+    fn act(&self, batch: Batch<'_>, scratch: &mut Scratch, actions: &mut [Action]);
+}
+
+/// Rows of NPCs that decide together.
+#[derive(Debug)]
+pub struct Batch<'a> {
+    /// Rows of [`Policy::observation_len`] values.
+    pub observations: &'a [f32],
+    /// Rows of [`Policy::memory_len`] values: zeros at the start of an attempt, overwritten for the next decision.
+    pub memory: &'a mut [f32],
+    /// Noise in units of the policy's standard deviation: rows of [`ACTION_LEN`] values, or empty for none.
+    pub noise: &'a [f32],
+}
+
+/// A trained policy that decides for many NPCs at once. Clones share the weights.
+#[derive(Clone)]
 pub struct Policy {
-    actor: Actor,
+    actor: Arc<dyn Actor>,
     manifest: Arc<Manifest>,
-    device: Device,
+    weights: Arc<[u8]>,
     senses_transports: bool,
 }
 
+impl fmt::Debug for Policy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Policy").field(&self.label()).finish()
+    }
+}
+
 impl Policy {
-    /// Wraps an actor for inference on the CPU.
-    pub fn new(actor: &Actor, manifest: Manifest) -> Self {
-        let device = Device::flex();
-        Self { actor: actor.valid().to_device(&device), manifest: Arc::new(manifest), device, senses_transports: true }
+    /// Decodes a policy from the contents of a model's files.
+    ///
+    /// # Errors
+    /// If the weights do not match the manifest, or do not fit this program's network or observation.
+    pub fn from_bytes(manifest: Manifest, weights: &[u8]) -> Result<Self, CheckpointError> {
+        manifest.check(weights)?;
+        let decoded = Weights::from_burnpack(&manifest.actor, weights)?;
+        Ok(Self {
+            actor: Arc::new(CpuActor::new(manifest.actor, decoded)),
+            manifest: Arc::new(manifest),
+            weights: weights.into(),
+            senses_transports: true,
+        })
     }
 
-    /// The same policy for NPCs that are not told where zip lines and teleporters are: the paper's agents are not.
+    /// The same policy, evaluated by another actor.
+    #[must_use]
+    pub fn with_actor(self, actor: Arc<dyn Actor>) -> Self {
+        Self { actor, ..self }
+    }
+
+    /// The same policy, but its observations do not show zip lines and teleporters, as those of the paper's agents do not.
     #[must_use]
     pub fn without_transports(self) -> Self {
         Self { senses_transports: false, ..self }
     }
 
-    /// Whether NPCs of this policy are told where zip lines and teleporters are.
+    /// Whether observations show zip lines and teleporters.
     pub fn senses_transports(&self) -> bool {
         self.senses_transports
     }
@@ -42,15 +81,20 @@ impl Policy {
         &self.manifest
     }
 
+    /// The contents of the weights file.
+    pub fn weights(&self) -> &[u8] {
+        &self.weights
+    }
+
+    /// blake3 of the weights file, hexadecimal; part of every graph's id.
+    pub fn weights_hash(&self) -> &str {
+        &self.manifest.weights_hash
+    }
+
     /// Name and shortened hash of the weights for display, such as `general-reactive (1a2b3c4d5e6f)`: ASCII, at most 64 bytes.
     pub fn label(&self) -> String {
         let short = |text: &str, most: usize| text.chars().filter(char::is_ascii).take(most).collect::<String>();
         format!("{} ({})", short(&self.manifest.name, 40), short(&self.manifest.weights_hash, 12))
-    }
-
-    /// The policy network.
-    pub fn actor(&self) -> &Actor {
-        &self.actor
     }
 
     /// Number of values of an observation: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN), or
@@ -59,73 +103,32 @@ impl Policy {
         self.manifest.actor.observation_len()
     }
 
-    /// Number of values in an NPC's memory row, which must be passed on to its next decision; 0 for a reactive policy.
+    /// Number of values in an NPC's memory row; 0 for a reactive policy.
     pub fn memory_len(&self) -> usize {
         self.manifest.actor.hidden_len()
     }
 
-    /// Computes an action for each observation: the policy's mean plus `noise_share` times its exploration noise.
-    ///
-    /// Share 0 gives the most likely action, 1 the policy as it was trained. Some noise frees characters from
-    /// places where the mean alone runs in circles. The other arguments are those of [`act_with_noise`](Self::act_with_noise).
-    ///
-    /// # Panics
-    /// As [`act_with_noise`](Self::act_with_noise).
-    pub fn act(
-        &self,
-        observations: &[f32],
-        memory: &mut [f32],
-        noise_share: f32,
-        rng: &mut impl Rng,
-        actions: &mut Vec<Action>,
-    ) {
-        let row_count = observations.len() / self.observation_len();
-        let count = if noise_share > 0.0 { row_count * ACTION_LEN } else { 0 };
-        let noise = gaussian(rng, count).into_iter().map(|value| value * noise_share).collect();
-        self.act_with_noise(observations, memory, noise, actions);
+    /// Buffers for batches of up to `row_count` rows; [`act`](Self::act) allocates them at need for more.
+    pub fn scratch(&self, row_count: usize) -> Scratch {
+        let mut scratch = Scratch::default();
+        self.actor.fit(&mut scratch, row_count);
+        scratch
     }
 
-    /// Computes an action for each observation: the policy's mean plus `noise` in units of its standard deviation.
+    /// Computes an action for each observation: the policy's mean plus its standard deviation times the noise, squashed. `actions` is
+    /// cleared and gets one entry per row.
     ///
-    /// `observations` has rows of [`observation_len`](Self::observation_len) values. `memory` has one row of [`memory_len`](Self::memory_len) values for
-    /// each, zeros at the start of an attempt, and is overwritten for the next decision. `noise` is empty for none, or has one
-    /// row of [`ACTION_LEN`] values for each observation. `actions` is cleared and gets one entry per row.
+    /// Without noise the action is the most likely one. Some noise frees NPCs from places where the mean alone runs in circles.
     ///
     /// # Panics
     /// If `observations` is not a whole number of rows, or the numbers of rows differ.
-    pub fn act_with_noise(&self, observations: &[f32], memory: &mut [f32], noise: Vec<f32>, actions: &mut Vec<Action>) {
-        assert_eq!(observations.len() % self.observation_len(), 0, "whole observation rows");
+    pub fn act(&self, batch: Batch<'_>, scratch: &mut Scratch, actions: &mut Vec<Action>) {
+        let rows = batch.observations.len() / self.observation_len();
+        assert_eq!(batch.observations.len(), rows * self.observation_len(), "whole observation rows");
+        assert_eq!(batch.memory.len(), rows * self.memory_len(), "a row of memory for each observation");
+        assert!(batch.noise.is_empty() || batch.noise.len() == rows * ACTION_LEN, "noise for each action");
         actions.clear();
-        let row_count = observations.len() / self.observation_len();
-        assert_eq!(memory.len(), row_count * self.memory_len(), "a row of memory for each observation");
-        if row_count == 0 {
-            return;
-        }
-        let rows = TensorData::new(observations.to_vec(), [row_count, self.observation_len()]);
-        let ActionDistribution { mean, log_std } = self.distribution(Tensor::from_data(rows, &self.device), memory);
-        let raw = if noise.is_empty() {
-            mean
-        } else {
-            let noise = TensorData::new(noise, [row_count, ACTION_LEN]);
-            mean + log_std.exp() * Tensor::<2>::from_data(noise, &self.device)
-        };
-        let data = raw.tanh().into_data();
-        let values = data.as_slice::<f32>().expect("the flex backend computes in f32");
-        actions.extend(
-            values
-                .chunks_exact(ACTION_LEN)
-                .map(|row| Action::from_array([row[0], row[1], row[2], row[3]]).unwrap_or_default()),
-        );
-    }
-
-    /// The distribution of each row's action; overwrites `memory`.
-    fn distribution(&self, observations: Tensor<2>, memory: &mut [f32]) -> ActionDistribution {
-        let [row_count, _] = observations.dims();
-        let Some(size) = self.actor.memory_size() else { return self.actor.forward(observations, None).0 };
-        let state = HiddenState::from_rows(memory, size, &self.device);
-        let keep = vec![1.0; row_count];
-        let (distribution, next) = self.actor.forward(observations, Some(Past { state: &state, keep: &keep }));
-        next.expect("an actor with a memory returns a state").write_rows(memory);
-        distribution
+        actions.resize(rows, Action::default());
+        self.actor.act(batch, scratch, actions);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::style::Style;
 use rand::rngs::ChaCha8Rng;
-use surefoot_policy::{HiddenStates, Policy};
+use surefoot_policy::{HiddenStates, Policy, noise};
 use surefoot_world::sense;
 use surefoot_world::{Action, DecisionOutcome, NpcSlot, TICKS_PER_DECISION, World};
 
@@ -157,11 +157,12 @@ impl DecisionLoop {
     /// The second phase: computes the action of every NPC from its observation.
     pub fn act(&mut self, npcs: &[DecidingNpc], policy: &Policy, noise: Noise<'_>) {
         let rows = npcs.iter().map(|npc| npc.row_idx);
+        let noise = match noise {
+            Noise::Shared(share, rng) => noise::for_rows(rng, share, npcs.len()),
+            Noise::Rows(values) => values,
+        };
         let Self { observations, actions, hidden, .. } = self;
-        match noise {
-            Noise::Shared(share, rng) => hidden.act(policy, rows, observations, share, rng, actions),
-            Noise::Rows(values) => hidden.act_with_noise(policy, rows, observations, values, actions),
-        }
+        hidden.act(policy, rows, observations, &noise, actions);
     }
 
     /// The third phase: holds one action for each NPC during ten ticks of all worlds, then closes the decision.

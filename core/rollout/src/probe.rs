@@ -15,7 +15,7 @@ use surefoot_planner::ride_stops::{Boarding, longest_ride_ticks, states_for_proo
 use surefoot_planner::threads::map_indices;
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
-use surefoot_policy::actor::gaussian;
+use surefoot_policy::noise::gaussian;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use surefoot_planner::LegKey;
 use surefoot_policy::Policy;
-use surefoot_policy::actor::gaussian;
+use surefoot_policy::noise::gaussian;
 use surefoot_world::character::{ACTION_LEN, Body};
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, SenseContext, state_vector};
 use surefoot_world::{

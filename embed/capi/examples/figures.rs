@@ -14,7 +14,6 @@ use surefoot::exports::*;
 use surefoot_planner::Router;
 use surefoot_planner::export::import_json;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
-use surefoot_policy::Policy as BurnPolicy;
 
 /// Median duration of a call of `run`, us, over many calls.
 fn median_us(mut run: impl FnMut()) -> f64 {
@@ -51,7 +50,6 @@ fn handle<T>(make: impl FnOnce(*mut *mut T) -> i32) -> *mut T {
 fn decisions(name: &str) {
     let text = CString::new(name).expect("a name");
     let policy = handle(|out| unsafe { sf_policy_shipped(text.as_ptr(), out, null_mut()) });
-    let burn = BurnPolicy::shipped_named(name).expect("a shipped policy").expect("sound weights");
     for count in [1usize, 64] {
         let agents = handle(|out| unsafe { sf_agents_create(policy, null(), count as u32, out, null_mut()) });
         let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -80,19 +78,10 @@ fn decisions(name: &str) {
             observe();
             ok(unsafe { sf_agents_decide(agents, null(), count, 0.5, actions.as_mut_ptr(), null_mut()) });
         });
-        let mut rows = Vec::new();
-        for idx in 0..count as u32 {
-            let (mut row, mut len) = ([0.0; 461], 0);
-            ok(unsafe { sf_agents_observation(agents, idx, row.as_mut_ptr(), row.len(), &mut len, null_mut()) });
-            rows.extend_from_slice(&row[..len]);
-        }
-        let (mut memory, mut decided) = (vec![0.0; count * burn.memory_len()], Vec::new());
-        let burn_us =
-            median_us(|| burn.act_with_noise(black_box(&rows), &mut memory, vec![0.5; 4 * count], &mut decided));
         let each = count as f64;
         let target = if count == 1 { 50.0 } else { 5.0 };
         let decide_us = (both_us - observe_us) / each;
-        print(&format!("{name}: decide, {count}, each"), decide_us, Some(target), Some(("burn", burn_us / each)));
+        print(&format!("{name}: decide, {count}, each"), decide_us, Some(target), None);
         print(&format!("{name}: observe, {count}, each"), observe_us / each, None, None);
         print(&format!("{name}: rays, {count}, each"), rays_us / each, None, None);
         unsafe { sf_agents_destroy(agents) };

@@ -1,7 +1,7 @@
 //! Agents: what an NPC of the caller's world senses, wants and remembers.
 //!
 //! An observation is written by the simulation's own code (`surefoot_world::sense`), from rays that the caller has cast. Decisions come from
-//! the actor in flat arrays. After [`Agents::new`] nothing is allocated, but for the texts of errors.
+//! the policy. After [`Agents::new`] nothing is allocated, but for the texts of errors.
 
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::checks;
@@ -10,9 +10,8 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use std::sync::Arc;
-use surefoot_policy::actor::fill_gaussian;
-use surefoot_policy::{FlatActor, FlatScratch, Manifest};
+use surefoot_policy::noise::fill_gaussian;
+use surefoot_policy::{Batch as Rows, Manifest, Scratch};
 use surefoot_world::character::{ACTION_LEN, Ride, Support};
 use surefoot_world::map::{Jetpack, Pad, Placed, Teleporter, ZipLine};
 use surefoot_world::mesh::Surface;
@@ -34,14 +33,14 @@ const MAX_COUNT: u32 = 1 << 30;
 #[derive(Debug)]
 pub struct Policy {
     /// The network.
-    pub actor: Arc<FlatActor>,
+    pub inner: surefoot_policy::Policy,
     /// Name and shortened hash of the weights.
     pub label: String,
 }
 
 impl Policy {
-    fn of(policy: &surefoot_policy::Policy) -> Self {
-        Self { actor: Arc::new(FlatActor::new(policy)), label: policy.label() }
+    fn of(inner: surefoot_policy::Policy) -> Self {
+        Self { label: inner.label(), inner }
     }
 
     /// The shipped policy of that name.
@@ -50,7 +49,7 @@ impl Policy {
             let message = format!("no policy {name} is built in: use general-reactive or general-lstm");
             Fault::new(Status::NotFound, message)
         })?;
-        policy.map(|policy| Self::of(&policy)).map_err(|error| Fault::new(Status::Internal, chain(&error)))
+        policy.map(Self::of).map_err(|error| Fault::new(Status::Internal, chain(&error)))
     }
 
     /// Reads a model's folder.
@@ -59,7 +58,7 @@ impl Policy {
             let is_missing = matches!(error, surefoot_policy::CheckpointError::Io { .. });
             Fault::new(if is_missing { Status::NotFound } else { Status::BadFile }, chain(&error))
         })?;
-        Ok(Self::of(&policy))
+        Ok(Self::of(policy))
     }
 
     /// Decodes the contents of a model's files.
@@ -67,7 +66,7 @@ impl Policy {
         let manifest: Manifest = serde_json::from_slice(manifest)
             .map_err(|error| Fault::file(format!("manifest is not a model's manifest.json: {error}")))?;
         let policy = surefoot_policy::Policy::from_bytes(manifest, weights);
-        policy.map(|policy| Self::of(&policy)).map_err(|error| Fault::file(chain(&error)))
+        policy.map(Self::of).map_err(|error| Fault::file(chain(&error)))
     }
 }
 
@@ -143,7 +142,7 @@ struct Mind {
 /// `sf_agents`: agents of one body that share a policy.
 #[derive(Debug)]
 pub struct Agents {
-    actor: Arc<FlatActor>,
+    policy: surefoot_policy::Policy,
     profile: CharacterProfile,
     task: TaskConfig,
     cone: RayCone,
@@ -168,7 +167,7 @@ struct Batch {
     memories: Vec<f32>,
     noise: Vec<f32>,
     actions: Vec<Action>,
-    scratch: FlatScratch,
+    scratch: Scratch,
 }
 
 impl Agents {
@@ -178,20 +177,20 @@ impl Agents {
             return Err(Fault::argument(format!("max_agents is {count}, but must be 1 to {MAX_AGENTS}")));
         }
         let count = count as usize;
-        let actor = Arc::clone(&policy.actor);
-        let (observation_len, memory_len) = (actor.observation_len(), actor.memory_len());
+        let policy = policy.inner.clone();
+        let (observation_len, memory_len) = (policy.observation_len(), policy.memory_len());
         let batch = Batch {
             observations: vec![0.0; count * observation_len],
             memories: vec![0.0; count * memory_len],
             noise: vec![0.0; count * ACTION_LEN],
             actions: vec![Action::default(); count],
-            scratch: actor.scratch(count),
+            scratch: policy.scratch(count),
         };
         Ok(Self {
             observations: batch.observations.clone(),
             memories: batch.memories.clone(),
             batch,
-            actor,
+            policy,
             profile,
             task: TaskConfig::default(),
             cone: RayCone::default(),
@@ -251,7 +250,7 @@ impl Agents {
     pub fn begin(&mut self, agent: u32, seed: u64) -> Result<(), Fault> {
         let idx = self.check(agent)?;
         self.minds[idx] = Mind { seed, ..Mind::default() };
-        let len = self.actor.memory_len();
+        let len = self.policy.memory_len();
         self.memories[idx * len..(idx + 1) * len].fill(0.0);
         Ok(())
     }
@@ -302,7 +301,7 @@ impl Agents {
         (mind.velocity, mind.stage) = (sensed.body.velocity, Stage::Observed);
         let context = SenseContext { placed: &self.placed, profile: &self.profile, task: &self.task };
         let found = Found { hits: &hits, body_hits: &body_hits, others: &self.others };
-        let len = self.actor.observation_len();
+        let len = self.policy.observation_len();
         let row = &mut self.observations[idx * len..(idx + 1) * len];
         sense::observe_found(context, found, (&sensed.body, episode, &mind.last), row);
         Ok(())
@@ -310,7 +309,7 @@ impl Agents {
 
     /// The last observation of an agent.
     pub fn observation(&self, agent: u32) -> Result<&[f32], Fault> {
-        let len = self.actor.observation_len();
+        let len = self.policy.observation_len();
         self.check(agent).map(|idx| &self.observations[idx * len..(idx + 1) * len])
     }
 
@@ -335,11 +334,14 @@ impl Agents {
         }
         let count = actions.len();
         self.gather(agents.clone(), noise_share);
-        let (observation_len, memory_len) = (self.actor.observation_len(), self.actor.memory_len());
+        let (observation_len, memory_len) = (self.policy.observation_len(), self.policy.memory_len());
         let Batch { observations, memories, noise, actions: decided, scratch } = &mut self.batch;
-        let noise = if noise_share > 0.0 { &noise[..count * ACTION_LEN] } else { &[] };
-        let memories = &mut memories[..count * memory_len];
-        self.actor.act(&observations[..count * observation_len], memories, noise, scratch, &mut decided[..count]);
+        let rows = Rows {
+            observations: &observations[..count * observation_len],
+            memory: &mut memories[..count * memory_len],
+            noise: if noise_share > 0.0 { &noise[..count * ACTION_LEN] } else { &[] },
+        };
+        self.policy.act(rows, scratch, decided);
         for (row, (agent, action)) in agents.zip(actions).enumerate() {
             let idx = agent as usize;
             *action = self.batch.actions[row].into();
@@ -354,7 +356,7 @@ impl Agents {
 
     /// Copies the rows of agents into the batch, and draws their noise.
     fn gather(&mut self, agents: impl Iterator<Item = u32>, noise_share: f32) {
-        let (observation_len, memory_len) = (self.actor.observation_len(), self.actor.memory_len());
+        let (observation_len, memory_len) = (self.policy.observation_len(), self.policy.memory_len());
         for (row, agent) in agents.enumerate() {
             let (idx, mind) = (agent as usize, &mut self.minds[agent as usize]);
             let observation = &self.observations[idx * observation_len..(idx + 1) * observation_len];
@@ -394,7 +396,7 @@ impl Agents {
 
     /// Number of bytes of a saved agent.
     pub fn saved_len(&self) -> usize {
-        SAVED_LEN + size_of::<f32>() * (self.actor.memory_len() + self.actor.observation_len())
+        SAVED_LEN + size_of::<f32>() * (self.policy.memory_len() + self.policy.observation_len())
     }
 
     /// Saves an agent into [`saved_len`](Self::saved_len) bytes.
@@ -429,7 +431,7 @@ impl Agents {
 
     /// Where an agent's memory and its observation are.
     fn rows(&self, idx: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
-        let (memory, observation) = (self.actor.memory_len(), self.actor.observation_len());
+        let (memory, observation) = (self.policy.memory_len(), self.policy.observation_len());
         (idx * memory..(idx + 1) * memory, idx * observation..(idx + 1) * observation)
     }
 }

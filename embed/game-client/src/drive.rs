@@ -68,7 +68,7 @@ impl<'a> Drive<'a> {
             }
         }
         let rows = npcs.iter().map(|deciding| deciding.npc_idx);
-        self.hidden.act_with_noise(self.policy, rows, &self.observations, noise, &mut self.decided);
+        self.hidden.act(self.policy, rows, &self.observations, &noise, &mut self.decided);
         self.actions.fill(Action::default());
         for (deciding, action) in npcs.iter().zip(&self.decided) {
             let npc = npc_of(seen(self.env.state(), deciding.npc_idx));

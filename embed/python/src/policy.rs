@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use surefoot_policy::{CheckpointError, HiddenStates, Policy as Inner};
+use surefoot_policy::{CheckpointError, HiddenStates, Policy as Inner, noise};
 use surefoot_world::OBSERVATION_WITH_OTHERS_LEN;
 use surefoot_world::character::ACTION_LEN;
 
@@ -116,7 +116,8 @@ impl Policy {
                 &cut
             };
             let mut actions = Vec::with_capacity(rows);
-            state.memories.act(&self.inner, 0..rows, seen, noise, &mut state.rng, &mut actions);
+            let noise = noise::for_rows(&mut state.rng, noise, rows);
+            state.memories.act(&self.inner, 0..rows, seen, &noise, &mut actions);
             actions.iter().flat_map(|action| action.to_array()).collect::<Vec<f32>>()
         });
         actions.into_pyarray(py).reshape([rows, ACTION_LEN])

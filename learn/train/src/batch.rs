@@ -1,9 +1,9 @@
 //! Batches of the replay buffer as tensors.
 
+use super::networks::state::HiddenState;
+use super::networks::trunk::Past;
 use super::replay::Batch;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use surefoot_policy::network::Past;
-use surefoot_policy::state::HiddenState;
 use surefoot_world::character::ACTION_LEN;
 
 /// A batch as tensors.

@@ -1,12 +1,12 @@
 //! The action-value networks: twin critics, of which the smaller estimate is used.
 
+use super::networks::dense::Dense;
+use super::networks::state::HiddenState;
+use super::networks::trunk::{Encoding, Past, Trunk};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::Rng;
 use surefoot_policy::ActorConfig;
-use surefoot_policy::dense::Dense;
-use surefoot_policy::network::{Encoding, Past, Trunk};
-use surefoot_policy::state::HiddenState;
 use surefoot_world::character::ACTION_LEN;
 
 /// Number of critics (Fujimoto et al. 2018, "Addressing Function Approximation Error in Actor-Critic Methods").

@@ -8,6 +8,9 @@ use super::batch::Rows;
 use super::config::SacConfig;
 use super::critic::{CRITIC_COUNT, Critics};
 use super::losses::{actor_loss, critic_loss, soft_targets, temperature_loss};
+use super::networks::state::HiddenState;
+use super::networks::trunk::Encoding;
+use super::networks::{ActorNetwork, load_module, module_bytes};
 use super::replay::Batch;
 use super::rng::RngState;
 use super::squash::sample_squashed;
@@ -17,11 +20,8 @@ use burn::tensor::{Bytes, Device, Tensor, TensorData};
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use surefoot_policy::actor::gaussian;
-use surefoot_policy::checkpoint::{self, load_module, module_bytes};
-use surefoot_policy::network::Encoding;
-use surefoot_policy::state::HiddenState;
-use surefoot_policy::{Actor, CheckpointError, Manifest};
+use surefoot_policy::noise::gaussian;
+use surefoot_policy::{CheckpointError, Manifest, Policy};
 use surefoot_world::character::ACTION_LEN;
 
 /// Name of the critics' weights file inside a model's folder.
@@ -36,7 +36,7 @@ struct Temperature {
 /// The learner with all its state.
 pub struct Learner {
     config: SacConfig,
-    actor: Actor,
+    actor: ActorNetwork,
     critics: Critics,
     target: Critics,
     temperature: Temperature,
@@ -81,7 +81,7 @@ impl Learner {
     /// A learner on `device`, with networks drawn from `rng`.
     pub fn on(device: Device, config: SacConfig, mut rng: ChaCha8Rng) -> Self {
         let device = device.autodiff();
-        let actor = Actor::new(&config.network, &device, &mut rng);
+        let actor = ActorNetwork::new(&config.network, &device, &mut rng);
         let critics = Critics::new(&config.network, &device, &mut rng);
         let log_alpha = TensorData::new(vec![config.initial_alpha.ln()], [1]);
         Self {
@@ -107,12 +107,11 @@ impl Learner {
     /// # Errors
     /// If the model cannot be read or does not fit the configured networks.
     pub fn start_from(&mut self, folder: &Path) -> Result<Manifest, CheckpointError> {
-        let manifest = Manifest::load(folder)?;
-        let weights = checkpoint::weights(folder, &manifest)?;
-        manifest.check(&weights)?;
+        let start = Policy::load(folder)?;
+        let manifest = start.manifest();
         let path = folder.join(CRITICS_FILE);
         let critics = std::fs::read(&path).map_err(|source| CheckpointError::Io { path, source })?;
-        let actor = load_module(Actor::new(&manifest.actor, &self.device, &mut self.rng), &weights)?;
+        let actor = load_module(ActorNetwork::new(&manifest.actor, &self.device, &mut self.rng), start.weights())?;
         let critics = load_module(Critics::new(&manifest.actor, &self.device, &mut self.rng), &critics)?;
         let sizes = (&manifest.actor, &self.config.network);
         let actor = actor.grown(sizes.0, sizes.1, &self.device, &mut self.rng);
@@ -121,12 +120,19 @@ impl Learner {
         self.actor = load_module(self.actor.clone(), &module_bytes(&actor)?)?;
         self.critics = load_module(self.critics.clone(), &module_bytes(&critics)?)?;
         self.target = self.critics.valid();
-        Ok(manifest)
+        Ok(manifest.clone())
     }
 
     /// The current policy network.
-    pub fn actor(&self) -> &Actor {
+    pub fn actor(&self) -> &ActorNetwork {
         &self.actor
+    }
+
+    /// The current policy.
+    pub fn policy(&self, name: &str) -> Policy {
+        let weights = module_bytes(&self.actor).expect("a network of plain tensors");
+        let manifest = Manifest::new(name, self.config.network, &weights, serde_json::Value::Null);
+        Policy::from_bytes(manifest, &weights).expect("weights of the configured sizes")
     }
 
     /// The current critics.

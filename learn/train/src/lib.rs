@@ -19,6 +19,7 @@ pub mod learner;
 mod log;
 pub mod losses;
 mod mlflow;
+pub mod networks;
 pub mod replay;
 mod rng;
 pub mod run;

@@ -8,6 +8,7 @@ use super::error::TrainError;
 use super::inflow::Collected;
 use super::learner::{Learner, UpdateStats};
 use super::log::Log;
+use super::networks::ActorNetwork;
 use super::replay::{self, Batch, Census, Replay, Sampling, census};
 use super::source::{Source, Ties};
 use super::stages::{STAGES_FILE, holds, stages};
@@ -22,7 +23,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use surefoot_game_client::GameError;
 use surefoot_policy::checkpoint::write_atomically;
-use surefoot_policy::{Actor, Manifest, Policy};
+use surefoot_policy::Policy;
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
 
 /// Batches of rows, or steps of all lanes if these are more rows, that must be stored before learning begins.
@@ -115,7 +116,7 @@ impl Run {
         let start = config.start_from.as_deref().map(|folder| learner.start_from(folder)).transpose()?;
         let started_from = start.as_ref().map(stages);
         let connect = ties.connect.clone();
-        let source = Source::new(&config, stream(10), policy(&config, &learner), ties)?;
+        let source = Source::new(&config, stream(10), learner.policy(&config.name), ties)?;
         let buffers = source.buffers(config.replay_capacity);
         let best = Best { score: -1.0, updates: 0, validated: 0 };
         Ok(Self {
@@ -135,11 +136,11 @@ impl Run {
 
     /// The current policy.
     pub fn policy(&self) -> Policy {
-        policy(&self.config, &self.learner)
+        self.learner.policy(&self.config.name)
     }
 
     /// The current policy network.
-    pub fn actor(&self) -> &Actor {
+    pub fn actor(&self) -> &ActorNetwork {
         self.learner.actor()
     }
 
@@ -221,12 +222,6 @@ impl Run {
         }
         Ok(())
     }
-}
-
-/// The policy of a learner.
-pub(super) fn policy(config: &TrainConfig, learner: &Learner) -> Policy {
-    let manifest = Manifest::new(&config.name, config.sac.network, &[], serde_json::Value::Null);
-    Policy::new(learner.actor(), manifest)
 }
 
 /// Samples batches and updates the learner with them.

@@ -1,8 +1,8 @@
 //! Sampling from a squashed Gaussian, with log probabilities.
 
+use super::networks::ActionDistribution;
 use burn::tensor::Tensor;
 use burn::tensor::activation::softplus;
-use surefoot_policy::actor::ActionDistribution;
 
 /// Samples squashed actions with the reparameterisation trick from standard normal `noise`, `[batch, ACTION_LEN]`. Returns
 /// actions `[batch, ACTION_LEN]` and their log probabilities `[batch, 1]`: eq. (21) of [`losses`](super::losses)' paper, with the

@@ -4,7 +4,8 @@ use super::config::{CONFIG_FILE, TrainConfig};
 use super::error::TrainError;
 use super::learner::{CRITICS_FILE, Learner, LearnerState};
 use super::replay::{Census, Replay, census};
-use super::run::{Best, Launch, Run, policy};
+use super::networks::module_bytes;
+use super::run::{Best, Launch, Run};
 use super::source::{Source, SourceState, Ties};
 use super::stages::{STAGES_FILE, total};
 use super::validation::Validation;
@@ -12,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use surefoot_policy::Manifest;
-use surefoot_policy::checkpoint::{self, module_bytes, write_atomically};
+use surefoot_policy::checkpoint::{self, write_atomically};
 
 /// Name of the state file in a run's folder.
 const STATE_FILE: &str = "state.bin";
@@ -137,7 +138,7 @@ impl Run {
         let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
         let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
         let learner = Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?;
-        let policy = policy(&config, &learner);
+        let policy = learner.policy(&config.name);
         let source = Source::restore(&config, state.source, policy, ties)?.ok_or_else(foreign)?;
         let lane_count = source.lane_count() / source.buffer_count();
         let fits = |buffer: &Replay| buffer.fits(lane_count, config.replay_capacity, &config.sac.network);

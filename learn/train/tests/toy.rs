@@ -4,7 +4,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::sync::Arc;
 use surefoot_policy::config::RAY_LEN;
-use surefoot_policy::{ActorConfig, Manifest, Policy};
+use surefoot_policy::{ActorConfig, Batch as Rows, Scratch};
 use surefoot_rollout::{Goal, Rollout};
 use surefoot_train::CollectorConfig;
 use surefoot_train::Run;
@@ -123,7 +123,7 @@ fn the_recurrent_agent_acts_on_what_it_saw_before() {
         let batch = cued_batch(&mut rng, network.memory_len());
         learner.update(&batch);
     }
-    let policy = Policy::new(learner.actor(), Manifest::new("cued", network, &[], serde_json::Value::Null));
+    let policy = learner.policy("cued");
     let mut memory = vec![0.0; 2 * policy.memory_len()];
     let mut actions = Vec::new();
     for step in 0..STEPS {
@@ -132,7 +132,8 @@ fn the_recurrent_agent_acts_on_what_it_saw_before() {
             observations[RAY_LEN] = 1.0;
             observations[OBSERVATION_LEN + RAY_LEN] = -1.0;
         }
-        policy.act(&observations, &mut memory, 0.0, &mut rng, &mut actions);
+        let rows = Rows { observations: &observations, memory: &mut memory, noise: &[] };
+        policy.act(rows, &mut Scratch::default(), &mut actions);
     }
     let last = [actions[0].forward, actions[1].forward];
     assert!((last[0] - 0.3).abs() < 0.15 && (last[1] + 0.3).abs() < 0.15, "{last:?}");
@@ -164,8 +165,9 @@ fn the_reactive_agent_finds_the_better_action_of_a_bandit() {
             returns,
         });
     }
-    let policy = Policy::new(learner.actor(), Manifest::new("bandit", network, &[], serde_json::Value::Null));
+    let policy = learner.policy("bandit");
     let mut actions = Vec::new();
-    policy.act(&vec![0.1; OBSERVATION_LEN], &mut [], 0.0, &mut rng, &mut actions);
+    let rows = Rows { observations: &[0.1; OBSERVATION_LEN], memory: &mut [], noise: &[] };
+    policy.act(rows, &mut Scratch::default(), &mut actions);
     assert!((actions[0].forward + 0.3).abs() < 0.15, "{}", actions[0].forward);
 }

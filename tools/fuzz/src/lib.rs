@@ -8,12 +8,13 @@
 use prost::Message;
 use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
+use surefoot_exchange::{from_safetensors, to_safetensors};
 use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, Traffic, store as cache};
 use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
-use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
+use surefoot_policy::{ActorConfig, Batch, Manifest, Policy, Scratch};
 use surefoot_proto::plans;
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
 use surefoot_server::hosted::{HostedWorld, NpcStatus, SavedMap, TimeMode, WorldSave};
@@ -292,11 +293,12 @@ pub fn recording(bytes: &[u8]) {
 
 /// Weights as safetensors and as burnpack, and manifests.
 pub fn checkpoint(bytes: &[u8]) {
-    if let Some((actor, config, _)) = accepted(weights::from_safetensors(bytes)) {
-        let manifest = Manifest::new("trial", config, bytes, serde_json::Value::Null);
-        let again = weights::to_safetensors(&actor, &manifest).expect("just read");
-        weights::from_safetensors(&again).expect("just written");
-        decides(&Policy::new(&actor, manifest));
+    if let Some((weights, config, _)) = accepted(from_safetensors(bytes)) {
+        let burnpack = weights.to_burnpack();
+        let manifest = Manifest::new("trial", config, &burnpack, serde_json::Value::Null);
+        let again = to_safetensors(&weights, &manifest).expect("just read");
+        from_safetensors(&again).expect("just written");
+        decides(&Policy::from_bytes(manifest, &burnpack).expect("just written"));
     }
     let manifest = Manifest::new("trial", NETWORK, bytes, serde_json::Value::Null);
     if let Some(policy) = accepted(Policy::from_bytes(manifest, bytes)) {
@@ -313,7 +315,9 @@ pub fn checkpoint(bytes: &[u8]) {
 fn decides(policy: &Policy) {
     let mut actions = Vec::new();
     let mut memory = vec![0.0; policy.memory_len()];
-    policy.act_with_noise(&[0.5; surefoot_world::OBSERVATION_LEN], &mut memory, Vec::new(), &mut actions);
+    let observations = vec![0.5; policy.observation_len()];
+    let batch = Batch { observations: &observations, memory: &mut memory, noise: &[] };
+    policy.act(batch, &mut Scratch::default(), &mut actions);
     assert!(actions[0].to_array().iter().all(|value| (-1.0..=1.0).contains(value)), "{actions:?}");
 }
 

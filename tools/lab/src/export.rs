@@ -5,9 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use surefoot_cli::commands::load_policy;
 use surefoot_cli::terminal::print_json;
-use surefoot_policy::checkpoint::{self, module_bytes};
-use surefoot_policy::exchange::{from_safetensors, to_onnx, to_safetensors};
-use surefoot_policy::{Manifest, Policy};
+use surefoot_exchange::{from_safetensors, to_onnx, to_safetensors};
+use surefoot_policy::{Manifest, Policy, Weights, checkpoint};
 use surefoot_rollout::crowd::{Sample, sample_decisions};
 use surefoot_world::{Map, MapSpec};
 
@@ -56,11 +55,12 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     if let Some(count) = args.check {
         check(&policy, count)?;
     }
+    let weights = Weights::from_burnpack(&policy.manifest().actor, policy.weights())?;
     if let Some(path) = &args.onnx {
-        write(path, &to_onnx(policy.actor(), policy.manifest()))?;
+        write(path, &to_onnx(&weights, policy.manifest()))?;
     }
     if let Some(path) = &args.safetensors {
-        write(path, &to_safetensors(policy.actor(), policy.manifest())?)?;
+        write(path, &to_safetensors(&weights, policy.manifest())?)?;
     }
     Ok(())
 }
@@ -82,11 +82,11 @@ fn check(policy: &Policy, count: usize) -> anyhow::Result<()> {
 pub fn import(args: &ImportArgs) -> anyhow::Result<()> {
     let context = || format!("cannot use {}", args.file.display());
     let bytes = std::fs::read(&args.file).with_context(context)?;
-    let (actor, config, former) = from_safetensors(&bytes).with_context(context)?;
+    let (weights, config, former) = from_safetensors(&bytes).with_context(context)?;
     let former_name = former.as_ref().map(|manifest| manifest.name.clone());
     let name = args.name.clone().or(former_name).unwrap_or_else(|| "imported".to_owned());
     let training = former.map_or(serde_json::Value::Null, |manifest| manifest.training);
-    let weights = module_bytes(&actor)?;
+    let weights = weights.to_burnpack();
     let manifest = Manifest::new(&name, config, &weights, training);
     checkpoint::save(&args.folder, &manifest, &weights)?;
     // Fails here rather than later if the written model cannot be loaded.

@@ -1,11 +1,9 @@
 //! A training run that is killed at any moment, again and again, ends as one that was not.
 
 use crate::learner::start;
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use surefoot_policy::{ActorConfig, Policy};
+use surefoot_policy::{ActorConfig, Batch, Policy, Scratch};
 use surefoot_processes::LIMIT;
 use surefoot_train::{CollectorConfig, SacConfig, TrainConfig};
 use surefoot_world::OBSERVATION_LEN;
@@ -52,7 +50,7 @@ fn decisions(model: &Path) -> Vec<u32> {
     let policy = Policy::load(model).unwrap();
     let rows: Vec<f32> = (0..8 * OBSERVATION_LEN).map(|idx| (idx % 17) as f32 / 17.0).collect();
     let mut actions = Vec::new();
-    policy.act(&rows, &mut [], 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
+    policy.act(Batch { observations: &rows, memory: &mut [], noise: &[] }, &mut Scratch::default(), &mut actions);
     actions.iter().flat_map(|action| action.to_array().map(f32::to_bits)).collect()
 }
 

@@ -35,9 +35,9 @@ export! {
     }
 
     fn sf_policy_lengths(policy: *const Policy, observation_length: *mut usize, memory_length: *mut usize) {
-        let actor = &reference(policy, "policy")?.actor;
-        write(observation_length, "observation_length", actor.observation_len())?;
-        write(memory_length, "memory_length", actor.memory_len())
+        let policy = &reference(policy, "policy")?.inner;
+        write(observation_length, "observation_length", policy.observation_len())?;
+        write(memory_length, "memory_length", policy.memory_len())
     }
 
     fn sf_policy_label(policy: *const Policy, label: *mut c_char, capacity: usize, length: *mut usize) {

@@ -5,7 +5,7 @@ use crate::agent::{AgentAction, AgentState, Sight, SurefootAgent};
 use crate::mind::{Mind, body_of};
 use crate::policy::{DefaultPolicy, SurefootPolicy};
 use bevy_ecs::prelude::*;
-use surefoot_policy::FlatScratch;
+use surefoot_policy::{Batch as Rows, Scratch};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{self, Found, RAY_COUNT, SenseContext};
 use surefoot_world::{Action, TaskConfig};
@@ -17,8 +17,7 @@ pub(crate) struct Batches(Vec<Batch>);
 #[derive(Debug)]
 struct Batch {
     policy: SurefootPolicy,
-    scratch: FlatScratch,
-    max_rows: usize,
+    scratch: Scratch,
     agents: Vec<Entity>,
     observations: Vec<f32>,
     memories: Vec<f32>,
@@ -58,7 +57,7 @@ pub(crate) fn decide(
     }
     for batch in &mut batches.0 {
         batch.act();
-        let memory_len = batch.policy.actor.memory_len();
+        let memory_len = batch.policy.inner.memory_len();
         for (row, agent) in batch.agents.drain(..).enumerate() {
             let Ok((_, _, state, _, _, mut mind, mut action)) = agents.get_mut(agent) else { continue };
             *action = AgentAction { action: batch.actions[row], is_first: true };
@@ -87,9 +86,8 @@ impl Batches {
 
 impl Batch {
     fn new(policy: SurefootPolicy) -> Self {
-        let scratch = policy.actor.scratch(1);
-        let (agents, observations, memories, noise, actions) = Default::default();
-        Self { policy, scratch, max_rows: 1, agents, observations, memories, noise, actions }
+        let (scratch, agents, observations, memories, noise, actions) = Default::default();
+        Self { policy, scratch, agents, observations, memories, noise, actions }
     }
 
     fn clear(&mut self) {
@@ -104,7 +102,7 @@ impl Batch {
         context: SenseContext<'_>,
     ) {
         let Some(attempt) = &mind.attempt else { return };
-        let (at, len) = (self.observations.len(), self.policy.actor.observation_len());
+        let (at, len) = (self.observations.len(), self.policy.inner.observation_len());
         self.observations.resize(at + len, 0.0);
         let found = Found { hits: &sight.hits, body_hits: &[f32::INFINITY; RAY_COUNT], others: &[] };
         sense::observe_found(
@@ -113,7 +111,7 @@ impl Batch {
             (&body_of(state), &attempt.episode, &mind.last),
             &mut self.observations[at..],
         );
-        mind.memory.resize(self.policy.actor.memory_len(), 0.0);
+        mind.memory.resize(self.policy.inner.memory_len(), 0.0);
         self.memories.extend(&mind.memory);
         let mut noise = [0.0; ACTION_LEN];
         let share = if settings.noise_share.is_finite() { settings.noise_share.clamp(0.0, 1.0) } else { 0.0 };
@@ -123,16 +121,7 @@ impl Batch {
     }
 
     fn act(&mut self) {
-        let rows = self.agents.len();
-        if rows > self.max_rows {
-            self.max_rows = rows.next_power_of_two();
-            self.scratch = self.policy.actor.scratch(self.max_rows);
-        }
-        self.actions.clear();
-        self.actions.resize(rows, Action::default());
-        if rows > 0 {
-            let Self { policy, scratch, observations, memories, noise, actions, .. } = self;
-            policy.actor.act(observations, memories, noise, scratch, actions);
-        }
+        let Self { policy, scratch, observations, memories, noise, actions, .. } = self;
+        policy.inner.act(Rows { observations, memory: memories, noise }, scratch, actions);
     }
 }

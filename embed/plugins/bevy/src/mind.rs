@@ -6,7 +6,7 @@ use bevy_ecs::prelude::*;
 use bevy_math::Vec3;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use surefoot_policy::actor::fill_gaussian;
+use surefoot_policy::noise::fill_gaussian;
 use surefoot_rollout::{FollowConfig, Follower};
 use surefoot_world::character::{ACTION_LEN, Ride, Support};
 use surefoot_world::sense::LastDecision;

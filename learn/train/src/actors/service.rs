@@ -172,7 +172,7 @@ impl Session {
                     if policies.has_changed().map_err(|_| shutting_down())? {
                         let newest = policies.borrow_and_update().clone();
                         let weights = messages::weights_to_wire(&newest);
-                        self.say(ToActor::Weights(weights.map_err(|error| Status::internal(error.to_string()))?)).await?;
+                        self.say(ToActor::Weights(weights)).await?;
                     }
                 }
                 request = requests.next() => match request.transpose()?.map(|request| request.message) {

@@ -2,7 +2,6 @@
 
 use crate::collector::CollectorStats;
 use crate::replay::{self, RowError, RowKind, Step};
-use surefoot_policy::checkpoint::module_bytes;
 use surefoot_policy::{ActorConfig, CheckpointError, Manifest, Policy};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::learn::v1 as wire;
@@ -60,8 +59,8 @@ pub(super) fn step(
 }
 
 /// A policy as a message.
-pub(super) fn weights_to_wire((policy, version): &(Policy, u64)) -> Result<wire::Weights, CheckpointError> {
-    Ok(wire::Weights { version: *version, weights: module_bytes(policy.actor())? })
+pub(super) fn weights_to_wire((policy, version): &(Policy, u64)) -> wire::Weights {
+    wire::Weights { version: *version, weights: policy.weights().to_vec() }
 }
 
 /// Reads a policy of these sizes.

@@ -7,6 +7,7 @@ use rand::{RngExt, SeedableRng};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
+use surefoot_policy::{Batch, Scratch, noise};
 use surefoot_world::Action;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::OBSERVATION_LEN;
@@ -41,7 +42,7 @@ impl Brain {
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ decisions_before);
         rng.set_stream(12);
         let random_decisions = config.collector.random_decisions;
-        let mut thinker = Thinker { waiting, inlet, random_decisions, rng };
+        let mut thinker = Thinker { waiting, inlet, random_decisions, rng, scratch: Scratch::default() };
         std::thread::spawn(move || while thinker.decide().is_some() {});
         Self { asks }
     }
@@ -59,6 +60,7 @@ struct Thinker {
     inlet: Inlet,
     random_decisions: u64,
     rng: ChaCha8Rng,
+    scratch: Scratch,
 }
 
 impl Thinker {
@@ -82,7 +84,9 @@ impl Thinker {
             let mut draw = || [(); ACTION_LEN].map(|()| rng.random_range(-1.0..1.0));
             actions.extend((0..row_count).map(|_| Action::from_array(draw()).expect("drawn actions are finite")));
         } else {
-            policy.act(&observations, &mut memory, 1.0, &mut self.rng, &mut actions);
+            let noise = noise::for_rows(&mut self.rng, 1.0, row_count);
+            let batch = Batch { observations: &observations, memory: &mut memory, noise: &noise };
+            policy.act(batch, &mut self.scratch, &mut actions);
         }
         let (mut actions, mut memory) = (actions.into_iter(), memory.as_slice());
         for ask in asks {

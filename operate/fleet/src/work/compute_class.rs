@@ -2,7 +2,7 @@
 
 use std::fmt;
 use surefoot_planner::settings::BUILDER_VERSION;
-use surefoot_policy::Policy;
+use surefoot_policy::{Batch, Policy, Scratch};
 
 /// Version of what jobs and results say. Processes of different versions share no work.
 const VERSION: u32 = 1;
@@ -32,7 +32,8 @@ impl ComputeClass {
         for row_count in BATCHES {
             let observations: Vec<f32> = (0..row_count * policy.observation_len()).map(|_| value()).collect();
             let mut memory = vec![0.0; row_count * policy.memory_len()];
-            policy.act_with_noise(&observations, &mut memory, Vec::new(), &mut actions);
+            let batch = Batch { observations: &observations, memory: &mut memory, noise: &[] };
+            policy.act(batch, &mut Scratch::default(), &mut actions);
             let computed = actions.iter().flat_map(|action| action.to_array()).chain(memory);
             computed.for_each(|value| {
                 hasher.update(&value.to_le_bytes());

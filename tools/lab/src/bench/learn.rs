@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
 use std::sync::Arc;
 use surefoot_cli::commands::load_policy;
-use surefoot_policy::{Manifest, Policy};
+use surefoot_policy::{Batch as Rows, Policy, Scratch};
 use surefoot_rollout::env::{Env, Episodes};
 use surefoot_train::Learner;
 use surefoot_train::Run;
@@ -43,14 +43,17 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
 /// A policy with fresh weights: speed does not depend on training.
 fn untrained(config: &TrainConfig) -> Policy {
     let learner = Learner::new(config.sac.clone(), ChaCha8Rng::seed_from_u64(0));
-    Policy::new(learner.actor(), Manifest::new("untrained", config.sac.network, &[], serde_json::Value::Null))
+    learner.policy("untrained")
 }
 
 fn inference_us(policy: &Policy, rows: usize) -> f64 {
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
     let observations = observations(rows);
-    let (mut memory, mut actions) = (vec![0.0; rows * policy.memory_len()], Vec::new());
-    let times = (0..200).map(|_| timed(|| policy.act(&observations, &mut memory, 0.0, &mut rng, &mut actions)));
+    let (mut memory, mut scratch) = (vec![0.0; rows * policy.memory_len()], Scratch::default());
+    let mut actions = Vec::new();
+    let times = (0..200).map(|_| {
+        let rows = Rows { observations: &observations, memory: &mut memory, noise: &[] };
+        timed(|| policy.act(rows, &mut scratch, &mut actions))
+    });
     median(times.collect()) * 1.0e6
 }
 
@@ -74,10 +77,11 @@ fn env_steps_per_second(policy: &Policy) -> anyhow::Result<f64> {
     let map = Arc::new(Map::generate(&MapSpec::new(0)));
     let episodes = Episodes::Endless { npc_count: NPCS, band: (0.0, 25.0), seed: 0 };
     let mut env = Env::new(map, CharacterProfile::default(), false, episodes)?;
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let (mut memory, mut actions) = (vec![0.0; NPCS * policy.memory_len()], Vec::new());
+    let (mut memory, mut scratch) = (vec![0.0; NPCS * policy.memory_len()], Scratch::default());
+    let mut actions = Vec::new();
     let mut step = || {
-        policy.act(env.observations(), &mut memory, 0.0, &mut rng, &mut actions);
+        let rows = Rows { observations: env.observations(), memory: &mut memory, noise: &[] };
+        policy.act(rows, &mut scratch, &mut actions);
         black_box(env.step(&actions));
     };
     let times = (0..STEPS).map(|_| timed(&mut step));

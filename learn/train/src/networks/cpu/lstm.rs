@@ -5,8 +5,9 @@
 //! Hochreiter & Schmidhuber's equations) is written by hand.
 
 use super::{Tracked, contiguous, tensor};
-use crate::config::GATES;
-use crate::state::HiddenState;
+use surefoot_policy::activation::{lstm_step, tanh};
+use surefoot_policy::config::GATES;
+use super::super::state::HiddenState;
 use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
@@ -16,7 +17,7 @@ use burn::backend::flex::FlexTensor;
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::{Tensor, TensorData};
 
-/// Runs the recurrence; `None` if the tensors are not on the CPU. For the arguments see [`crate::lstm::sequence`].
+/// Runs the recurrence; `None` if the tensors are not on the CPU. For the arguments see [`super::super::lstm::sequence`].
 pub fn sequence(
     gates: &Tensor<3>,
     recurrent: &Tensor<3>,
@@ -182,26 +183,7 @@ fn step_row(gates: &mut [f32], products: &[f32], before: &[f32], keep: f32, cell
         *cell = before * keep;
     }
     let size = before.len();
-    activate(gates, &mut cell[..size], &mut hidden[..size]);
-}
-
-/// Activates one row of gates in place, and computes the states after the step: `cell` holds the one before, as far as it is kept.
-#[inline(always)]
-pub(crate) fn activate(gates: &mut [f32], cell: &mut [f32], hidden: &mut [f32]) {
-    let size = cell.len();
-    let (open, candidate) = gates.split_at_mut(3 * size);
-    for gate in open.iter_mut() {
-        *gate = sigmoid(*gate);
-    }
-    for value in candidate.iter_mut() {
-        *value = tanh(*value);
-    }
-    let (input, rest) = open.split_at(size);
-    let (forget, output) = rest.split_at(size);
-    for idx in 0..size {
-        cell[idx] = forget[idx] * cell[idx] + input[idx] * candidate[idx];
-        hidden[idx] = output[idx] * tanh(cell[idx]);
-    }
+    lstm_step(gates, &mut cell[..size], &mut hidden[..size]);
 }
 
 /// Gradient of the gates before activation, `[members, steps * batch, 4 size]`.
@@ -281,37 +263,4 @@ fn recurrent_gradient(run: &Run, gate_gradient: &FlexTensor) -> FlexTensor {
     }
     let kept = tensor(kept, [members, steps * batch, size]).transpose(1, 2);
     Flex::float_matmul(kept, gate_gradient.clone())
-}
-
-/// e^x with a relative error below 2e-7, `x` clamped to [-80, 80]: 2^n times a polynomial for 2^f, f in [-1/2, 1/2].
-#[inline]
-pub(crate) fn exp(x: f32) -> f32 {
-    /// Adding and then subtracting 1.5 * 2^23 rounds to an integer.
-    const ROUND: f32 = 12_582_912.0;
-    /// Coefficients of the Taylor series of 2^f from degree 1 on: powers of ln 2 over factorials.
-    const TAYLOR: [f32; 7] = {
-        let mut terms = [std::f32::consts::LN_2; 7];
-        let mut idx = 1;
-        while idx < terms.len() {
-            terms[idx] = terms[idx - 1] * std::f32::consts::LN_2 / (idx + 1) as f32;
-            idx += 1;
-        }
-        terms
-    };
-    let scaled = x.clamp(-80.0, 80.0) * std::f32::consts::LOG2_E;
-    let whole = (scaled + ROUND) - ROUND;
-    let rest = scaled - whole;
-    let power = TAYLOR.iter().rev().fold(0.0, |sum, term| (sum + term) * rest) + 1.0;
-    let exponent = ((whole as i32 + 127) << 23) as u32;
-    power * f32::from_bits(exponent)
-}
-
-#[inline]
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + exp(-x))
-}
-
-#[inline]
-pub(crate) fn tanh(x: f32) -> f32 {
-    2.0 / (1.0 + exp(-2.0 * x)) - 1.0
 }

@@ -11,23 +11,26 @@
 //! | out `mean`, `log_std` | rows, 4 | the Gaussian before tanh, for acting with noise |
 //! | out `hidden_out`, `cell_out` | rows, memory | recurrent agents: inputs of the next decision |
 
-use super::{Weights, named_weights};
-use crate::actor::LOG_STD_RANGE;
-use crate::config::RAY_LEN;
-use crate::{Actor, Manifest};
+use crate::proto::attribute_proto::AttributeType;
+use crate::proto::tensor_proto::DataType;
+use crate::proto::tensor_shape_proto::Dimension;
+use crate::proto::tensor_shape_proto::dimension::Value as Size;
+use crate::proto::type_proto::{self, Tensor};
+use crate::proto::{
+    AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, StringStringEntryProto, TensorProto,
+    TensorShapeProto, TypeProto, ValueInfoProto,
+};
 use prost::Message;
-use std::collections::BTreeMap;
+use surefoot_policy::config::{LOG_STD_RANGE, RAY_LEN};
+use surefoot_policy::{Manifest, Parameter, Weights};
 use surefoot_world::character::ACTION_LEN;
 
 const IR_VERSION: i64 = 8;
 const OPSET: i64 = 13;
-const FLOAT: i32 = 1;
-const INT64: i32 = 7;
-const ATTRIBUTE_INT: i32 = 2;
 
-/// Encodes an actor as the contents of an `.onnx` file.
-pub fn to_onnx(actor: &Actor, manifest: &Manifest) -> Vec<u8> {
-    let mut graph = Builder { weights: named_weights(actor), graph: GraphProto::default() };
+/// Encodes the weights of the actor that `manifest` describes as the contents of an `.onnx` file.
+pub fn to_onnx(weights: &Weights, manifest: &Manifest) -> Vec<u8> {
+    let mut graph = Builder { weights, graph: GraphProto::default() };
     graph.graph.name = manifest.name.clone();
     let observation_len = manifest.actor.observation_len();
     graph.input("observations", observation_len);
@@ -36,9 +39,9 @@ pub fn to_onnx(actor: &Actor, manifest: &Manifest) -> Vec<u8> {
     let rays = graph.dense(&rays, "trunk.rays");
     let rays = graph.node("Relu", &[&rays], &[]);
     let sensed = graph.concat(&[&rays, &state]);
-    let inputs = match actor.memory_size() {
+    let inputs = match manifest.actor.memory {
         Some(size) => {
-            let hidden = graph.lstm_step(&sensed, size);
+            let hidden = graph.lstm_step(&sensed, size.get());
             graph.concat(&[&sensed, &hidden])
         }
         None => sensed,
@@ -73,14 +76,14 @@ pub fn to_onnx(actor: &Actor, manifest: &Manifest) -> Vec<u8> {
 }
 
 /// A graph under construction, in which names identify values.
-struct Builder {
-    weights: BTreeMap<String, Weights>,
+struct Builder<'a> {
+    weights: &'a Weights,
     graph: GraphProto,
 }
 
-impl Builder {
+impl Builder<'_> {
     fn input(&mut self, name: &str, width: usize) {
-        self.graph.input.push(ValueInfoProto::rows(name, width));
+        self.graph.input.push(rows(name, width));
     }
 
     /// Exposes a value as an output of the model.
@@ -93,7 +96,7 @@ impl Builder {
             attribute: Vec::new(),
         };
         self.graph.node.push(node);
-        self.graph.output.push(ValueInfoProto::rows(name, width));
+        self.graph.output.push(rows(name, width));
     }
 
     fn node(&mut self, op_type: &str, inputs: &[&str], attribute: &[AttributeProto]) -> String {
@@ -118,19 +121,19 @@ impl Builder {
 
     fn scalar(&mut self, value: f32) -> String {
         let raw_data = value.to_le_bytes().to_vec();
-        self.constant(TensorProto { dims: Vec::new(), data_type: FLOAT, name: format!("value_{value}"), raw_data })
+        self.constant(TensorProto { dims: Vec::new(), data_type: DataType::Float.into(), name: format!("value_{value}"), raw_data })
     }
 
     fn index(&mut self, value: usize) -> String {
         let raw_data = (value as i64).to_le_bytes().to_vec();
-        self.constant(TensorProto { dims: vec![1], data_type: INT64, name: format!("index_{value}"), raw_data })
+        self.constant(TensorProto { dims: vec![1], data_type: DataType::Int64.into(), name: format!("index_{value}"), raw_data })
     }
 
     fn weight(&mut self, path: &str) -> String {
-        let Weights { shape, values } = &self.weights[path];
+        let Parameter { shape, values } = &self.weights.parameters()[path];
         let tensor = TensorProto {
             dims: shape.iter().map(|&dim| dim as i64).collect(),
-            data_type: FLOAT,
+            data_type: DataType::Float.into(),
             name: path.to_owned(),
             raw_data: values.iter().flat_map(|value| value.to_le_bytes()).collect(),
         };
@@ -145,7 +148,7 @@ impl Builder {
 
     /// Concatenates columns.
     fn concat(&mut self, values: &[&str]) -> String {
-        let axis = AttributeProto { name: "axis".to_owned(), i: 1, r#type: ATTRIBUTE_INT };
+        let axis = AttributeProto { name: "axis".to_owned(), i: 1, r#type: AttributeType::Int.into() };
         self.node("Concat", values, &[axis])
     }
 
@@ -180,133 +183,14 @@ impl Builder {
     }
 }
 
-impl ValueInfoProto {
-    /// A tensor of any number of rows with `width` floats each.
-    fn rows(name: &str, width: usize) -> Self {
-        let rows = DimensionProto { dim_value: None, dim_param: Some("rows".to_owned()) };
-        let columns = DimensionProto { dim_value: Some(width as i64), dim_param: None };
-        let shape = Some(TensorShapeProto { dim: vec![rows, columns] });
-        let tensor_type = Some(TensorTypeProto { elem_type: FLOAT, shape });
-        Self { name: name.to_owned(), r#type: Some(TypeProto { tensor_type }) }
+/// A tensor of any number of rows with `width` floats each.
+fn rows(name: &str, width: usize) -> ValueInfoProto {
+    let dim = [Size::DimParam("rows".to_owned()), Size::DimValue(width as i64)]
+        .map(|value| Dimension { value: Some(value) })
+        .to_vec();
+    let tensor = Tensor { elem_type: DataType::Float.into(), shape: Some(TensorShapeProto { dim }) };
+    ValueInfoProto {
+        name: name.to_owned(),
+        r#type: Some(TypeProto { value: Some(type_proto::Value::TensorType(tensor)) }),
     }
-}
-
-// The messages of onnx.proto3 with the fields used here (https://github.com/onnx/onnx, IR version 8).
-
-#[derive(Clone, PartialEq, Message)]
-struct ModelProto {
-    #[prost(int64, tag = "1")]
-    ir_version: i64,
-    #[prost(string, tag = "2")]
-    producer_name: String,
-    #[prost(string, tag = "3")]
-    producer_version: String,
-    #[prost(message, optional, tag = "7")]
-    graph: Option<GraphProto>,
-    #[prost(message, repeated, tag = "8")]
-    opset_import: Vec<OperatorSetIdProto>,
-    #[prost(message, repeated, tag = "14")]
-    metadata_props: Vec<StringStringEntryProto>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct OperatorSetIdProto {
-    #[prost(string, tag = "1")]
-    domain: String,
-    #[prost(int64, tag = "2")]
-    version: i64,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct StringStringEntryProto {
-    #[prost(string, tag = "1")]
-    key: String,
-    #[prost(string, tag = "2")]
-    value: String,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct GraphProto {
-    #[prost(message, repeated, tag = "1")]
-    node: Vec<NodeProto>,
-    #[prost(string, tag = "2")]
-    name: String,
-    #[prost(message, repeated, tag = "5")]
-    initializer: Vec<TensorProto>,
-    #[prost(message, repeated, tag = "11")]
-    input: Vec<ValueInfoProto>,
-    #[prost(message, repeated, tag = "12")]
-    output: Vec<ValueInfoProto>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct NodeProto {
-    #[prost(string, repeated, tag = "1")]
-    input: Vec<String>,
-    #[prost(string, repeated, tag = "2")]
-    output: Vec<String>,
-    #[prost(string, tag = "3")]
-    name: String,
-    #[prost(string, tag = "4")]
-    op_type: String,
-    #[prost(message, repeated, tag = "5")]
-    attribute: Vec<AttributeProto>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct AttributeProto {
-    #[prost(string, tag = "1")]
-    name: String,
-    #[prost(int64, tag = "3")]
-    i: i64,
-    #[prost(int32, tag = "20")]
-    r#type: i32,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct TensorProto {
-    #[prost(int64, repeated, tag = "1")]
-    dims: Vec<i64>,
-    #[prost(int32, tag = "2")]
-    data_type: i32,
-    #[prost(string, tag = "8")]
-    name: String,
-    #[prost(bytes = "vec", tag = "9")]
-    raw_data: Vec<u8>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct ValueInfoProto {
-    #[prost(string, tag = "1")]
-    name: String,
-    #[prost(message, optional, tag = "2")]
-    r#type: Option<TypeProto>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct TypeProto {
-    #[prost(message, optional, tag = "1")]
-    tensor_type: Option<TensorTypeProto>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct TensorTypeProto {
-    #[prost(int32, tag = "1")]
-    elem_type: i32,
-    #[prost(message, optional, tag = "2")]
-    shape: Option<TensorShapeProto>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct TensorShapeProto {
-    #[prost(message, repeated, tag = "1")]
-    dim: Vec<DimensionProto>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct DimensionProto {
-    #[prost(int64, optional, tag = "1")]
-    dim_value: Option<i64>,
-    #[prost(string, optional, tag = "2")]
-    dim_param: Option<String>,
 }

@@ -5,21 +5,19 @@
 //! (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications", appendix C). The ray encoder is a linear layer
 //! instead of the paper's small CNN: on this backend it learns several times faster (docs/adr/0003-linear-ray-encoder.md).
 
-use crate::config::ActorConfig;
-use crate::dense::Dense;
-use crate::network::{Encoding, Past, Trunk};
-use crate::state::HiddenState;
+use super::dense::Dense;
+use super::state::HiddenState;
+use super::trunk::{Encoding, Past, Trunk};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-use rand::{Rng, RngExt};
+use rand::Rng;
+use surefoot_policy::ActorConfig;
+use surefoot_policy::config::LOG_STD_RANGE;
 use surefoot_world::character::ACTION_LEN;
-
-/// Bounds of the log standard deviation.
-pub(crate) const LOG_STD_RANGE: (f32, f32) = (-5.0, 2.0);
 
 /// The policy network.
 #[derive(Module, Debug)]
-pub struct Actor {
+pub struct ActorNetwork {
     trunk: Trunk,
     head: Dense,
 }
@@ -33,7 +31,7 @@ pub struct ActionDistribution {
     pub log_std: Tensor<2>,
 }
 
-impl Actor {
+impl ActorNetwork {
     /// An actor with weights drawn from `rng`.
     pub fn new(config: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
         Self {
@@ -81,21 +79,5 @@ impl Actor {
         let mean = output.clone().narrow(1, 0, ACTION_LEN);
         let log_std = output.narrow(1, ACTION_LEN, ACTION_LEN).clamp(LOG_STD_RANGE.0, LOG_STD_RANGE.1);
         ActionDistribution { mean, log_std }
-    }
-}
-
-/// Draws `count` standard normal values by the Box-Muller transform.
-pub fn gaussian(rng: &mut impl Rng, count: usize) -> Vec<f32> {
-    let mut values = vec![0.0; count];
-    fill_gaussian(rng, &mut values);
-    values
-}
-
-/// Fills `values` with the same values that [`gaussian`] draws, without allocating.
-pub fn fill_gaussian(rng: &mut impl Rng, values: &mut [f32]) {
-    for pair in values.chunks_mut(2) {
-        let radius = (-2.0 * (1.0 - rng.random::<f32>()).ln()).sqrt();
-        let (sin, cos) = (std::f32::consts::TAU * rng.random::<f32>()).sin_cos();
-        pair.iter_mut().zip([radius * cos, radius * sin]).for_each(|(value, drawn)| *value = drawn);
     }
 }

@@ -4,7 +4,7 @@
 //! proximities go through a matrix product, the other values are added one by one. That saves four fifths of the layer's work.
 
 use super::{Tracked, add_bias, dims, packed, relu_gradient, sum_rows, tensor};
-use crate::config::RAY_LEN;
+use surefoot_policy::config::RAY_LEN;
 use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;

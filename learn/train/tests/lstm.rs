@@ -1,9 +1,9 @@
 //! The fast recurrence compared with the one composed of tensor operations: values and gradients.
 
 use burn::tensor::{Device, Distribution, Tensor};
-use surefoot_policy::cpu;
-use surefoot_policy::lstm::composed;
-use surefoot_policy::state::HiddenState;
+use surefoot_train::networks::cpu;
+use surefoot_train::networks::lstm::composed;
+use surefoot_train::networks::state::HiddenState;
 
 const MEMBERS: usize = 2;
 const STEPS: usize = 5;

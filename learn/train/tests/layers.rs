@@ -3,7 +3,7 @@
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Distribution, Tensor};
 use surefoot_policy::config::RAY_LEN;
-use surefoot_policy::cpu::{dense, rays};
+use surefoot_train::networks::cpu::{dense, rays};
 use surefoot_world::OBSERVATION_LEN;
 
 const MEMBERS: usize = 2;

@@ -3,10 +3,10 @@
 //! Every layer holds several *members*, networks of equal shape that one call evaluates together. An actor has one member,
 //! twin critics have two.
 
-use crate::config::{ActorConfig, RAY_LEN};
-use crate::dense::Dense;
-use crate::lstm::Lstm;
-use crate::state::HiddenState;
+use surefoot_policy::config::{ActorConfig, RAY_LEN};
+use super::dense::Dense;
+use super::lstm::Lstm;
+use super::state::HiddenState;
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor};
 use rand::Rng;

@@ -1,31 +1,16 @@
 //! Weights on disk: whole, damaged, and of another shape.
 
-use burn::tensor::Device;
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
+use crate::{act, model, observations};
 use std::path::Path;
-use surefoot_policy::checkpoint::{self, MANIFEST_FILE, WEIGHTS_FILE, module_bytes};
-use surefoot_policy::{Actor, ActorConfig, CheckpointError, Manifest, Policy};
-use surefoot_world::OBSERVATION_LEN;
+use surefoot_policy::checkpoint::{self, MANIFEST_FILE, WEIGHTS_FILE};
+use surefoot_policy::{ActorConfig, CheckpointError, Manifest, Policy, Weights};
 use surefoot_world::sense::OBSERVATION_VERSION;
 
 fn save(folder: &Path) -> Policy {
     let config = ActorConfig { ray_features: 16, hidden: 32, memory: None, sees_others: false };
-    let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(3));
-    let weights = module_bytes(&actor).unwrap();
-    let manifest = Manifest::new("test", config, &weights, serde_json::Value::Null);
+    let (manifest, weights) = model(config);
     checkpoint::save(folder, &manifest, &weights).unwrap();
-    Policy::new(&actor, manifest)
-}
-
-fn observations(rows: usize) -> Vec<f32> {
-    (0..rows * OBSERVATION_LEN).map(|idx| ((idx * 37 % 101) as f32) / 101.0 - 0.5).collect()
-}
-
-fn act(policy: &Policy, observations: &[f32]) -> Vec<[f32; 4]> {
-    let mut actions = Vec::new();
-    policy.act(observations, &mut [], 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
-    actions.iter().map(|action| action.to_array()).collect()
+    Policy::from_bytes(manifest, &weights).unwrap()
 }
 
 #[test]
@@ -33,33 +18,9 @@ fn saved_weights_decide_as_before() {
     let folder = tempfile::tempdir().unwrap();
     let saved = save(folder.path());
     let loaded = Policy::load(folder.path()).unwrap();
-    assert_eq!(act(&saved, &observations(5)), act(&loaded, &observations(5)));
+    let observations = observations(&saved, 5);
+    assert_eq!(act(&saved, &observations, &[]), act(&loaded, &observations, &[]));
     assert_eq!(loaded.manifest().name, "test");
-}
-
-#[test]
-fn an_observation_gets_the_same_action_alone_and_in_a_batch() {
-    let policy = Policy::shipped().unwrap();
-    let all = observations(64);
-    let together = act(&policy, &all);
-    for (row, expected) in all.chunks_exact(OBSERVATION_LEN).zip(&together) {
-        for (alone, batched) in act(&policy, row)[0].iter().zip(expected) {
-            assert!((alone - batched).abs() < 1.0e-4);
-        }
-    }
-    assert!(act(&policy, &[]).is_empty());
-}
-
-#[test]
-fn noise_is_a_function_of_its_seed() {
-    let policy = Policy::shipped().unwrap();
-    let noisy = |seed| {
-        let mut actions = Vec::new();
-        policy.act(&observations(4), &mut [], 1.0, &mut ChaCha8Rng::seed_from_u64(seed), &mut actions);
-        actions
-    };
-    assert_eq!(noisy(1), noisy(1));
-    assert_ne!(noisy(1), noisy(2));
 }
 
 #[test]
@@ -80,7 +41,7 @@ fn damaged_missing_and_foreign_weights_are_refused_with_the_reason() {
     assert!(refusal.contains("observation_version is 99"), "{refusal}");
 
     std::fs::write(&manifest, good_manifest.replace("\"hidden\": 32", "\"hidden\": 64")).unwrap();
-    assert!(matches!(Policy::load(folder.path()), Err(CheckpointError::Decode(_))));
+    assert!(matches!(Policy::load(folder.path()), Err(CheckpointError::Mismatch { field: "a parameter", .. })));
 
     std::fs::write(&manifest, "{").unwrap();
     assert!(matches!(Policy::load(folder.path()), Err(CheckpointError::Manifest { .. })));
@@ -91,15 +52,13 @@ fn damaged_missing_and_foreign_weights_are_refused_with_the_reason() {
 }
 
 #[test]
-fn a_manifest_cannot_request_more_memory_than_its_weights_fill() {
+fn a_manifest_with_sizes_that_are_not_allowed_or_not_the_weights_is_refused() {
     let config = ActorConfig { ray_features: 2, hidden: 3, memory: None, sees_others: false };
-    let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(3));
-    let weights = module_bytes(&actor).unwrap();
+    let (sound, weights) = model(config);
     let refusal = |actor| {
         let manifest = Manifest::new("greedy", actor, &weights, serde_json::Value::Null);
         Policy::from_bytes(manifest, &weights).unwrap_err().to_string()
     };
-    let sound = Manifest::new("sound", config, &weights, serde_json::Value::Null);
     assert!(Policy::from_bytes(sound, &weights).is_ok());
     // Each of these once allocated its memory, or crashed the program, before the weights were checked.
     for actor in [
@@ -112,11 +71,24 @@ fn a_manifest_cannot_request_more_memory_than_its_weights_fill() {
         let message = refusal(actor);
         assert!(message.contains("sizes that are not allowed"), "{message}");
     }
-    let message = refusal(ActorConfig {
-        ray_features: 4096,
-        hidden: 4096,
-        memory: std::num::NonZeroUsize::new(4096),
-        sees_others: false,
-    });
-    assert!(message.contains("bytes of weights"), "{message}");
+    let message = refusal(ActorConfig { ray_features: 4096, hidden: 4096, ..config });
+    assert!(message.contains("expected head.weight: [4096, 8]"), "{message}");
+}
+
+#[test]
+fn damaged_burnpack_files_are_refused_with_the_reason() {
+    let config = ActorConfig { ray_features: 2, hidden: 3, memory: None, sees_others: false };
+    let (_, weights) = model(config);
+    let refusal = |bytes: &[u8]| Weights::from_burnpack(&config, bytes).unwrap_err().to_string();
+    assert!(refusal(&[]).contains("no header"));
+    assert!(refusal(&weights[..40]).contains("metadata is cut off"));
+    assert!(refusal(&weights[..weights.len() - 1]).contains("trunk.second.weight: it is cut off"));
+    let edited = |from: &[u8], to: &[u8]| {
+        let at = weights.windows(from.len()).position(|window| window == from).unwrap();
+        let mut edited = weights.clone();
+        edited[at..at + to.len()].copy_from_slice(to);
+        refusal(&edited)
+    };
+    assert!(edited(b"NRUB", b"BURN").contains("not a burnpack file"));
+    assert!(edited(b"cF32", b"cF16").contains("its type is F16"));
 }

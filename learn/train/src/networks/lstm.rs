@@ -1,13 +1,13 @@
 //! A long short-term memory (Hochreiter & Schmidhuber 1997) over whole sequences.
 //!
 //! One matrix computes all four gates. On the CPU a sequence is one operation with its own backward pass
-//! ([`crate::cpu::lstm`]). On other devices it is composed of tensor operations, which are also the reference for tests of the
+//! ([`super::cpu::lstm`]). On other devices it is composed of tensor operations, which are also the reference for tests of the
 //! fast path.
 
-use crate::config::GATES;
-use crate::cpu;
-use crate::dense::{Dense, blend};
-use crate::state::HiddenState;
+use surefoot_policy::config::GATES;
+use super::cpu;
+use super::dense::{Dense, blend};
+use super::state::HiddenState;
 use burn::module::{Module, Param};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor, TensorData};

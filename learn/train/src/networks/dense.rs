@@ -1,7 +1,7 @@
 //! Fully connected layers.
 
-use crate::config::RAY_LEN;
-use crate::cpu;
+use surefoot_policy::config::RAY_LEN;
+use super::cpu;
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
