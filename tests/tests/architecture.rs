@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
-const ALLOWED: [(&str, &str, &[&str]); 19] = [
+const ALLOWED: [(&str, &str, &[&str]); 20] = [
     ("core/world", "surefoot-world", &[]),
     ("core/policy", "surefoot-policy", &["surefoot-world"]),
     ("core/planner", "surefoot-planner", &["surefoot-world"]),
@@ -50,6 +50,7 @@ const ALLOWED: [(&str, &str, &[&str]); 19] = [
             "surefoot-net",
         ],
     ),
+    ("learn/exchange", "surefoot-exchange", &["surefoot-world", "surefoot-policy"]),
     (
         "learn/train",
         "surefoot-train",
@@ -116,7 +117,7 @@ const OUTERMOST: [&str; 4] = ["surefoot-cli", "surefoot-lab", "surefoot-processe
 const FOREIGN: [(&str, &[&str]); 6] = [
     ("surefoot-world", &["burn", "tonic", "tokio", "prost", "tracing", "surefoot-policy"]),
     ("surefoot-planner", &["burn", "tonic", "tokio", "prost", "tracing", "redb"]),
-    ("surefoot-policy", &["tonic", "tokio"]),
+    ("surefoot-policy", &["burn", "tonic", "tokio", "prost"]),
     ("surefoot-rollout", &["tonic", "tokio", "prost"]),
     ("surefoot-server", &["burn"]),
     ("surefoot-capi", &["burn", "tonic", "tokio", "prost"]),

@@ -1,5 +1,8 @@
 //! Tests of the crate through its public interface, in one program.
 
+mod cpu_actor;
+mod layers;
 mod learning;
+mod lstm;
 mod replay;
 mod toy;

@@ -4,7 +4,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::sync::Arc;
 use surefoot_policy::config::RAY_LEN;
-use surefoot_policy::{ActorConfig, Batch as Rows, Scratch};
+use surefoot_policy::{ActorConfig, Batch as Rows, Policy, Scratch};
 use surefoot_rollout::{Goal, Rollout};
 use surefoot_train::CollectorConfig;
 use surefoot_train::Run;
