@@ -10,8 +10,8 @@
 mod untrusted;
 
 use prost::Message;
-use rand::{RngExt, SeedableRng};
 use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 use std::path::Path;
 use std::sync::Arc;
 use surefoot_planner::BuildStats;

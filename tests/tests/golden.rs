@@ -62,7 +62,11 @@ fn the_shipped_weights_decide_as_before() {
         world.observe(NpcSlot(idx as u32), row);
     }
     let (policy, mut actions) = (Policy::shipped().unwrap(), Vec::new());
-    policy.act(Batch { observations: &observations, memory: &mut [], noise: &[] }, &mut Scratch::default(), &mut actions);
+    policy.act(
+        Batch { observations: &observations, memory: &mut [], noise: &[] },
+        &mut Scratch::default(),
+        &mut actions,
+    );
     // The order of additions in matrix products depends on the processor; four digits agree on all processors.
     let digits: Vec<i32> =
         actions[0].to_array().into_iter().map(|value| (f64::from(value) * 1.0e4).round() as i32).collect();

@@ -81,7 +81,8 @@ impl CpuActor {
         self.remember(memory, rows, scratch);
         let Scratch { sensed, first, second, head, .. } = scratch;
         let [first_len, second_len, head_len] = [&self.first, &self.second, &self.head].map(Layer::stride);
-        let (first, second) = (&mut first.values_mut()[..rows * first_len], &mut second.values_mut()[..rows * second_len]);
+        let (first, second) =
+            (&mut first.values_mut()[..rows * first_len], &mut second.values_mut()[..rows * second_len]);
         let head = &mut head.values_mut()[..rows * head_len];
         self.first.forward(sensed.values(), self.first.inputs, 0.0, first);
         self.second.forward(first, first_len, 0.0, second);

@@ -121,12 +121,22 @@ impl Builder<'_> {
 
     fn scalar(&mut self, value: f32) -> String {
         let raw_data = value.to_le_bytes().to_vec();
-        self.constant(TensorProto { dims: Vec::new(), data_type: DataType::Float.into(), name: format!("value_{value}"), raw_data })
+        self.constant(TensorProto {
+            dims: Vec::new(),
+            data_type: DataType::Float.into(),
+            name: format!("value_{value}"),
+            raw_data,
+        })
     }
 
     fn index(&mut self, value: usize) -> String {
         let raw_data = (value as i64).to_le_bytes().to_vec();
-        self.constant(TensorProto { dims: vec![1], data_type: DataType::Int64.into(), name: format!("index_{value}"), raw_data })
+        self.constant(TensorProto {
+            dims: vec![1],
+            data_type: DataType::Int64.into(),
+            name: format!("index_{value}"),
+            raw_data,
+        })
     }
 
     fn weight(&mut self, path: &str) -> String {

@@ -12,8 +12,12 @@ const ROWS: usize = 6;
 
 /// A policy of `memory` LSTM units; one with a memory also sees others.
 fn policy(memory: usize) -> (Policy, Weights) {
-    let config =
-        ActorConfig { ray_features: 12, hidden: 20, memory: std::num::NonZeroUsize::new(memory), sees_others: memory > 0 };
+    let config = ActorConfig {
+        ray_features: 12,
+        hidden: 20,
+        memory: std::num::NonZeroUsize::new(memory),
+        sees_others: memory > 0,
+    };
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let parameters = config.parameter_shapes().into_iter().map(|(name, shape)| {
         let values = (0..shape.iter().product()).map(|_| rng.random_range(-0.3..0.3)).collect();
@@ -51,7 +55,8 @@ fn an_onnx_model_decides_as_the_policy_does_step_after_step() {
             let observations = observations(&policy, &mut rng);
             let expected = act(&policy, &observations, &mut ours);
             let mut inputs = theirs.clone();
-            inputs.insert("observations".to_owned(), Matrix { columns: policy.observation_len(), values: observations });
+            inputs
+                .insert("observations".to_owned(), Matrix { columns: policy.observation_len(), values: observations });
             let outputs = evaluate(&graph, inputs);
             for (onnx, expected) in outputs["action"].values.iter().zip(&expected) {
                 assert!((onnx - expected).abs() < 1.0e-5, "{onnx} instead of {expected}");

@@ -22,8 +22,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use surefoot_game_client::GameError;
-use surefoot_policy::checkpoint::write_atomically;
 use surefoot_policy::Policy;
+use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
 
 /// Batches of rows, or steps of all lanes if these are more rows, that must be stored before learning begins.

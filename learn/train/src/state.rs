@@ -3,8 +3,8 @@
 use super::config::{CONFIG_FILE, TrainConfig};
 use super::error::TrainError;
 use super::learner::{CRITICS_FILE, Learner, LearnerState};
-use super::replay::{Census, Replay, census};
 use super::networks::module_bytes;
+use super::replay::{Census, Replay, census};
 use super::run::{Best, Launch, Run};
 use super::source::{Source, SourceState, Ties};
 use super::stages::{STAGES_FILE, total};

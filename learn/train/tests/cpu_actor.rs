@@ -10,8 +10,8 @@ use surefoot_policy::{ActorConfig, Batch, Manifest, Policy, Scratch};
 use surefoot_train::networks::{module_bytes, with_burn};
 use surefoot_train::{Learner, SacConfig};
 use surefoot_world::Action;
-use surefoot_world::character::ACTION_LEN;
 use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{OTHERS_LEN, RAY_COUNT};
 
 /// A learner with networks of odd sizes, which fill no vector.
@@ -43,7 +43,8 @@ fn observations(policy: &Policy, rows: usize, rng: &mut ChaCha8Rng) -> Vec<f32> 
 
 #[test]
 fn it_decides_as_burn_does_step_after_step() {
-    for policy in [odd(0, false), odd(7, false), odd(5, true)].map(|odd| odd.policy("odd")).into_iter().chain(shipped()) {
+    for policy in [odd(0, false), odd(7, false), odd(5, true)].map(|odd| odd.policy("odd")).into_iter().chain(shipped())
+    {
         let burn = with_burn(policy.clone(), Device::flex()).unwrap();
         for rows in [1, 2, 3, 5, 17, 64, 200] {
             let mut scratch = Scratch::default();

@@ -1,12 +1,12 @@
 //! Fully connected layers.
 
-use surefoot_policy::config::RAY_LEN;
 use super::cpu;
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, RngExt};
 use std::ops::Range;
+use surefoot_policy::config::RAY_LEN;
 
 /// Fully connected layers of equal shape for several members.
 #[derive(Module, Debug)]

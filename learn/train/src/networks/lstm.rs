@@ -4,7 +4,6 @@
 //! ([`super::cpu::lstm`]). On other devices it is composed of tensor operations, which are also the reference for tests of the
 //! fast path.
 
-use surefoot_policy::config::GATES;
 use super::cpu;
 use super::dense::{Dense, blend};
 use super::state::HiddenState;
@@ -12,6 +11,7 @@ use burn::module::{Module, Param};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, RngExt};
+use surefoot_policy::config::GATES;
 
 /// An LSTM layer for several members side by side.
 #[derive(Module, Debug)]

@@ -3,13 +3,13 @@
 //! Every layer holds several *members*, networks of equal shape that one call evaluates together. An actor has one member,
 //! twin critics have two.
 
-use surefoot_policy::config::{ActorConfig, RAY_LEN};
 use super::dense::Dense;
 use super::lstm::Lstm;
 use super::state::HiddenState;
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor};
 use rand::Rng;
+use surefoot_policy::config::{ActorConfig, RAY_LEN};
 use surefoot_world::sense::OTHERS_LEN;
 
 /// The start of a sequence, for networks with a memory.

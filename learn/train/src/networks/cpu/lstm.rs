@@ -4,10 +4,8 @@
 //! temporaries. Here activations are polynomials that the compiler vectorises, and the backward pass (the chain rule through
 //! Hochreiter & Schmidhuber's equations) is written by hand.
 
-use super::{Tracked, contiguous, tensor};
-use surefoot_policy::activation::{lstm_step, tanh};
-use surefoot_policy::config::GATES;
 use super::super::state::HiddenState;
+use super::{Tracked, contiguous, tensor};
 use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
@@ -16,6 +14,8 @@ use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::{Tensor, TensorData};
+use surefoot_policy::activation::{lstm_step, tanh};
+use surefoot_policy::config::GATES;
 
 /// Runs the recurrence; `None` if the tensors are not on the CPU. For the arguments see [`super::super::lstm::sequence`].
 pub fn sequence(

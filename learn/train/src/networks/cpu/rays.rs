@@ -4,7 +4,6 @@
 //! proximities go through a matrix product, the other values are added one by one. That saves four fifths of the layer's work.
 
 use super::{Tracked, add_bias, dims, packed, relu_gradient, sum_rows, tensor};
-use surefoot_policy::config::RAY_LEN;
 use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
@@ -13,6 +12,7 @@ use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::Tensor;
+use surefoot_policy::config::RAY_LEN;
 use surefoot_world::sense::RAY_COUNT;
 
 /// Encodes the rays of observations with ReLU; `None` if the tensors are not on the CPU. Observations get no gradient.
