@@ -1,4 +1,4 @@
-//! A service that is told to stop ends in time and cleanly, whatever its peers do.
+//! A service that is asked to stop ends in time and cleanly, even if its peers hold connections open.
 #![cfg(unix)]
 
 use std::io::{Read, Write};

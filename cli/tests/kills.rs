@@ -170,7 +170,7 @@ async fn every_edit_that_was_acknowledged_is_there_after_any_kill_and_the_graph_
                 *expected.entry(name.clone()).or_default() += 1;
             }
         };
-        // The kill falls into the middle of whatever is being written.
+        // The kill interrupts a write.
         let _ = tokio::time::timeout_at(until.into(), editing).await;
         drop(service);
     }

@@ -68,7 +68,7 @@ impl Scene {
         *others.min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("several points")
     }
 
-    /// Sends every NPC to a goal and waits until every attempt has ended. Connects anew each time, since the server may
+    /// Sends every NPC to a goal and waits until every attempt has ended. Connects each time, because the server may
     /// have been restarted.
     async fn everybody_gets_an_end(&self) {
         let mut client = connect(&self.address).await;

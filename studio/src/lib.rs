@@ -1,5 +1,5 @@
 //! Studio: a page for browsers, built from `page/` and embedded here. It talks to the services over Connect; this crate
-//! only hands its files out and knows nothing of worlds or plans.
+//! only serves its files; it has no knowledge of worlds or plans.
 
 mod policy;
 
@@ -44,7 +44,7 @@ async fn file(State(settings): State<Arc<Settings>>, uri: Uri, headers: HeaderMa
     let Some(file) = FILES.iter().find(|file| file.path == path) else {
         return (StatusCode::NOT_FOUND, format!("there is no page {}\n", uri.path())).into_response();
     };
-    // Names of assets hold a hash of what is in them.
+    // The names of assets contain a hash of their content.
     let kept = if path.starts_with("assets/") { "public, max-age=31536000, immutable" } else { "no-cache" };
     let policy = policy::policy(&settings, host_of(&uri, &headers).as_deref());
     let headers: [(HeaderName, &str); 5] = [

@@ -1,4 +1,4 @@
-//! What the page may connect to beside the server that it comes from, as a Content-Security-Policy.
+//! The Content-Security-Policy of the page: what it may connect to besides its own server.
 
 use axum::http::Uri;
 use std::fmt;
@@ -7,14 +7,14 @@ use std::str::FromStr;
 /// Any port of this machine.
 const LOOPBACK: &str = "http://127.0.0.1:* http://localhost:*";
 
-/// What the page is told, and what it may connect to.
+/// The settings of the page, and what it may connect to.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// Where the page finds the planner.
     pub planner: PlannerAddress,
     /// Further origins that the page may call once its user agrees.
     pub connect: Vec<Origin>,
-    /// Whether only this machine can read the page, which may then call any port of this machine.
+    /// Whether only this machine can open the page. It may then call any port of this machine.
     pub is_local: bool,
 }
 
@@ -98,17 +98,17 @@ fn origin_of(uri: &Uri) -> Result<Origin, String> {
     Ok(Origin(format!("{scheme}://{host}{port}")))
 }
 
-/// Whether a policy can name a host: it takes letters, digits, hyphens, and dots between them.
+/// Whether a policy can name a host: letters, digits and hyphens, separated by dots.
 fn can_be_named(host: &str) -> bool {
     let is_label =
         |label: &str| !label.is_empty() && label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-');
     host.split('.').all(is_label)
 }
 
-/// The policy of a page that comes from `host`. Only the services are called elsewhere, nothing is loaded from there.
+/// The policy of a page that comes from `host`. Other origins may only be called; nothing is loaded from them.
 pub(crate) fn policy(settings: &Settings, host: Option<&str>) -> String {
     let planner = match &settings.planner {
-        // Without a scheme a source is that of the page, also behind a proxy that adds TLS.
+        // A source without a scheme has the scheme of the page, even behind a proxy that adds TLS.
         PlannerAddress::Port(port) => format!("{}:{port}", host.filter(|host| can_be_named(host)).unwrap_or("*")),
         PlannerAddress::Url { origin, .. } => origin.0.clone(),
     };

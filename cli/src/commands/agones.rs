@@ -7,7 +7,8 @@ use surefoot_server::observer::Observer;
 #[derive(clap::Args)]
 #[command(next_help_heading = "Agones")]
 pub struct AgonesArgs {
-    /// Run as a game server of Agones: report state, health, and counters of worlds and NPCs to the sidecar on this machine
+    /// Run as a game server of Agones: report state, health, and counters of worlds and NPCs to the sidecar on this
+    /// machine
     #[arg(long)]
     agones: bool,
     /// Port at which the sidecar serves gRPC

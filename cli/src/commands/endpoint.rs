@@ -60,7 +60,8 @@ pub struct EndpointArgs {
     /// requires a token
     #[arg(long, value_name = "FILE")]
     tokens: Option<PathBuf>,
-    /// Origins of web pages on other hosts that may call this service, such as https://studio.example, separated by commas
+    /// Origins of web pages on other hosts that may call this service, such as https://studio.example, separated by
+    /// commas
     #[arg(long, value_name = "ORIGIN", value_delimiter = ',')]
     allow_origin: Vec<String>,
 }

@@ -1,15 +1,15 @@
 //! The flags that select a game, in whose physics NPCs then move.
 
 use super::endpoint::CredentialArgs;
-use surefoot_game::{Bridge, BridgeError, is_batch_address};
+use surefoot_game::{Bridge, is_batch_address};
 use surefoot_game_client::{Game, GameError};
 use surefoot_net::client::Credentials;
 
 /// A game that serves environments.
 #[derive(clap::Args, Clone)]
 pub struct WorldArgs {
-    /// Run NPCs in the physics of a game instead of ours, which runs the level, read here for its geometry. The game
-    /// serves EnvService at http:// or https://, or speaks the batch protocol at tcp://HOST:PORT or unix:PATH
+    /// Run NPCs in the physics of a game, which runs the level, instead of ours. The level is read for its geometry.
+    /// The game serves EnvService at http:// or https://, or speaks the batch protocol at tcp://HOST:PORT or unix:PATH
     #[arg(long, value_name = "URI", env = "SUREFOOT_WORLD")]
     world: Option<String>,
     #[command(flatten)]
@@ -20,40 +20,22 @@ impl WorldArgs {
     /// Connects to the game, if there is one.
     pub fn connect(&self) -> anyhow::Result<Option<Game>> {
         let Some(uri) = &self.world else { return Ok(None) };
-        Ok(Some(resolve(uri)?.connect(&self.credentials.credentials()?)?))
+        Ok(Some(connect(uri, &self.credentials.credentials()?)?))
     }
 }
 
-/// Where environments of a game are served.
-#[derive(Debug)]
-pub struct Resolved {
-    /// Address of the game, for messages.
-    shown: String,
-    /// Serves the environments of a game that does not serve them itself, as long as it lives.
-    bridge: Option<Bridge>,
-}
-
-/// Finds out who serves the environments of the game at `uri`. If the game speaks the batch protocol, a bridge in this
-/// process does.
+/// Connects to the environments of the game at `uri`. For a game that speaks the batch protocol, a bridge in this
+/// process serves them as long as the connection lives.
 ///
 /// # Errors
-/// If a game that speaks the batch protocol does not answer.
-pub fn resolve(uri: &str) -> Result<Resolved, BridgeError> {
-    let bridge = is_batch_address(uri).then(|| Bridge::start(uri)).transpose()?;
-    Ok(Resolved { shown: uri.to_owned(), bridge })
-}
-
-impl Resolved {
-    /// Connects, and keeps the bridge alive as long as the connection.
-    ///
-    /// # Errors
-    /// If nobody answers.
-    pub fn connect(self, credentials: &Credentials) -> Result<Game, GameError> {
-        let game = match self.bridge {
-            None => Game::connect(&self.shown, credentials)?,
-            // The bridge is in this process: tokens and certificates are of no use there.
-            Some(bridge) => Game::connect(bridge.uri(), &Credentials::default())?.behind(&self.shown, bridge),
-        };
-        Ok(game)
+/// If the game does not answer.
+pub fn connect(uri: &str, credentials: &Credentials) -> Result<Game, GameError> {
+    if !is_batch_address(uri) {
+        return Game::connect(uri, credentials);
     }
+    let unreachable =
+        |error: surefoot_game::BridgeError| GameError::Unreachable { uri: uri.into(), reason: error.to_string() };
+    let bridge = Bridge::start(uri).map_err(unreachable)?;
+    // The bridge is in this process, so it needs neither tokens nor certificates.
+    Ok(Game::connect(bridge.uri(), &Credentials::default())?.behind(uri, bridge))
 }

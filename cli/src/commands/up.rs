@@ -235,7 +235,8 @@ async fn world_request(
     Ok(request)
 }
 
-/// Waits until the server has restored its saved worlds, then drops the worlds of an earlier scene, which would accumulate.
+/// Waits until the server has restored its saved worlds, then drops the worlds of an earlier scene, which would
+/// accumulate.
 async fn drop_former_scene(link: &Link) -> anyhow::Result<()> {
     let mut client = WorldServiceClient::new(link.clone());
     while let Err(status) = client.get_server(wire::GetServerRequest {}).await {

@@ -15,13 +15,13 @@ use surefoot_planner::{Attach, BuildSettings, Placement, Probing};
 use surefoot_policy::Policy;
 use surefoot_rollout::FollowConfig;
 
-/// One of our choices, which the paper made otherwise.
+/// One of our choices in which we differ from the paper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Factor {
     /// The reactive policy that was trained on all kinds of maps, instead of the LSTM of the paper's kind.
     Policy,
-    /// Observations tell where zip lines and teleporters are.
+    /// Observations include zip lines and teleporters.
     Transports,
     /// Vertices and candidates at devices and ledges.
     SpecialMoves,
@@ -32,9 +32,9 @@ pub enum Factor {
     Attach,
     /// Edges cost what their risks are worth.
     Price,
-    /// Legs that failed are avoided, and a goal that no way leads to is given up.
+    /// Failed legs are avoided, and NPCs give up on unreachable goals.
     Memory,
-    /// NPCs rehearse what lies ahead.
+    /// NPCs rehearse the next legs.
     Rehearsals,
 }
 
@@ -91,9 +91,9 @@ pub struct CaseReport {
 /// The results of an ablation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AblationReport {
-    /// Decisions without progress that end an attempt, and that cause a re-plan.
+    /// Decisions without progress that end an attempt.
     pub patience: u32,
-    /// See above.
+    /// Decisions without progress that cause a re-plan.
     pub replan_after: u32,
     /// Goals of each map and seed.
     pub goals: usize,
@@ -119,7 +119,7 @@ pub struct FactorReport {
     pub adds_to_paper: Interval,
     /// Ours without the factor.
     pub without: CaseReport,
-    /// What it adds to the others of ours.
+    /// What it adds to our other choices.
     pub adds_to_ours: Interval,
 }
 

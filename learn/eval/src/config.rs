@@ -72,8 +72,8 @@ pub struct EvalConfig {
     pub thread_count: usize,
     /// Folder to save finished units in and to load them from; `None` to run every unit and save none.
     pub keep_in: Option<PathBuf>,
-    /// The part of the units to run, if others are run elsewhere; `None` for all. Reports over a part mean nothing:
-    /// only the units that are saved do.
+    /// The part of the units to run, if other processes run the rest; `None` for all. The report over a part is
+    /// useless: only its saved units matter.
     pub shard: Option<Shard>,
     /// Where the attempts are recorded, or the record that is checked instead of running them; `None` to do neither.
     pub record: Option<Arc<Record>>,
@@ -116,16 +116,16 @@ pub enum EvalError {
     /// A graph cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// A game is of no use.
+    /// A game cannot be used.
     #[error(transparent)]
     Game(#[from] GameError),
     /// A map has too few pairs of points at the configured distance.
     #[error("map {0} has no goals at that distance")]
     NoGoals(MapName),
     /// Intervals over maps need more of them.
-    #[error("one map gives no interval: choose two maps or more")]
+    #[error("an interval needs at least two maps")]
     TooFewMaps,
-    /// The attempts on record are not those of this evaluation.
+    /// The recorded attempts do not belong to this evaluation.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// A finished unit cannot be saved.

@@ -3,7 +3,7 @@
 //! An evaluation is a list of [units](mod@unit), one for each map and seed, which can be saved and resumed. A
 //! [`report`] summarises them. [`suite`] runs the rows of the paper's table, [`living`] scenes in which things move,
 //! [`variants`] many graphs on one split, [`ablation`] what each of our choices adds, [`conditions`] success while one
-//! thing is varied. [`intervals`] tells how sure all of that is, and a [`record`] keeps the attempts for those who
+//! thing is varied. [`intervals`] states how certain the figures is, and a [`record`] keeps the attempts for those who
 //! check it.
 
 pub mod ablation;

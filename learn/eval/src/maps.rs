@@ -44,7 +44,7 @@ impl EvalMap {
         }
     }
 
-    /// Seed from which goals are drawn: that of the map, or one that depends on the level's content alone.
+    /// Seed of the goals: the map's seed, or a hash of the level's content.
     pub(super) fn seed(&self) -> u64 {
         match self {
             Self::Generated(spec) => spec.seed,
@@ -52,7 +52,7 @@ impl EvalMap {
         }
     }
 
-    /// Text that tells the map from all others.
+    /// Text that identifies the map.
     pub(super) fn identity(&self) -> String {
         match self {
             Self::Generated(spec) => format!("{spec:?}"),

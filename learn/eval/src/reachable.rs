@@ -1,4 +1,4 @@
-//! Which goals a character can get to: the truth that attempts are measured against.
+//! Which goals are reachable: the truth against which attempts are measured.
 //!
 //! The survey knows islands of ground on a grid, and leaps between them; the graph's edges are proved. Places that the
 //! grid misses, such as narrow ledges, are joined to what is near them by leaps of the same scripted body.
@@ -13,9 +13,9 @@ use surefoot_world::{CharacterProfile, Map, Vec3};
 
 /// Distance within which a place off the grid is joined to others, m.
 const NEAR_M: f32 = 4.0;
-/// Distance from a place within which a leap has got there, m.
+/// Distance from a place within which a leap counts as arrived, m.
 const THERE_M: f32 = 0.8;
-/// Cells of an island that leaps from and to a place are tried with, the nearest first.
+/// Number of cells of each island between which and a place leaps are tried, the nearest first.
 const CELLS_EACH: usize = 4;
 
 /// A map, and what a character can reach on it.
@@ -44,7 +44,7 @@ pub(crate) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &
         .collect()
 }
 
-/// Whether start and goal stand on the same ground, on which a walk leads from everywhere to everywhere.
+/// Whether start and goal are on the same island of ground, where a walk connects all places.
 pub(crate) fn is_on_foot(reach: &Reach, goal: &Goal) -> bool {
     let island = |place: Vec3| reach.ground.at(place).map(|cell| cell.island);
     island(goal.start).is_some_and(|start| island(goal.goal) == Some(start))

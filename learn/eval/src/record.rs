@@ -17,7 +17,7 @@ use surefoot_world::End;
 
 /// Most bytes that a record may have when it is unpacked.
 const MAX_BYTES: u64 = 4 << 30;
-/// Probability under which a difference as large as the one seen is no longer put down to chance.
+/// Probability below which a difference counts as significant.
 const SIGNIFICANT: f64 = 0.01;
 
 /// A unit with the key of everything that determines its result.
@@ -31,7 +31,7 @@ struct Line {
 #[derive(Debug, Default)]
 pub struct Record {
     units: Mutex<BTreeMap<String, Unit>>,
-    /// Share of batches to make again, and the seed of the choice; `None` while a table is made.
+    /// Share of batches to repeat, and the seed of the choice; `None` while a table is made.
     sample: Option<(f64, u64)>,
     comparison: Mutex<Comparison>,
     models: Mutex<BTreeSet<Model>>,
@@ -46,20 +46,20 @@ pub struct Model {
     pub weights: String,
 }
 
-/// Attempts that were made again, beside those on record.
+/// Repeated attempts, compared with the recorded ones.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// Number of units that the table is made of.
     pub units: usize,
-    /// Number of batches that were made again.
+    /// Number of repeated batches.
     pub batches: usize,
     /// Number of their attempts.
     pub attempts: usize,
-    /// Attempts that went exactly as on record, in every field.
+    /// Attempts that equal the recorded ones in every field.
     pub identical: usize,
-    /// Attempts that succeeded on record and failed now.
+    /// Attempts that succeeded when recorded and failed now.
     pub lost: usize,
-    /// Attempts that failed on record and succeeded now.
+    /// Attempts that failed when recorded and succeeded now.
     pub gained: usize,
 }
 
@@ -96,7 +96,7 @@ impl Comparison {
     }
 }
 
-/// Why a record cannot be read, or does not hold what a table is made of.
+/// Why a record cannot be read, or lacks units of a table.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// The file is not a record.
@@ -108,7 +108,7 @@ pub enum RecordError {
         #[source]
         source: std::io::Error,
     },
-    /// The table is made of a unit that is not on record.
+    /// A unit of the table is not recorded.
     #[error(
         "the record has no unit {0}: other weights, maps, settings or a builder of another version made this table"
     )]
@@ -116,15 +116,15 @@ pub enum RecordError {
 }
 
 impl Record {
-    /// A record that gets the units of a table.
+    /// A record for the units of a new table.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Reads a record to check it: `share` of its batches (0 to 1), chosen with `seed`, are made again.
+    /// Reads a record to check it: `share` of its batches (0 to 1), chosen with `seed`, are repeated.
     ///
     /// # Errors
-    /// If `file` is no record.
+    /// If `file` is not a record.
     pub fn read(file: impl Read, share: f64, seed: u64) -> Result<Self, RecordError> {
         let mut units = BTreeMap::new();
         let lines = BufReader::new(GzDecoder::new(file).take(MAX_BYTES)).lines();
@@ -149,7 +149,7 @@ impl Record {
         packed.finish()?.flush()
     }
 
-    /// What was made again so far.
+    /// The comparison so far.
     pub fn comparison(&self) -> Comparison {
         self.comparison.lock().clone()
     }
@@ -164,12 +164,12 @@ impl Record {
         self.units().is_empty()
     }
 
-    /// Whether tables are derived from this record instead of being made.
+    /// Whether tables are derived from this record instead of new attempts.
     pub fn is_checked(&self) -> bool {
         self.sample.is_some()
     }
 
-    /// The models that units were added of, in the order of their names.
+    /// The models of the added units, in the order of their names.
     pub fn models(&self) -> Vec<Model> {
         self.models.lock().iter().cloned().collect()
     }
@@ -180,7 +180,7 @@ impl Record {
         self.units().insert(key.to_owned(), unit.clone());
     }
 
-    /// The unit on record, and which of its batches are to be made again.
+    /// The recorded unit, and the batches of it to repeat.
     pub(super) fn look_up(&self, key: &str) -> Result<(Unit, Vec<Batch>), RecordError> {
         let unit = self.units().get(key).cloned().ok_or_else(|| RecordError::Missing(key.to_owned()))?;
         let (share, seed) = self.sample.unwrap_or_default();
@@ -191,10 +191,10 @@ impl Record {
         Ok((unit, batches))
     }
 
-    /// Compares a batch that was made again with the same one of a unit on record.
+    /// Compares a repeated batch with the recorded one.
     pub(super) fn compare(&self, unit: &Unit, batch: Batch, again: &[AttemptResult]) {
         let recorded: Vec<AttemptResult> = batch.indices(unit.attempts.len()).map(|idx| unit.attempts[idx]).collect();
-        // Through the same text as those on record.
+        // The repeated attempts go through the same text as the recorded ones.
         let text = serde_json::to_vec(again).expect("attempts are plain data");
         let again: Vec<AttemptResult> = serde_json::from_slice(&text).expect("it was written as such");
         self.comparison.lock().add(&recorded, &again);

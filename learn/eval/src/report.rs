@@ -99,7 +99,7 @@ pub struct Report {
     pub graph: Option<GraphFigures>,
 }
 
-/// How NPCs moved, all attempts together, as somebody who watches them sees it.
+/// How NPCs moved, over all attempts, as a spectator sees it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MotionReport {
     /// How often per second a heading that had turned to one side turned back by five degrees or more.
@@ -151,24 +151,24 @@ pub struct MapReport {
     pub success_reachable: f64,
     /// Share of the attempts at reachable goals that came to harm.
     pub died: f64,
-    /// How far plans keep what they promise; absent without plans.
+    /// How well the promised chances hold; absent without plans.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Calibration>,
-    /// How often NPCs go through with the first plan for which it gave a certain chance; null without plans.
+    /// How often NPCs complete their first plan, by its promised chance; null without plans.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration_as_planned: Option<Calibration>,
-    /// Share of the attempts at unreachable goals that ended by saying so; null without such goals.
+    /// Share of the attempts at unreachable goals that were reported as unreachable; null without such goals.
     pub told: Option<f64>,
     /// Share of the attempts at unreachable goals that came to harm; null without such goals.
     pub died_unreachable: Option<f64>,
 }
 
-/// How often NPCs arrive, or go through as planned, for which a plan gave a certain chance.
+/// How often NPCs arrive, or arrive as planned, by the promised chance of their plans.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// Mean square of the difference between promise and arrival (Brier 1950): 0 is best.
     pub brier: f64,
-    /// Attempts by what their first plans promised, where there are any.
+    /// Attempts by the promised chance of their first plans; empty bins are left out.
     pub bins: Vec<CalibrationBin>,
 }
 
@@ -196,12 +196,12 @@ impl Calibration {
         Self::of(attempts.filter_map(|it| Some((it.promised_arrival?, it.end == End::Reached))))
     }
 
-    /// The calibration of the chances of going through as planned.
+    /// The calibration of the chances of arriving as planned.
     fn of_plans<'u>(attempts: impl Iterator<Item = &'u AttemptResult>) -> Option<Self> {
         Self::of(attempts.filter_map(|it| Some((it.promised?, it.end == End::Reached && it.plans == 1))))
     }
 
-    /// The calibration of chances, each with whether that happened.
+    /// The calibration of chances, each with its outcome.
     fn of(promised: impl Iterator<Item = (f32, bool)>) -> Option<Self> {
         let all: Vec<(f64, f64)> = promised.map(|(chance, is)| (f64::from(chance), f64::from(u8::from(is)))).collect();
         let mean = |values: &mut dyn Iterator<Item = f64>, n: usize| values.sum::<f64>() / n as f64;

@@ -15,7 +15,7 @@ pub fn evaluate(policy: &Policy, config: &EvalConfig, progress: impl FnMut(usize
     Ok(report::summarise(policy, config, &run_units(policy, config, progress)?))
 }
 
-/// The maps and seeds of which no unit is saved yet, map by map and seed by seed.
+/// The maps and seeds without a saved unit, map by map and seed by seed.
 pub fn missing(policy: &Policy, config: &EvalConfig) -> Vec<(EvalMap, u64)> {
     let of_map = |choice| config.seeds.iter().map(move |&seed| (choice, seed));
     let all = config.maps.iter().flat_map(of_map);

@@ -32,7 +32,7 @@ const POINTS_PER_MAP: usize = 3000;
 /// Version of unit results; incremented when a run would no longer reproduce saved units.
 const VERSION: u32 = 7;
 
-/// A map, what a character can reach on it, and the graphs of it that were built so far.
+/// A map, its survey, and the graphs that were built on it so far.
 pub struct Surveyed {
     map: Arc<Map>,
     reach: Reach,
@@ -86,7 +86,7 @@ pub fn load_or_run(
     let unit = match path.as_deref().and_then(|path| load(path, config.goals)) {
         Some(unit) => unit,
         None if config.shard.is_some_and(|shard| !shard.holds(&choice.name().to_string(), seed)) => {
-            return Ok(elsewhere(config, choice, seed));
+            return Ok(of_other_shard(config, choice, seed));
         }
         None => {
             let unit = Site::new(policy, config, choice, survey(surveyed, config, choice), seed)?.run()?;
@@ -102,7 +102,7 @@ pub fn load_or_run(
     Ok(unit)
 }
 
-/// Saves a unit that was run elsewhere, where the evaluation of the rest finds it.
+/// Saves a unit that another process has run, so that this evaluation finds it.
 ///
 /// # Errors
 /// If it cannot be saved.
@@ -115,18 +115,18 @@ pub fn keep(
     path_of(policy, config, choice, seed).map_or(Ok(()), |path| save(&path, unit))
 }
 
-/// Whether a unit need not be run, since it is saved.
+/// Whether a unit is saved, so that it need not be run.
 pub fn is_kept(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> bool {
     path_of(policy, config, choice, seed).is_some_and(|path| load(&path, config.goals).is_some())
 }
 
-/// Where a unit is saved; `None` if none is.
+/// The file of a unit; `None` if the configuration saves none.
 fn path_of(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Option<PathBuf> {
     config.keep_in.as_ref().map(|folder| folder.join(format!("{}.json", key(policy, config, choice, seed))))
 }
 
-/// Stands for a unit that is run elsewhere: every attempt in it is missing. It is neither saved nor recorded.
-fn elsewhere(config: &EvalConfig, choice: &EvalMap, seed: u64) -> Unit {
+/// A placeholder for a unit of another shard: all its attempts are missing. It is neither saved nor recorded.
+fn of_other_shard(config: &EvalConfig, choice: &EvalMap, seed: u64) -> Unit {
     let missing = AttemptResult {
         end: End::NoProgress,
         decisions: 0,
@@ -246,7 +246,7 @@ impl<'a> Site<'a> {
             all.motion.add(&figures.motion);
         }
         let attempts: Vec<AttemptResult> = attempts.into_iter().flatten().collect();
-        // A goal that was reached can be reached, whatever the survey says.
+        // A goal that was reached is reachable, even if the survey disagrees.
         for (reachable, attempt) in reachable.iter_mut().zip(&attempts) {
             *reachable |= attempt.end == End::Reached;
         }
@@ -308,7 +308,7 @@ impl<'a> Site<'a> {
         (attempts, figures)
     }
 
-    /// Attempts the goals of a batch in a game, where nothing is rehearsed, and motion is not measured.
+    /// Attempts the goals of a batch in a game, without rehearsals and without measuring motion.
     fn attempt_in(&self, game: &Game, batch: Batch) -> Result<(Vec<AttemptResult>, Figures), EvalError> {
         let EvalConfig { profile, follow, noise_share, .. } = self.config;
         let level = Level { map: self.map.clone(), body: profile.clone(), solid_npcs: false };
@@ -318,7 +318,7 @@ impl<'a> Site<'a> {
     }
 }
 
-/// Goals of a map, the nearest first; the same for the same map, body, distances, number and seed.
+/// Goals of a map, the nearest first. Equal arguments give equal goals.
 ///
 /// # Errors
 /// If the map has no ground for the body, or too few goals at these distances.

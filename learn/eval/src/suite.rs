@@ -124,8 +124,8 @@ struct Outcome<'e> {
     units: Vec<Unit>,
 }
 
-/// Runs every entry. `base` gives everything but maps and method. `progress` gets the name of the row or split and the
-/// numbers of its finished and of all its attempts.
+/// Runs every entry. `base` gives all settings except maps and method. `progress` gets the name of the row or split and
+/// the numbers of its finished and of all its attempts.
 ///
 /// # Errors
 /// As for [`super::evaluate`].

@@ -51,7 +51,7 @@ pub struct GraphFigures {
     pub search_us_median: f64,
 }
 
-/// A part of the goals of a unit, which is attempted together. The result of a batch depends on nothing but the unit's
+/// Goals of a unit that are attempted together. The result of a batch depends only on the unit's
 /// key and the batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Batch(usize);

@@ -99,7 +99,7 @@ fn a_run_that_does_not_answer_the_set_is_refused_by_name() {
     };
     for (error, words) in [
         (changed(|run| run.challenge = 9), "version 9"),
-        (changed(|run| run.set = "kinds".to_owned()), "of the set `kinds`"),
+        (changed(|run| run.set = "kinds".to_owned()), "to the set `kinds`"),
         (changed(|run| drop(run.maps.pop())), "0 entries"),
         (changed(|run| run.maps[0].name = run.maps[1].name.clone()), "2 entries"),
         (changed(|run| drop(run.maps[0].attempts.pop())), "11 attempts"),
@@ -121,5 +121,5 @@ fn a_run_that_does_not_answer_the_set_is_refused_by_name() {
     let mut other = set.clone();
     other.maps[0].hash = "0".repeat(64);
     let error = score(&other, Path::new(""), &good, 1, |_| {}).unwrap_err().to_string();
-    assert!(error.contains("not the one that the goals were drawn on"), "{error}");
+    assert!(error.contains("differs from the map that the goals were drawn on"), "{error}");
 }

@@ -75,7 +75,7 @@ fn the_suite_stands_beside_the_papers_table() {
         },
     ];
     let splits = [("training", vec![MapSpec::with_side(0, 60).unwrap()]), ("test", maps())];
-    // Each entry's method overrides that of the base.
+    // The method of each entry overrides the method of the base.
     let base = EvalConfig { method: Method::Graph(BuildSettings::default()), ..config(None, 2) };
     let report = suite::run(&entries, &splits, &base, |_, _, _| {}).unwrap();
     let [general, specific] = report.rows.as_slice() else { panic!("two rows") };

@@ -64,7 +64,7 @@ test('the map is drawn, and can be looked into', async ({ page }) => {
   expect(errors).toEqual([])
 })
 
-test('a link to another planner reaches nobody unless the user agrees and the server allows it', async ({ page }) => {
+test('a link to another planner contacts no one unless the user agrees and the server allows it', async ({ page }) => {
   const evil = 'https://evil.example'
   const called: string[] = []
   page.on('request', (request) => called.push(new URL(request.url()).origin))
@@ -193,19 +193,19 @@ test('a block is put onto the map and taken away again, and the picture and the 
   const before = await graph()
   await page.keyboard.press('t')
   await page.keyboard.press('h')
-  const section = page.getByRole('region', { name: 'Build on the map' })
+  const section = page.getByRole('region', { name: 'Pieces on the map' })
   await section.getByLabel('Width, m').fill('20')
   await section.getByLabel('Height, m').fill('6')
   await ask(page, ({ state }) => state.graphs.setFilter({ visible: false }))
   const pixels = () => ask(page, ({ viewport }) => [...viewport!.snapshot().pixels].reduce((sum, it) => sum + it, 0))
   const bare = await pixels()
-  await section.getByRole('button', { name: 'Put it on the map' }).click()
+  await section.getByRole('button', { name: 'Add to the map' }).click()
   await clickMap(page, 0.45, 0.48)
   await expect(section.getByText('block 1')).toBeVisible()
   await expect.poll(graph, { timeout: 30_000 }).not.toBe(before)
   await expect.poll(pixels).not.toBe(bare)
   await page.screenshot({ path: 'test-results/block.png' })
-  await section.getByRole('button', { name: 'Take block 1 away' }).click()
+  await section.getByRole('button', { name: 'Remove block 1' }).click()
   await expect(section.getByText('block 1')).toBeHidden()
   await expect.poll(graph, { timeout: 30_000 }).toBe(before)
 })
@@ -269,7 +269,7 @@ test('what another designer did meanwhile is shown, and nothing is lost', async 
   await open(page)
   await withGraph(page)
   const late = await context.newPage()
-  // This page is not told of changes.
+  // This page gets no changes.
   await late.route('**/WatchGraph', () => undefined)
   await open(late)
   await withGraph(late)
@@ -286,10 +286,10 @@ test('what another designer did meanwhile is shown, and nothing is lost', async 
   await forbid(late, 20)
   await late.getByRole('button', { name: 'Forbid', exact: true }).click()
   const card = late.getByRole('alert', { name: 'Not applied' })
-  await expect(card).toContainText('Somebody else changed the layers')
+  await expect(card).toContainText('Another user changed the layers')
   await card.getByRole('button', { name: 'Apply on top' }).click()
   await expect(card).toBeHidden()
-  // The other one is told.
+  // The other page gets them.
   await expect.poll(() => ask(page, ({ state }) => state.layers.list.value[0]?.edits.length ?? 0)).toBe(2)
 })
 
@@ -306,11 +306,11 @@ test('when the server is gone the page says so and comes back by itself', async 
     Object.assign(window, { summaryBefore: state.graphs.summary.value })
   })
   await scene.restart()
-  // What the page still knows of the old world does not count.
+  // The state of the old world does not count.
   const npcs = () => ask(page, ({ state }) => state.live.moment.value.npcs.size)
   await expect.poll(async () => (await npcs()) === 8 && (await tick()) < before, { timeout: 30_000 }).toBe(true)
   await expect(page.getByText('The world server is gone')).toBeHidden()
-  // The planner tells of the graph again: neither what was known before nor what came with the graph itself.
+  // The planner sends the graph again: neither earlier changes nor those that came with the graph count.
   await expect
     .poll(
       () =>
@@ -329,7 +329,7 @@ test('a designer drops a level, reads what is odd about it, and gets a world of 
   page,
 }) => {
   await open(page)
-  // A floor of 40 x 30 m in centimetres, z up, seen from both sides by nobody: one quad.
+  // A floor of 40 x 30 m in centimetres, z up, one-sided: one quad.
   const corners = ['0 0 0', '4000 0 0', '4000 3000 0', '0 3000 0'].map((at) => `v ${at}\n`).join('')
   const buffer = Buffer.from(`o floor\n${corners}f 1 2 3 4\n`)
   const section = page.getByRole('region', { name: 'Import a level' })
@@ -345,7 +345,7 @@ test('a designer drops a level, reads what is odd about it, and gets a world of 
   await expect.poll(() => ask(page, ({ state }) => state.level.features.value?.size.width)).toBe(44)
   // What bodies find there, before there is a graph.
   await section.getByRole('button', { name: 'Compare bodies' }).click()
-  const table = section.getByRole('table', { name: 'What bodies can get to' })
+  const table = section.getByRole('table', { name: 'Reachability by body' })
   await expect(table.getByRole('row')).toHaveCount(8, { timeout: 30_000 })
   await page.screenshot({ path: 'test-results/imported-level.png' })
   // Lava is marked on the floor, drawn, and part of the next import.

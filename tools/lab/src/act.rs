@@ -8,8 +8,8 @@ use surefoot_cli::commands::endpoint::CredentialArgs;
 use surefoot_cli::commands::map::level_files;
 use surefoot_train::actors::actor::{ActorConfig, act};
 
-/// Let NPCs act with the weights of a learner that runs elsewhere (`surefoot train --listen`), and feed it with what
-/// they do. Takes less of a thin connection than `train --worlds`. While the learner is away, waits for it.
+/// Collect experience for a learner in another process (`surefoot train --listen`), with its current weights. Needs
+/// less bandwidth than `train --worlds`. Waits while the learner is unreachable.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot act --learner http://127.0.0.1:7610\n  \
@@ -18,14 +18,13 @@ pub struct Args {
     /// Address of the learner
     #[arg(long, value_name = "URI", env = "SUREFOOT_LEARNER")]
     learner: String,
-    /// Let the NPCs move in the game that serves environments at this address instead of this process; it runs the
-    /// level of --maps
+    /// Run the NPCs in the game at this address instead of this process; the game runs the level of --maps
     #[arg(long, value_name = "URI")]
     world: Option<String>,
     /// Levels to act on instead of the learner's maps: files (.sfmap, .glb, .gltf, .obj)
     #[arg(long, value_name = "FILE,...")]
     maps: Option<String>,
-    /// Name of this actor, which must be no other's
+    /// Name of this actor; must be unique
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Seed of goals and noise; default: drawn from the name
@@ -39,13 +38,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let credentials = args.credentials.credentials()?;
     let since = std::time::UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
     let actor_id = args.name.unwrap_or_else(|| format!("{}-{since:x}", std::process::id()));
-    // FNV-1a: names that differ draw differently.
+    // FNV-1a: different names give different seeds.
     let hash = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
     let seed = args.seed.unwrap_or_else(|| actor_id.bytes().fold(0xCBF2_9CE4_8422_2325, hash));
     let folder = std::env::temp_dir().join(format!("surefoot-act-{}", std::process::id()));
     let levels = match args.maps.as_deref().map(|maps| (maps, level_files(maps))) {
         Some((_, Some(files))) => copy_levels(&files, &folder)?,
-        Some((maps, None)) => bail!("--maps: `{maps}` is not a level file; seeds are chosen by the learner"),
+        Some((maps, None)) => bail!("--maps: `{maps}` is not a level file; the learner chooses the seeds"),
         None => Vec::new(),
     };
     let connect = connector(credentials.clone());

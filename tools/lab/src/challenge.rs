@@ -32,11 +32,11 @@ const MAX_RUN_BYTES: u64 = 1 << 30;
 pub enum Command {
     /// Write a set: its goals, and its maps as .glb and .sfmap
     Set(SetArgs),
-    /// Record what our own NPCs do about a set, as a run
+    /// Attempt the goals of a set with our own NPCs, and write a run
     Record(RecordArgs),
-    /// Score a run: drive its paths, do its actions again, and see where the body gets
+    /// Score a run: drive its paths or repeat its actions, and measure where the body gets
     Score(ScoreArgs),
-    /// Send NPCs of a world server to the goals of a set, while its workers decide, and score what the server tells
+    /// Send NPCs of a world server to the goals of a set, and score the outcomes that the server reports
     Host(HostArgs),
 }
 
@@ -59,12 +59,12 @@ pub struct SetArgs {
     goals: u32,
     #[command(flatten)]
     body: BodyArg,
-    /// Write the goals alone, without maps
+    /// Write only the goals, without maps
     #[arg(long)]
     no_maps: bool,
 }
 
-/// Record what our own NPCs do about a set, as a run.
+/// Attempt the goals of a set with our own NPCs, and write a run.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot challenge record paper-like --out surefoot.json.gz\n  \
@@ -73,7 +73,7 @@ pub struct RecordArgs {
     /// Name of a set, or its folder
     #[arg(value_name = "SET|FOLDER")]
     set: String,
-    /// File to write; packed if its name ends in .gz
+    /// File to write; compressed if its name ends in .gz
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Head straight for goals instead of following plans
@@ -82,7 +82,7 @@ pub struct RecordArgs {
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
-    /// Name of the entrant; default: what it is
+    /// Name of the entrant; default: the method and the model
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     #[command(flatten)]
@@ -92,16 +92,16 @@ pub struct RecordArgs {
     threads: Option<usize>,
 }
 
-/// Score a run: drive its paths, do its actions again, and see where the body gets.
+/// Score a run: drive its paths or repeat its actions, and measure where the body gets.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot challenge score run.json\n  \
         surefoot challenge score run.json.gz --set sets/mine --json")]
 pub struct ScoreArgs {
-    /// The run (.json, or packed .json.gz); several are put into one table
+    /// Runs (.json, or compressed .json.gz), for one table
     #[arg(value_name = "FILE", required = true)]
     runs: Vec<PathBuf>,
-    /// Folder of the set; default: the set of the challenge that the run names
+    /// Folder of the set; default: the set of the challenge that is named in the run
     #[arg(long, value_name = "FOLDER")]
     set: Option<PathBuf>,
     /// Number of threads; default: one per core
@@ -112,7 +112,8 @@ pub struct ScoreArgs {
     json: bool,
 }
 
-/// Send NPCs of a world server to the goals of a set, while its workers decide, and score what the server tells.
+/// Send NPCs of a world server to the goals of a set, and score the outcomes that the server reports. The server's
+/// workers decide.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot challenge host benchmark:8x128                 # our own server, planner and worker, at 60 Hz\n  \
@@ -121,25 +122,25 @@ pub struct ScoreArgs {
 pub struct HostArgs {
     /// Name of a set, or a part of it such as benchmark:8x128
     set: String,
-    /// World server; default: a server, a planner and a worker of our own, each in a process
+    /// World server; default: start a server, a planner and workers, each in its own process
     #[arg(long, value_name = "URI")]
     server: Option<String>,
-    /// Let worlds wait for the workers' answers, instead of holding 60 Hz
+    /// Let worlds wait for the workers' decisions, instead of running at 60 Hz
     #[arg(long)]
     lockstep: bool,
-    /// Most NPCs that are under way at once
+    /// Most attempts that run at the same time
     #[arg(long, default_value_t = 1024, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     at_once: u32,
-    /// Goals of each map that are attempted before, unscored, so that workers have the graph
+    /// Goals of each map that are attempted first, unscored, so that the workers have the graph
     #[arg(long, default_value_t = 16, value_name = "N")]
     warm_up: usize,
-    /// Longest time that the attempts that run together may take, s
+    /// Time limit for the attempts that run together
     #[arg(long, default_value_t = 600, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=86_400))]
     limit: u64,
     /// Name of the entrant
     #[arg(long, default_value = "Surefoot over gRPC", value_name = "NAME")]
     name: String,
-    /// Workers of our own
+    /// Number of workers to start
     #[arg(long, default_value_t = 1, value_name = "N", conflicts_with = "server", value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
     #[command(flatten)]
@@ -162,7 +163,7 @@ fn write_set(args: &SetArgs) -> anyhow::Result<()> {
     let set = match (args.name.as_str(), &args.maps) {
         ("custom", Some(maps)) => custom(args, maps)?,
         ("custom", None) => bail!("a custom set needs --maps"),
-        (_, Some(_)) => bail!("--maps is for the set custom: the maps of others are fixed"),
+        (_, Some(_)) => bail!("--maps is only for the set custom: the maps of the other sets are fixed"),
         (name, None) => GoalSet::named(name)?,
     };
     create(&args.out)?;
@@ -182,9 +183,9 @@ fn write_set(args: &SetArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A set of the user's levels, which are saved beside it.
+/// A set of the user's levels, which are saved in its folder.
 fn custom(args: &SetArgs, maps: &str) -> anyhow::Result<GoalSet> {
-    let files = level_files(maps).context("--maps takes files of levels")?;
+    let files = level_files(maps).context("--maps takes level files")?;
     create(&args.out)?;
     let mut levels = Vec::with_capacity(files.len());
     for file in files {
@@ -284,7 +285,7 @@ fn print_scores(args: &ScoreArgs) -> anyhow::Result<()> {
     }
 }
 
-/// A score of hosted attempts, and how the worlds kept time.
+/// A score of hosted attempts, with the timing of their worlds.
 #[derive(Serialize)]
 struct HostedScore {
     #[serde(flatten)]
@@ -350,7 +351,7 @@ fn host_set(args: &HostArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A server, a planner and workers, each in a process of its own, which end with it.
+/// A server, a planner and workers, each in its own process. They end when this value is dropped.
 struct OwnServices {
     server_uri: String,
     _workers: Vec<Process>,
@@ -363,7 +364,7 @@ impl OwnServices {
         let (server, planner) = (free_address()?.to_string(), free_address()?.to_string());
         let (server_uri, planner_uri) = (format!("http://{server}"), format!("http://{planner}"));
         let (npcs, cache) = ((2 * npcs).to_string(), tempfile::tempdir()?);
-        let folder = cache.path().to_str().context("the name of the folder for temporary files is not UTF-8")?;
+        let folder = cache.path().to_str().context("the path of the folder for temporary files is not UTF-8")?;
         let services = [
             start(&["serve", "--listen", &server, "--max-npcs-per-client", &npcs])?,
             start(&["plan", "--listen", &planner, "--cache", folder])?,
@@ -380,7 +381,7 @@ fn print_table(scores: &[Score]) {
     let or_none = |share: Option<f64>| share.map_or("-".to_owned(), percent);
     println!("Success in %, with 95 % intervals over maps where there are several.\n");
     println!(
-        "| entrant | set | all | interval | hard | where a walk leads there | where none does | died | told | time to goal | path | build | size |"
+        "| entrant | set | all | interval | hard | on foot | not on foot | died | reported | time to goal | path | build | size |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for it in scores {

@@ -25,16 +25,16 @@ pub struct ExportArgs {
     /// Write the weights as safetensors
     #[arg(long, value_name = "FILE")]
     safetensors: Option<PathBuf>,
-    /// Print N observations from a walk over a map with their decisions as JSON, to check another runtime against; they
-    /// come in ten successive steps, across which a recurrent policy keeps its memory
+    /// Print N observations and their decisions as JSON, to compare with another runtime. They come in ten successive
+    /// steps, across which a recurrent policy keeps its memory
     #[arg(long, value_name = "N")]
     check: Option<usize>,
-    /// Accepted for uniformity: --check always prints JSON
+    /// Has no effect: --check always prints JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Make a model folder from a safetensors file with the names and shapes that export writes.
+/// Convert a safetensors file to a model folder. Names and shapes must be those that export writes.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  surefoot import lstm.safetensors runs/mine --name mine")]
 pub struct ImportArgs {
@@ -89,7 +89,7 @@ pub fn import(args: &ImportArgs) -> anyhow::Result<()> {
     let weights = weights.to_burnpack();
     let manifest = Manifest::new(&name, config, &weights, training);
     checkpoint::save(&args.folder, &manifest, &weights)?;
-    // Fails here rather than later if the written model cannot be loaded.
+    // Fails now rather than later if the written model cannot be loaded.
     Policy::load(&args.folder)?;
     println!("{}: {} with memory {}, weights {}", name, manifest.kind, config.memory_len(), manifest.weights_hash);
     Ok(())

@@ -1,4 +1,5 @@
-//! The `surefoot-lab` program: training, evaluation, benches and exchange of models. `surefoot` hands these commands over to it.
+//! The `surefoot-lab` program: training, evaluation, benches and exchange of models. `surefoot` hands these commands
+//! over to it.
 
 // Doc comments of arguments are printed by `--help`, not rendered as pages.
 #![allow(rustdoc::broken_intra_doc_links, rustdoc::bare_urls)]

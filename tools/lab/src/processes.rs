@@ -65,7 +65,7 @@ pub fn start(args: &[&str]) -> anyhow::Result<Process> {
     Ok(Process(child))
 }
 
-/// An address with a port that was free a moment ago.
+/// An address with a free port.
 pub fn free_address() -> anyhow::Result<SocketAddr> {
     Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?)
 }

@@ -9,15 +9,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use surefoot_cli::commands::endpoint::{CredentialArgs, EndpointArgs};
-use surefoot_cli::commands::game::resolve;
 use surefoot_cli::commands::map::{
     file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers,
 };
-use surefoot_cli::commands::parse_seconds;
-use surefoot_cli::commands::parse_seeds;
-use surefoot_cli::commands::revision;
-use surefoot_game::BridgeError;
-use surefoot_game_client::GameError;
+use surefoot_cli::commands::{game, parse_seconds, parse_seeds, revision};
 use surefoot_net::client::Credentials;
 use surefoot_net::serving::Endpoint;
 use surefoot_train::actors::Listener;
@@ -145,7 +140,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    /// The configuration of the run: that of the file or the defaults, changed by the flags.
+    /// The configuration of the run: the file or the defaults, changed by the flags.
     fn config(&self) -> anyhow::Result<TrainConfig> {
         let mut config = match &self.config {
             Some(path) => {
@@ -207,10 +202,7 @@ impl Args {
 
 /// Connects training to its worlds with these credentials.
 pub fn connector(credentials: Credentials) -> Connect {
-    Arc::new(move |uri| {
-        let unreachable = |error: BridgeError| GameError::Unreachable { uri: uri.into(), reason: error.to_string() };
-        resolve(uri).map_err(unreachable)?.connect(&credentials)
-    })
+    Arc::new(move |uri| game::connect(uri, &credentials))
 }
 
 fn processor(name: String) -> Processor {

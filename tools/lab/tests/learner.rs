@@ -133,7 +133,7 @@ fn a_learner_over_worlds_outlives_every_kill() {
     let mut servers = [serve(0), serve(1)];
     let worlds = addresses.each_ref().map(|address| format!("http://{address}")).join(",");
     let how = ["--worlds", &worlds, "--envs", "2"];
-    // Addresses at which nobody listens are told before anything is written.
+    // Unreachable addresses are reported before anything is written.
     wait_for(&addresses);
     let mut learner = bench.learn(&how);
     bench.until_it_goes_on(&mut learner);
@@ -213,12 +213,12 @@ fn runs_that_cannot_be_fed_say_what_to_change() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("solid_npcs"), "they do not meet there");
 }
 
-/// Waits until somebody listens at each address.
+/// Waits until each address accepts connections.
 fn wait_for(addresses: &[String]) {
     for address in addresses {
         let since = Instant::now();
         while std::net::TcpStream::connect(address).is_err() {
-            assert!(since.elapsed() < LIMIT, "nobody listens at {address}");
+            assert!(since.elapsed() < LIMIT, "no service at {address}");
             std::thread::yield_now();
         }
     }

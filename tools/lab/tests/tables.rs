@@ -68,7 +68,7 @@ fn a_table_says_what_it_was_made_with_and_holds_up_to_a_check() {
     let mut better = json(&results);
     better["rows"][0]["plan"]["success"]["mean"] = 2.0.into();
     std::fs::write(out.join("results.json"), better.to_string()).unwrap();
-    assert!(errors(&check(out, "0")).contains("results.json is not the file"));
+    assert!(errors(&check(out, "0")).contains("results.json does not match provenance.json"));
     let mut with_hash = provenance.clone();
     with_hash["results"] = hash(better.to_string().as_bytes()).into();
     std::fs::write(out.join("provenance.json"), with_hash.to_string()).unwrap();
@@ -94,7 +94,7 @@ fn a_table_says_what_it_was_made_with_and_holds_up_to_a_check() {
     std::fs::write(out.join("attempts.jsonl.gz"), &packed).unwrap();
     let mut with_hash = provenance;
     std::fs::write(out.join("provenance.json"), with_hash.to_string()).unwrap();
-    assert!(errors(&check(out, "0")).contains("attempts.jsonl.gz is not the file"));
+    assert!(errors(&check(out, "0")).contains("attempts.jsonl.gz does not match provenance.json"));
     with_hash["attempts"]["hash"] = hash(&packed).into();
     std::fs::write(out.join("provenance.json"), with_hash.to_string()).unwrap();
     let found = check(out, "1");

@@ -34,7 +34,7 @@ pub struct DistanceBin {
 }
 
 /// Plots success by straight-line distance, with one line for each named list of bins. A point is `middle_m` metres
-/// below the upper end of its bin, with its interval as a vertical bar; bins of fewer than 30 attempts are left out.
+/// below the upper end of its bin, with its interval as a vertical bar; bins with fewer than 30 attempts are omitted.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -45,7 +45,7 @@ pub fn success_by_distance(rows: &[(&str, Vec<DistanceBin>)], middle_m: f32, pat
     let rows: Vec<(&str, Vec<DistanceBin>)> = rows.iter().map(|(name, bins)| (*name, kept(bins))).collect();
     let points = |bins: &[DistanceBin]| bins.iter().map(|bin| (middle(bin), 100.0 * bin.rate)).collect();
     let lines: Vec<Line<'_>> = rows.iter().map(|(name, bins)| (*name, points(bins))).collect();
-    // Beside one another, so that those of lines that lie together can be told apart.
+    // The bars of different lines are shifted, so that they do not cover one another.
     let aside = |line: usize| (line as f64 - 0.5 * rows.len() as f64) * 0.06 * f64::from(middle_m);
     let bars = rows.iter().enumerate().map(|(line, (_, bins))| {
         bins.iter().map(|bin| (middle(bin) + aside(line), bin.interval.map(|share| 100.0 * share))).collect()

@@ -17,7 +17,7 @@ pub enum View {
     Top,
     /// From a corner, in parallel projection.
     Iso,
-    /// Straight down on what lies below this height, m; rock and walls that are cut are dark.
+    /// Straight down, without everything above this height, m; cut rock and walls are dark.
     Section(f32),
 }
 
@@ -73,7 +73,7 @@ impl Picture {
         Self::of(map, View::Top, pixels_per_m, None)
     }
 
-    /// Draws `map`; with `islands`, the colour of the ground shows what is connected on foot.
+    /// Draws `map`. With `islands`, ground that is connected on foot has one colour.
     pub fn of(map: &Map, view: View, pixels_per_m: f32, islands: Option<&Ground>) -> Self {
         let extent = map.extent();
         let mut projection =

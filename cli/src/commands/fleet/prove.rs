@@ -5,8 +5,7 @@ use crate::commands::endpoint::EndpointArgs;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// Run a prover until Ctrl-C or SIGTERM: it probes edges, evaluates and generates maps for whoever sends jobs over
-/// NATS.
+/// Run a prover until Ctrl-C or SIGTERM: it probes edges, evaluates, and generates maps for jobs that arrive over NATS.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot prove --nats nats://127.0.0.1:4222\n  \
@@ -26,8 +25,8 @@ pub struct Args {
     /// Jobs at a time, each on a thread; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Print the lane and exit: the jobs of the consumer prove-LANE are for provers with this model and processors that
-    /// compute the same bits
+    /// Print the lane and exit. The consumer prove-LANE has the jobs for provers with this model, on processors that compute
+    /// the same bits
     #[arg(long)]
     print_lane: bool,
     #[command(flatten)]

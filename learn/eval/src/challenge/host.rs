@@ -1,5 +1,5 @@
-//! Sends NPCs of a world server to the goals of a set, while workers decide for them: ours, or others' that speak the
-//! protocol of `Work`. The server itself says how each attempt ended.
+//! Sends NPCs of a world server to the goals of a set. Workers decide for them: ours, or others that implement the
+//! protocol of `Work`. The server reports how each attempt ended.
 
 use super::set::{GoalSet, SetMap};
 use std::collections::BTreeMap;
@@ -22,22 +22,22 @@ const BATCH: usize = 1024;
 /// How a set is hosted.
 #[derive(Debug, Clone, Copy)]
 pub struct Hosting {
-    /// Whether worlds wait for the answers of workers, instead of holding 60 Hz.
+    /// Whether worlds wait for the workers' decisions, instead of running at 60 Hz.
     pub lockstep: bool,
-    /// Most NPCs that are under way at once: as many worlds run together as stay below it, at least one.
+    /// Most attempts at the same time. As many worlds run together as this allows, at least one.
     pub at_once: usize,
-    /// Goals of each map that are attempted before, unscored, so that workers have what they prepare for the map.
+    /// Goals of each map that are attempted first, unscored, so that workers can prepare the map.
     pub warm_up: usize,
-    /// Longest time that the attempts on the worlds that run together may take.
+    /// Time limit for the attempts on worlds that run together.
     pub limit: Duration,
 }
 
 /// What happened on one map.
 #[derive(Debug, Clone)]
 pub struct Hosted {
-    /// The attempts, in the order of the goals. Their lengths are not known, and are 0.
+    /// The attempts, in the order of the goals. Their lengths are unknown, and 0.
     pub attempts: Vec<AttemptResult>,
-    /// Time that the attempts before took, s: that of what workers prepared, and of the slowest attempt.
+    /// Duration of the unscored attempts, s: the workers' preparation and the slowest attempt.
     pub warm_up_s: f64,
     /// Figures of the world at the end.
     pub stats: Stats,
@@ -52,7 +52,7 @@ pub struct Stats {
     pub ticks: u64,
     /// Decisions that were answered in time.
     pub answered: u64,
-    /// Decisions that were not.
+    /// Decisions that were missed.
     pub missed: u64,
 }
 
@@ -84,7 +84,7 @@ pub async fn host(
         for world in &mut worlds {
             world.end_warm_up(hosting.limit).await?;
         }
-        // All begin before the first one is waited for.
+        // All worlds start before the first wait.
         for world in &mut worlds {
             let all: Vec<usize> = (0..world.map.goals.len()).collect();
             world.send(&mut client, &all).await?;
@@ -100,7 +100,7 @@ pub async fn host(
     Ok(hosted)
 }
 
-/// How many of the next maps run together.
+/// Number of the next maps that run together.
 fn worlds_at_once(maps: &[SetMap], at_once: usize) -> usize {
     let mut npcs = 0;
     let fits = |map: &&SetMap| {
@@ -118,7 +118,7 @@ struct Hall<'s> {
     /// Goals that are under way, by NPC.
     under_way: BTreeMap<u64, usize>,
     ends: BTreeMap<usize, AttemptResult>,
-    /// When the attempts before began.
+    /// When the unscored attempts began.
     opened: Instant,
     warm_up_s: f64,
 }
@@ -131,29 +131,29 @@ impl<'s> Hall<'s> {
         hosting: Hosting,
     ) -> Result<Self, Status> {
         let spec = map.spec.ok_or_else(|| {
-            Status::invalid_argument(format!("map {} is a level: hosted sets have generated maps alone", map.name))
+            Status::invalid_argument(format!("map {} is a level: hosted sets need generated maps", map.name))
         })?;
         let mode = if hosting.lockstep { wire::TimeMode::Lockstep } else { wire::TimeMode::Realtime };
         let mut request = Request::new(wire::CreateWorldRequest {
             map: Some(convert::map_spec_to_wire(&spec)),
             mode: mode.into(),
             body: Some(convert::body_to_wire(&set.body)),
-            // As in all attempts that are scored.
+            // All scored attempts ignore other NPCs.
             solid_npcs: Some(false),
             ..Default::default()
         });
         request.set_timeout(WORLD_LIMIT);
         let world = client.create_world(request).await?.into_inner().world;
-        let world_id = world.ok_or_else(|| Status::internal("the server described no world"))?.world_id;
+        let world_id = world.ok_or_else(|| Status::internal("the server sent no world"))?.world_id;
         let request = wire::WatchEventsRequest { world_id, ..Default::default() };
         let mut events = client.watch_events(request).await?.into_inner();
-        // The stream has begun: no event is missed from here on.
+        // The first message marks the start of the stream: no later event is missed.
         events.next().await.transpose()?;
         let (under_way, ends) = Default::default();
         Ok(Self { map, world_id, events, under_way, ends, opened: Instant::now(), warm_up_s: 0.0 })
     }
 
-    /// Begins attempts at so many of the goals, near and far ones.
+    /// Starts attempts at `count` of the goals, near and far ones.
     async fn begin_warm_up(&mut self, client: &mut WorldServiceClient<Link>, count: usize) -> Result<(), Status> {
         let count = count.min(self.map.goals.len());
         let some: Vec<usize> = (0..count).map(|idx| idx * self.map.goals.len() / count).collect();
@@ -161,7 +161,7 @@ impl<'s> Hall<'s> {
         self.send(client, &some).await
     }
 
-    /// Waits until they have ended, and forgets how.
+    /// Waits until they have ended, and discards their results.
     async fn end_warm_up(&mut self, limit: Duration) -> Result<(), Status> {
         self.await_ends(self.opened + limit).await?;
         self.warm_up_s = self.opened.elapsed().as_secs_f64();
@@ -189,19 +189,20 @@ impl<'s> Hall<'s> {
                     Some(spawn_result::Result::Error(error)) => {
                         return Err(Status::new(error.code.into(), error.message));
                     }
-                    None => return Err(Status::internal("the server told nothing of an NPC")),
+                    None => return Err(Status::internal("the server sent an empty result for an NPC")),
                 }
             }
         }
         Ok(())
     }
 
-    /// Waits until all attempts have ended, or time is up: the rest then made no progress.
+    /// Waits until all attempts have ended or the time is up. Unfinished attempts then count as without progress.
     async fn await_ends(&mut self, until: Instant) -> Result<Vec<AttemptResult>, Status> {
         while !self.under_way.is_empty() {
             let next = tokio::time::timeout_at(until.into(), self.events.next());
             let Ok(message) = next.await else { break };
-            let message = message.ok_or_else(|| Status::new(Code::Unavailable, "the server ended the events"))??;
+            let message =
+                message.ok_or_else(|| Status::new(Code::Unavailable, "the server closed the event stream"))??;
             for event in message.events {
                 if let Some(npc_event::Event::AttemptEnded(ended)) = event.event {
                     self.note(event.npc_id, &ended);
@@ -234,7 +235,7 @@ impl<'s> Hall<'s> {
     }
 }
 
-/// An attempt of which the server told how it ended, and after how many seconds.
+/// An attempt with the end and the duration that the server reported.
 fn attempt(end: End, seconds: f32) -> AttemptResult {
     AttemptResult {
         end,

@@ -1,6 +1,6 @@
-//! A standing challenge: sets of goals, runs of entrants, and a scorer that believes none of them.
+//! The challenge: sets of goals, runs of entrants, and a scorer that measures every attempt itself.
 //!
-//! A [set](GoalSet) says which goals there are on which maps. A [run](Run) holds, for each goal, either a path, which a
+//! A [set](GoalSet) has goals on maps. A [run](Run) holds, for each goal, either a path, which a
 //! plain controller drives, or the actions of an agent, which are done again. In both cases [`score`] moves the body in
 //! our physics and sees for itself where it gets. `docs/challenge.md` is the protocol.
 

@@ -1,4 +1,4 @@
-//! Records what a policy does about a set, straight or by plan, as a run that anyone can score.
+//! Attempts the goals of a set with a policy, straight or by plan, and records a run.
 
 use super::VERSION;
 use super::run::{Approach, MAX_DECISIONS, MapRun, Run};
@@ -17,12 +17,12 @@ use surefoot_world::{CharacterProfile, End, Map, TaskConfig};
 /// Goals that are attempted together.
 const BATCH: usize = 50;
 
-/// How our own NPCs go about a set.
+/// How our own NPCs attempt a set.
 #[derive(Debug, Clone)]
 pub struct Entry {
     /// Name of the entrant.
     pub name: String,
-    /// What decides.
+    /// The policy.
     pub policy: Policy,
     /// Settings of the graphs that plans are made on; `None` to head straight for goals.
     pub graph: Option<BuildSettings>,
@@ -30,10 +30,10 @@ pub struct Entry {
     pub thread_count: usize,
 }
 
-/// Why nothing can be recorded.
+/// Why a run cannot be recorded.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// A map cannot be had.
+    /// A map cannot be loaded.
     #[error(transparent)]
     Set(#[from] super::SetError),
     /// A graph cannot be built.
@@ -45,7 +45,7 @@ pub enum RecordError {
 /// each map before its attempts.
 ///
 /// # Errors
-/// If a map cannot be had, or a graph cannot be built.
+/// If a map cannot be loaded, or a graph cannot be built.
 pub fn record(entry: &Entry, set: &GoalSet, folder: &Path, mut progress: impl FnMut(&str)) -> Result<Run, RecordError> {
     set.check()?;
     let mut maps = Vec::with_capacity(set.maps.len());

@@ -1,4 +1,4 @@
-//! Runs: what an entrant does about each goal of a set.
+//! Runs: an entrant's attempts at the goals of a set.
 
 use super::VERSION;
 use super::set::GoalSet;
@@ -11,7 +11,7 @@ pub const MAX_POINTS: usize = 10_000;
 /// Most decisions of an attempt: 300 s.
 pub const MAX_DECISIONS: usize = 1800;
 
-/// What an entrant does about each goal of a set.
+/// An entrant's attempts at the goals of a set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
@@ -21,7 +21,7 @@ pub struct Run {
     pub set: String,
     /// Name of the entrant.
     pub entrant: String,
-    /// What it is, with its version, and on what it ran.
+    /// Description of the entrant: its version, and the machine that it ran on.
     #[serde(default)]
     pub about: String,
     /// One run for each map of the set, in any order.
@@ -34,17 +34,17 @@ pub struct Run {
 pub struct MapRun {
     /// Name of the map.
     pub name: String,
-    /// Time that the entrant took to prepare for the map, s; printed beside its score.
+    /// Time for preparing the map, s; printed beside the score.
     #[serde(default)]
     pub build_s: f64,
-    /// Bytes of what it prepared; printed beside its score.
+    /// Size of the prepared data, bytes; printed beside the score.
     #[serde(default)]
     pub bytes: u64,
     /// One for each goal, in the order of the set.
     pub attempts: Vec<Approach>,
 }
 
-/// What is done about one goal.
+/// The attempt at one goal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Approach {
@@ -52,18 +52,18 @@ pub enum Approach {
     Path(Vec<PathPoint>),
     /// The actions of every decision of 10 ticks: forward, strafe, turn, jump, each -1 to 1.
     Actions(Vec<[f32; ACTION_LEN]>),
-    /// The entrant says that the goal cannot be reached.
+    /// The entrant reports the goal as unreachable.
     Unreachable,
 }
 
 /// Why a run cannot be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// It is of another version.
-    #[error("the run is of version {0} of the challenge, this is version {VERSION}")]
+    /// The run has another version.
+    #[error("the run has version {0} of the challenge, this program has version {VERSION}")]
     Version(u32),
-    /// It is of another set.
-    #[error("the run is of the set `{run}`, not of `{set}`")]
+    /// The run belongs to another set.
+    #[error("the run belongs to the set `{run}`, not to `{set}`")]
     OtherSet {
         /// Set of the run.
         run: String,
@@ -88,7 +88,7 @@ pub enum RunError {
         /// Goals of the set.
         goals: usize,
     },
-    /// An attempt is not one.
+    /// An attempt is invalid.
     #[error("attempt {idx} on `{map}`: {wrong}")]
     Attempt {
         /// Name of the map.
@@ -104,7 +104,7 @@ impl Run {
     /// Checks the run against a set, and returns its maps in the order of the set.
     ///
     /// # Errors
-    /// Names what is wrong.
+    /// If versions, sets, maps or attempts do not match.
     pub fn check(&self, set: &GoalSet) -> Result<Vec<&MapRun>, RunError> {
         if self.challenge != VERSION {
             return Err(RunError::Version(self.challenge));

@@ -1,4 +1,4 @@
-//! The scorer: does again, or drives, what a run says, and sees where the body gets.
+//! The scorer: drives the paths or repeats the actions of a run, and measures where the body gets.
 
 use super::host::Hosted;
 use super::run::{Approach, MAX_DECISIONS, MapRun, Run, RunError};
@@ -21,7 +21,7 @@ use surefoot_world::{CharacterProfile, End, Map, NpcSlot, TICKS_PER_DECISION, Ta
 /// Ticks after which an attempt by path ends.
 const MAX_TICKS: u32 = MAX_DECISIONS as u32 * TICKS_PER_DECISION;
 
-/// What a run is worth.
+/// The score of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// Version of the challenge.
@@ -32,43 +32,43 @@ pub struct Score {
     pub set_hash: String,
     /// Name of the entrant.
     pub entrant: String,
-    /// What it is.
+    /// Description of the entrant.
     pub about: String,
     /// Success over all goals, and by thirds of each map's goals by distance.
     pub success: Success,
     /// Success with its interval over maps; absent with one map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_map: Option<Interval>,
-    /// Success where a walk leads to the goal, by the survey.
+    /// Success at goals that are reachable on foot, by the survey.
     pub on_foot: Rate,
-    /// Success where none does.
+    /// Success at all other goals.
     pub not_on_foot: Rate,
     /// Number of attempts by outcome.
     pub ends: BTreeMap<String, usize>,
-    /// Share of the goals that cannot be reached, by the survey and by this run, of which the entrant said so; absent
-    /// without such goals.
+    /// Share of the unreachable goals, by the survey and by this run, that the entrant reported; absent without such
+    /// goals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub told: Option<f64>,
-    /// Share of the attempts at goals that can be reached that ended in death.
+    /// Share of the attempts at reachable goals that ended in death.
     pub died: f64,
     /// Mean duration of successful attempts, s.
     pub seconds_to_goal: f64,
-    /// Mean length of the path of successful attempts, m; absent for attempts that were hosted.
+    /// Mean length of the path of successful attempts, m; absent for hosted attempts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metres_to_goal: Option<f64>,
     /// Mean of straight-line distance over distance covered, over successful attempts; absent for attempts that were
     /// hosted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directness: Option<f64>,
-    /// Mean time that the entrant took to prepare for a map, s, as it says.
+    /// Mean time for preparing a map, s, as the entrant reports it.
     pub build_s: f64,
-    /// Mean size of what it prepared for a map, bytes, as it says.
+    /// Mean size of the prepared data of a map, bytes, as the entrant reports it.
     pub bytes: f64,
     /// The maps, in the order of the set.
     pub maps: Vec<MapScore>,
 }
 
-/// What a run is worth on one map.
+/// The score of a run on one map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapScore {
     /// Name of the map.
@@ -79,16 +79,16 @@ pub struct MapScore {
     pub ends: BTreeMap<String, usize>,
     /// Mean duration of successful attempts, s.
     pub seconds_to_goal: f64,
-    /// Time that the entrant took to prepare, s, as it says.
+    /// Time for preparing the map, s, as the entrant reports it.
     pub build_s: f64,
-    /// Size of what it prepared, bytes, as it says.
+    /// Size of the prepared data, bytes, as the entrant reports it.
     pub bytes: u64,
 }
 
 /// Why a run has no score.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoreError {
-    /// The run does not answer the set.
+    /// The run does not fit the set.
     #[error(transparent)]
     Run(#[from] RunError),
     /// The set cannot be used.
@@ -100,7 +100,7 @@ pub enum ScoreError {
 /// made.
 ///
 /// # Errors
-/// If the run does not fit the set, or a map cannot be had.
+/// If the run does not fit the set, or a map cannot be loaded.
 pub fn score(
     set: &GoalSet,
     folder: &Path,
@@ -121,7 +121,7 @@ pub fn score(
     Ok(summarise(set, (&run.entrant, &run.about), &runs, &units))
 }
 
-/// Scores attempts that a server hosted, map by map in the order of the set, beside what the entrant says of itself.
+/// Scores attempts that a server hosted, map by map in the order of the set, with the entrant's name and description.
 ///
 /// # Errors
 /// If a map cannot be had.
@@ -154,7 +154,7 @@ pub fn score_hosted(
     Ok(Score { metres_to_goal: None, directness: None, ..score })
 }
 
-/// All attempts on one map, with what the survey knows of the goals.
+/// All attempts on one map, with the reachability of the goals by the survey.
 fn unit(
     map: &Arc<Map>,
     body: &CharacterProfile,
@@ -233,7 +233,7 @@ impl Trial {
         self.ended(End::NoProgress)
     }
 
-    /// Takes note of what happened in so many ticks, and returns how the attempt ended, if it did.
+    /// Accounts for `ticks` ticks that have run, and returns the end of the attempt, if it has ended.
     fn advance(&mut self, ticks: u32) -> Option<End> {
         let npc = self.world.npc(self.slot).expect("the only NPC");
         self.ticks += ticks;
@@ -299,7 +299,7 @@ fn summarise(set: &GoalSet, (entrant, about): (&str, &str), runs: &[&MapRun], un
     }
 }
 
-/// An attempt with what is known of its goal.
+/// An attempt with the facts about its goal.
 struct Seen<'u> {
     attempt: &'u AttemptResult,
     distance: f32,

@@ -35,7 +35,7 @@ pub struct GoalSet {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SetMap {
-    /// Name of the map, which no other one of the set has.
+    /// Name of the map, unique in the set.
     pub name: String,
     /// What the map is generated from; absent for a level.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -82,11 +82,11 @@ pub enum SetError {
     /// There is no such part of a set.
     #[error("`{0}` is no part of a set: after the colon, give the numbers of maps and goals, such as benchmark:8x128")]
     Part(String),
-    /// It is of another version.
-    #[error("the set is of version {0} of the challenge, this is version {VERSION}")]
+    /// The set has another version.
+    #[error("the set has version {0} of the challenge, this program has version {VERSION}")]
     Version(u32),
-    /// Its maps cannot be told apart.
-    #[error("two maps of the set are called `{0}`")]
+    /// Two maps have the same name.
+    #[error("two maps of the set have the name `{0}`")]
     SameName(String),
     /// Its goals are out of bounds.
     #[error("goal {idx} of map `{map}` is not a place: numbers must be finite and within 10 km")]
@@ -96,11 +96,11 @@ pub enum SetError {
         /// Index of the goal.
         idx: usize,
     },
-    /// A map is not the one that the goals were drawn on.
-    #[error("map `{0}` is not the one that the goals were drawn on: its content hash differs")]
+    /// The content of a map differs from the map of the goals.
+    #[error("map `{0}` differs from the map that the goals were drawn on: another content hash")]
     OtherMap(String),
-    /// A map has movers: what a body does there depends on when it comes, and on who else is there.
-    #[error("map {0} has doors, lifts or other movers: attempts on it cannot be made again one by one")]
+    /// A map has movers, so attempts depend on their time and on other NPCs.
+    #[error("map {0} has doors, lifts or other movers: attempts on it cannot be repeated one by one")]
     Movers(MapName),
     /// A map's file cannot be read.
     #[error("cannot read {path}: {reason}")]
@@ -116,8 +116,9 @@ pub enum SetError {
 }
 
 impl GoalSet {
-    /// A set of the challenge; the same on every machine. Its maps are generated, which takes about a second for four.
-    /// A name such as `benchmark:8x128` stands for a part: the first 8 maps with 128 goals each, near and far ones.
+    /// A set of the challenge. It is the same on every machine. Its maps are generated, which takes about a second for
+    /// four. A name such as `benchmark:8x128` stands for a part: the first 8 maps with 128 goals each, near and far
+    /// ones.
     ///
     /// # Errors
     /// If there is no such set, or no such part.
@@ -189,7 +190,7 @@ impl GoalSet {
     /// Checks a set that was read from a file.
     ///
     /// # Errors
-    /// Names what is wrong.
+    /// If the version, the names of maps or the goals are invalid.
     pub fn check(&self) -> Result<(), SetError> {
         /// m.
         const FARTHEST: f32 = 1.0e4;

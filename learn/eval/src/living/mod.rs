@@ -1,7 +1,7 @@
 //! The living suite: crowds, doors, lifts, platforms, floors that vanish, and players.
 //!
-//! Every NPC that does not arrive counts as failed, whatever the reason. The levels are made for the suite, and nothing
-//! was trained on them; the graph of each is built as any other.
+//! Every NPC that does not arrive counts as a failure. The levels are made for the suite, and nothing
+//! was trained on them; their graphs are built as usual.
 
 mod scenes;
 
@@ -67,7 +67,7 @@ pub struct SceneReport {
     pub name: String,
     /// What happens in it.
     pub about: String,
-    /// What is wanted.
+    /// The target.
     pub target: String,
     /// Runs, each with another seed.
     pub runs: u64,
@@ -126,7 +126,7 @@ struct Level {
     router: Router,
 }
 
-/// What was seen in the runs of a scene so far.
+/// Results of the runs of a scene so far.
 #[derive(Default)]
 struct Tally {
     attempts: Vec<AttemptResult>,
@@ -207,7 +207,7 @@ impl Suite<'_> {
         rollout.live(self.policy, &level.router, goals, stir)
     }
 
-    /// Runs a scene with other goals in each run, in which nothing is changed from outside.
+    /// Runs a scene with new goals in each run, and no changes from outside.
     fn repeat(&self, level: &Level, solid: bool, goals: impl Fn(u64) -> Vec<Goal>) -> Tally {
         let mut tally = Tally::default();
         for seed in 0..self.config.runs {
@@ -252,7 +252,7 @@ impl Suite<'_> {
         let mut tally = Tally::default();
         for seed in 0..self.config.runs {
             let mut rng = ChaCha8Rng::seed_from_u64(1000 + seed);
-            // Every other door opens and shuts, each at times of its own.
+            // Every second door opens and shuts at random times.
             let mut due: Vec<u32> = (0..door_count).map(|_| rng.random_range(0..DOOR_DECISIONS.end)).collect();
             let restless: Vec<bool> = (0..door_count).map(|_| rng.random_bool(0.5)).collect();
             let stir = |world: &mut World, decision: u32| {

@@ -58,7 +58,7 @@ const OUTCOME_NAMES: Record<Outcome, string> = {
   [Outcome.BURNT]: 'Burnt',
   [Outcome.DROWNED]: 'Drowned',
   [Outcome.NO_PROGRESS]: 'Gave up',
-  [Outcome.UNREACHABLE]: 'Cannot be reached',
+  [Outcome.UNREACHABLE]: 'Unreachable',
 }
 
 export function outcomeName(outcome: Outcome): string {
@@ -69,10 +69,10 @@ export const STATE_NAMES: Record<NpcState, string> = { idle: 'Idle', seeking: 'O
 
 const NO_PATH_REASONS: Record<NoPath, string> = {
   [NoPath.UNSPECIFIED]: '',
-  [NoPath.START_OFF_GRAPH]: 'No edge leaves from anywhere near the start.',
-  [NoPath.GOAL_OFF_GRAPH]: 'No edge leads to anywhere near the goal.',
-  [NoPath.DIFFERENT_ISLANDS]: 'Start and goal lie on different islands: no proved edge joins them.',
-  [NoPath.ONE_WAY]: 'The way is one-way: the goal leads to the start, but not back.',
+  [NoPath.START_OFF_GRAPH]: 'No edge begins near the start.',
+  [NoPath.GOAL_OFF_GRAPH]: 'No edge ends near the goal.',
+  [NoPath.DIFFERENT_ISLANDS]: 'Start and goal are on different islands: no proved edge joins them.',
+  [NoPath.ONE_WAY]: 'The path is one-way: it leads only from the goal to the start.',
 }
 
 export function noPathReason(reason: NoPath): string {

@@ -6,8 +6,8 @@ import { Icon } from './icons'
 /** Says which service is gone or may not be called. What was seen last stays on the screen. */
 export function Banner({ studio: { context } }: { studio: Studio }) {
   const lines = [
-    lineFor('world server', context.world, 'The world server is gone; trying again …'),
-    lineFor('planner', context.planner, 'No planner answers; trying again …'),
+    lineFor('world server', context.world, 'The world server does not answer; trying again …'),
+    lineFor('planner', context.planner, 'The planner does not answer; trying again …'),
   ].filter((line) => line !== '')
   return (
     <div class="banners" role="status" aria-live="polite">

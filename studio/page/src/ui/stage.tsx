@@ -96,15 +96,15 @@ function Overlay({ studio }: { studio: Studio }) {
   if (worlds.creating.value) {
     return (
       <p class="loading" role="status">
-        The world is being made …
+        Creating the world …
       </p>
     )
   }
   if (worlds.chosen.value === undefined) {
     return (
       <div class="overlay">
-        <Empty title="There is no world yet">
-          <p>Make one, and NPCs can move on it.</p>
+        <Empty title="No world yet">
+          <p>Create one to see NPCs move.</p>
           <CreateWorldForm studio={studio} />
         </Empty>
       </div>

@@ -19,10 +19,10 @@ export function hintFor(studio: Studio): string {
     add: 'Click the ground to add a vertex',
     move: 'Drag a vertex',
     remove: 'Click a vertex to remove it',
-    force: studio.forceFrom.value === undefined ? 'Click where the edge begins' : 'Click where the edge ends',
-    spawn: 'Click where the NPC is to stand',
-    send: `Click where ${named} is to go`,
-    teleport: `Click where ${named} is to stand`,
+    force: studio.forceFrom.value === undefined ? 'Click the start of the edge' : 'Click the end of the edge',
+    spawn: 'Click where to spawn the NPC',
+    send: `Click where to send ${named}`,
+    teleport: `Click where to teleport ${named}`,
     mark: markHint(studio),
     build: buildHint(studio),
   }
@@ -31,8 +31,8 @@ export function hintFor(studio: Studio): string {
 
 function buildHint({ pieces }: Studio): string {
   const hints: Record<PieceKind, readonly [first: string, second: string]> = {
-    block: ['Click where the block stands', ''],
-    bridge: ['Click where the bridge begins', 'Click where it ends'],
+    block: ['Click where to put the block', ''],
+    bridge: ['Click the start of the bridge', 'Click its end'],
     lava: ['Click a corner of the lava', 'Click the opposite corner'],
     water: ['Click a corner of the water', 'Click the opposite corner'],
   }
@@ -43,10 +43,10 @@ function markHint({ marks }: Studio): string {
   const hints: Record<MarkKind, readonly [first: string, second: string]> = {
     lava: ['Click a corner of the lava', 'Click the opposite corner'],
     water: ['Click a corner of the water', 'Click the opposite corner'],
-    pad: ['Click where the jump pad lies', ''],
-    zipLine: ['Click where the zip line begins', 'Click where it ends'],
-    teleporter: ['Click where the teleporter stands', 'Click where it leads'],
-    jetpack: ['Click where the jetpack lies', ''],
+    pad: ['Click where to put the jump pad', ''],
+    zipLine: ['Click the start of the zip line', 'Click its end'],
+    teleporter: ['Click where to put the teleporter', 'Click its destination'],
+    jetpack: ['Click where to put the jetpack', ''],
   }
   return hints[marks.kind.value][marks.begun.value === undefined ? 0 : 1]
 }

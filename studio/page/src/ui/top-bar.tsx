@@ -43,7 +43,7 @@ export function TopBar({ studio }: { studio: Studio }) {
         label="Token"
         icon="key"
         bare
-        onClick={() => studio.context.world.session.ask('The token that this page calls with.')}
+        onClick={() => studio.context.world.session.ask('Enter the token of this page.')}
       />
       <Button label="Keyboard shortcuts" icon="help" bare onClick={() => (studio.helpOpen.value = true)} />
       <Button

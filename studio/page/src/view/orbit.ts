@@ -113,7 +113,7 @@ export function fitBox(pose: OrbitPose, low: Place, high: Place, aspect: number)
     }
     const sideways = ((seen.left + seen.right) / 2) * distance * tangent * aspect
     const forward = ((seen.bottom + seen.top) / 2) * distance * tangent
-    // The target stays at its height, so what is too low on the screen is put right along the ground.
+    // The target keeps its height, so a vertical offset on the screen is corrected along the ground.
     const along = forward / Math.max(cosPolar, 0.3)
     target = { x: target.x + cos * sideways - sin * along, y: target.y, z: target.z - sin * sideways - cos * along }
     distance *= Math.max(seen.right - seen.left, seen.top - seen.bottom) / (2 * FILLED)

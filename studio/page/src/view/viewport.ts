@@ -161,7 +161,7 @@ class View implements Viewport, Show {
   setGraph(graph: Graph | undefined): void {
     const { held } = this.scene.drag
     const vertex = held && graph?.vertices[held.index]
-    // Graphs come anew all the time: what is in the user's hand stays there if it is still what it was.
+    // Graphs are replaced all the time. The object in the user's hand stays if it is unchanged.
     if (held && (!vertex || vertex.removed || !samePlace(vertex.position, held.from))) {
       this.scene.drag.end()
     }

@@ -25,7 +25,7 @@ const list = [
 ]
 
 describe('graphs to choose from', () => {
-  it('are told apart', () => {
+  it('have distinct names', () => {
     expect(list.map(graphLabel).slice(0, 1)).toEqual(['seed 42 · spaced 300 x 12 · aaaaaaaa'])
     expect(graphLabel(list[3]!)).toBe('harbour · spaced 300 x 12 · dddddddd')
     expect(new Set(list.map(graphLabel)).size).toBe(list.length)

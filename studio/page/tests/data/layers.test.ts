@@ -168,7 +168,7 @@ describe('edits', () => {
     expect(kept()).toEqual([['mine', [inWords(one)]]])
   })
 
-  it('whose answer was lost are noticed though somebody went on', async () => {
+  it('whose answer was lost are found although another user has made changes', async () => {
     planner.isMute = true
     await layers.apply(one)
     planner.elsewhere('mine', two)
@@ -307,7 +307,7 @@ describe('undo and redo', () => {
 })
 
 describe('what happens elsewhere', () => {
-  it('is taken up and said', async () => {
+  it('is adopted and reported', async () => {
     planner.elsewhere('night', one, two)
     layers.sync({ id: 'graph', mapHash: 'map', revision: planner.revision })
     await settle()

@@ -96,7 +96,7 @@ describe('full detail', () => {
 })
 
 describe('an edited map', () => {
-  it('is drawn anew where it was edited, and tiles without anything left go', async () => {
+  it('is drawn again where it was edited, and empty tiles are removed', async () => {
     const [put, dropped]: string[][] = [[], []]
     const drawn: LevelSink = {
       ...sink,

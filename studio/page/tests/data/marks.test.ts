@@ -23,7 +23,7 @@ describe('marks', () => {
     expect(marks.list.value.map(({ kind }) => kind)).toEqual(['pad'])
   })
 
-  it('of another kind begin anew', () => {
+  it('of another kind start over', () => {
     const marks = new Marks()
     marks.click(at(1, 0, 1))
     marks.choose('teleporter')

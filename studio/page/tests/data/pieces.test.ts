@@ -76,7 +76,7 @@ describe('a piece', () => {
 })
 
 describe('pieces', () => {
-  it('are put by one click or two, and the map is drawn anew where they are', async () => {
+  it('are placed by one click or two, and the map is drawn again there', async () => {
     const { context, laid } = server()
     const boxes: Box[] = []
     const pieces = new Pieces(context, (box) => boxes.push(box))

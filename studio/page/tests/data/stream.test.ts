@@ -45,7 +45,7 @@ describe('failures', () => {
 
   it('makes sentences of what services say', () => {
     expect(inWords(new ConnectError('no such world', Code.NotFound))).toBe('No such world.')
-    expect(inWords(new ConnectError('', Code.InvalidArgument))).toBe('The service refused without a reason.')
+    expect(inWords(new ConnectError('', Code.InvalidArgument))).toBe('The service gave no reason.')
   })
 })
 
@@ -110,7 +110,7 @@ describe('keepReading', () => {
   beforeEach(() => void vi.useFakeTimers())
   afterEach(() => void vi.useRealTimers())
 
-  it('opens the stream again with growing pauses, and begins anew once something came', async () => {
+  it('opens the stream again with growing pauses, which are reset by a message', async () => {
     const { stop, ...rest } = upkeep()
     const opened: number[] = []
     const taken: number[] = []
@@ -157,7 +157,7 @@ describe('keepReading', () => {
     expect(await read).toBeUndefined()
   })
 
-  it('gives up on what trying again cannot mend', async () => {
+  it('does not retry permanent failures', async () => {
     const missing = new ConnectError('no such world', Code.NotFound)
     const read = keepReading(
       upkeep(),

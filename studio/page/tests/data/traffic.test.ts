@@ -31,7 +31,7 @@ describe('TrafficCounter', () => {
     ])
   })
 
-  it('counts nobody who heads for no vertex or is far from its edges', () => {
+  it('ignores NPCs that head for no vertex or are far from its edges', () => {
     const counter = new TrafficCounter(graph)
     const npcs = [
       heading(at(5, 1, 0)),

@@ -1,5 +1,5 @@
-//! Edits of a map: from the request to the first plan on the graph without what the edit touches, and to the graph on
-//! which that was probed.
+//! Edits of a map: the time from the request to the first plan on the unaffected part of the graph, and to the graph
+//! whose affected part has been probed again.
 
 use super::{Figure, median};
 use anyhow::Context;
@@ -12,13 +12,13 @@ use surefoot_world::Vec3;
 use surefoot_world::map::{Piece, PieceShape};
 use tonic::transport::Channel;
 
-/// Number of blocks that are put onto the map, one after another.
+/// Number of blocks that are added to the map, one after another.
 const BLOCKS: usize = 20;
 /// Half of the side of a block, and its height, m.
 const HALF_M: f32 = 5.0;
 const HEIGHT_M: f32 = 6.0;
 
-/// Puts blocks onto places of the map of `request`, whose graph the planner has.
+/// Adds blocks to the map of `request`, whose graph the planner has built.
 pub(super) async fn edits(
     client: &mut PlannerServiceClient<Channel>,
     request: wire::StartBuildRequest,
@@ -48,7 +48,7 @@ pub(super) async fn edits(
         }
         anyhow::ensure!(last.stage() == wire::BuildStage::Done, "an edit failed: {:?}", last.failure);
         settled.push(started.elapsed().as_secs_f64());
-        usable.push(first.context("an edit without a graph")?);
+        usable.push(first.context("the edit produced no graph")?);
     }
     let slowest = |times: &[f64]| times.iter().copied().fold(0.0, f64::max);
     Ok(vec![

@@ -1,4 +1,4 @@
-//! Feeding a learner: how decisions per second grow with the number of worlds, and of actors, whose cost is injected.
+//! Feeding a learner: how decisions per second grow with the number of worlds or actors, whose cost is injected.
 //!
 //! A game that sleeps for a fixed time at every decision stands for a machine of its own, so that many fit on one: what
 //! is measured is how well the learner keeps them busy, not how fast they are.
@@ -28,11 +28,11 @@ const NPCS: usize = 32;
 const COUNTS: [usize; 4] = [1, 2, 4, 8];
 /// Progress lines between which decisions are counted, after the first.
 const LINES: usize = 2;
-/// Delay in each direction, and rate, bit/s, of the link to what is far.
+/// Delay in each direction and rate, bit/s, of the slow link.
 const FAR: (Duration, f64) = (Duration::from_millis(10), 100.0e6);
 /// Environments of each world.
 const ENVS: usize = 2;
-/// Least share of what the injected cost allows.
+/// Least share of the rate that the injected cost allows.
 const TARGET: f64 = 0.8;
 
 /// All figures of `bench feed`.
@@ -62,7 +62,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
 /// Decisions per second with a number of worlds or actors, at the other end of a link if there is one.
 type Feed = fn(usize, Option<&Link>) -> anyhow::Result<f64>;
 
-/// A game in which nothing moves, and every tick takes its time.
+/// A game in which nothing moves, and every tick takes [`TICK_COST`].
 struct Sleeping(Vec<BodyState>);
 
 struct SleepingLevel;
@@ -110,7 +110,7 @@ fn games(count: usize) -> anyhow::Result<Vec<SocketAddr>> {
     Ok(addresses)
 }
 
-/// A run that learns a little on the side.
+/// A run with as few updates as possible.
 fn config() -> TrainConfig {
     TrainConfig {
         total_updates: u64::MAX,
@@ -176,7 +176,7 @@ fn feed_by_actors(count: usize, link: Option<&Link>) -> anyhow::Result<f64> {
     rate_of(TrainConfig { actors: count, ..config() }, Some(listener), &stop)
 }
 
-/// Decisions per second of a run, once it is under way.
+/// Decisions per second of a run after its start.
 fn rate_of(config: TrainConfig, listener: Option<Listener>, stop: &AtomicBool) -> anyhow::Result<f64> {
     let folder = tempfile::tempdir()?;
     let run = folder.path().join("run");

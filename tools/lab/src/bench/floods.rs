@@ -1,4 +1,5 @@
-//! The world server while strangers flood it: tick times, and how long a client waits for an answer.
+//! The world server while unauthenticated clients flood it: tick times, and how long another client waits for an
+//! answer.
 //!
 //! The flood runs on the same machine and takes its share of the cores, so ratios are upper bounds.
 
@@ -16,16 +17,16 @@ use tokio::task::JoinSet;
 use tonic::transport::Channel;
 
 const DEFAULT_NPCS: usize = 256;
-/// Time of each flood, and of the calm before it.
+/// Duration of each flood, and of the calm period before it.
 const SPAN: Duration = Duration::from_secs(15);
 const IDLE_SOCKETS: usize = 5_000;
-/// Connections that never end their handshake, twice as many as the server takes.
+/// Connections that never finish their handshake, twice as many as the server accepts.
 const STALLED_HANDSHAKES: usize = 512;
 const RESETTING_CONNECTIONS: usize = 4;
-/// 10,000 streams: the server allows 128 a connection.
+/// 10,000 streams: the server allows 128 per connection.
 const STREAMING_CONNECTIONS: usize = 80;
 const STREAMS_EACH: u32 = 125;
-/// Pause of a flooding connection that the server cut off, before it comes back.
+/// Pause before a flooding client reconnects after the server closed its connection.
 const PAUSE: Duration = Duration::from_secs(1);
 /// Longest time that a client may wait for an answer, ms.
 const TARGET_ANSWER_MS: f64 = 1000.0;
@@ -37,9 +38,9 @@ const HEADERS: [u8; 3] = [0x83, 0x86, 0x84];
 
 #[derive(Debug, Clone, Copy)]
 enum Flood {
-    /// Connections that say nothing.
+    /// Connections that send nothing.
     IdleSockets,
-    /// Connections that send the first bytes of HTTP/2, one a second, and never all of them.
+    /// Connections that send the preface of HTTP/2 byte by byte, one a second, and never finish it.
     StalledHandshakes,
     /// Streams that are opened and reset at once.
     RapidReset,
@@ -59,7 +60,7 @@ impl Flood {
         }
     }
 
-    /// Names of its figures: 99th percentile of the tick, its ratio to that of the calm, and the longest wait of a
+    /// Names of its figures: the 99th percentile of tick times, its ratio to the calm period, and the longest wait of a
     /// client.
     fn names(self) -> [&'static str; 3] {
         match self {
@@ -72,7 +73,7 @@ impl Flood {
         }
     }
 
-    /// Floods by one connection until it is cut off.
+    /// Floods over one connection until the server closes it.
     async fn run(self, address: SocketAddr) -> std::io::Result<()> {
         let mut socket = TcpStream::connect(address).await?;
         match self {
@@ -87,12 +88,12 @@ impl Flood {
             Self::OpenStreams => {
                 socket.write_all(PREFACE).await?;
                 for idx in 0..STREAMS_EACH {
-                    // END_HEADERS without END_STREAM: a body is to follow.
+                    // END_HEADERS without END_STREAM announces a body.
                     socket.write_all(&frame(1, 0x4, 2 * idx + 1, &HEADERS)).await?;
                 }
             }
         }
-        // Whatever the server says, until it closes the connection.
+        // Reads until the server closes the connection.
         let mut answers = [0; 4096];
         while socket.read(&mut answers).await? > 0 {}
         Ok(())
@@ -139,7 +140,7 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
             for _ in 0..flood.connections() {
                 connections.spawn(async move {
                     loop {
-                        // Cut off or refused: it comes back.
+                        // The server closed or refused the connection: connect again.
                         let _ = flood.run(address).await;
                         tokio::time::sleep(PAUSE).await;
                     }
@@ -167,7 +168,7 @@ async fn longest_answer_ms(channel: &Channel) -> anyhow::Result<f64> {
     let (since, mut longest) = (Instant::now(), Duration::ZERO);
     while since.elapsed() < SPAN {
         let asked = Instant::now();
-        client.list_worlds(wire::ListWorldsRequest::default()).await.context("a client is cut off by a flood")?;
+        client.list_worlds(wire::ListWorldsRequest::default()).await.context("the flood disconnected a client")?;
         longest = longest.max(asked.elapsed());
         tokio::time::sleep(Duration::from_millis(100)).await;
     }

@@ -40,7 +40,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// A policy with fresh weights: speed does not depend on training.
+/// A policy with random weights: speed does not depend on training.
 fn untrained(config: &TrainConfig) -> Policy {
     let learner = Learner::new(config.sac.clone(), ChaCha8Rng::seed_from_u64(0));
     learner.policy("untrained")
@@ -71,7 +71,7 @@ fn train_decisions_per_second() -> anyhow::Result<f64> {
     Ok((run.decisions() - before) as f64 / seconds)
 }
 
-/// Steps of all NPCs per second: 256 NPCs of one environment, acted for in one batch.
+/// Steps per second of 256 NPCs of one environment, in one batch.
 fn env_steps_per_second(policy: &Policy) -> anyhow::Result<f64> {
     const NPCS: usize = 256;
     const STEPS: usize = 100;

@@ -1,4 +1,4 @@
-//! A long and thin connection: a relay that delays every byte, and lets only so many through.
+//! A slow network link: a relay with a delay and a limited rate.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -9,28 +9,28 @@ use std::time::{Duration, Instant};
 
 /// Most bytes that are relayed together.
 const CHUNK: usize = 16 * 1024;
-/// Most chunks on their way in one direction of a connection; then the sender waits.
+/// Most chunks in flight in one direction of a connection; beyond them the sender waits.
 const CHUNKS: usize = 256;
 
-/// A link, each direction for itself; clones share it.
+/// A link whose two directions are independent. Clones share it.
 #[derive(Debug, Clone)]
 pub struct Link {
     delay: Duration,
     bytes_per_s: f64,
-    /// When what was sent last has left, there and back.
+    /// When the last bytes have left, for each direction.
     left: [Arc<Mutex<Instant>>; 2],
-    /// Bytes so far, there and back.
+    /// Bytes so far, for each direction.
     carried: Arc<[AtomicU64; 2]>,
 }
 
 impl Link {
-    /// A link of this delay in each direction, and this rate in each, bit/s.
+    /// A link with this delay and this rate, bit/s, in each direction.
     pub fn new(delay: Duration, bits_per_s: f64) -> Self {
         let left = [(); 2].map(|()| Arc::new(Mutex::new(Instant::now())));
         Self { delay, bytes_per_s: bits_per_s / 8.0, left, carried: Arc::default() }
     }
 
-    /// Bytes that it has taken in so far: from those who connect, and to them.
+    /// Bytes so far: from the clients, and to them.
     pub fn carried(&self) -> [u64; 2] {
         [0, 1].map(|direction| self.carried[direction].load(Ordering::Relaxed))
     }
@@ -42,7 +42,7 @@ impl Link {
         let link = self.clone();
         std::thread::spawn(move || {
             for near in listener.incoming().flatten() {
-                // Whoever cannot be relayed finds its connection closed.
+                // Without a connection to the target, the client's connection is closed.
                 let Ok(far) = TcpStream::connect(to) else { continue };
                 link.join(near, far).unwrap_or_default();
             }
@@ -62,7 +62,7 @@ impl Link {
         Ok(())
     }
 
-    /// Reads what is sent in a direction, and notes when it arrives.
+    /// Reads bytes of one direction, and computes when they arrive.
     fn take_in(&self, direction: usize, mut from: TcpStream, sender: &SyncSender<(Instant, Vec<u8>)>) {
         let mut buffer = vec![0; CHUNK];
         while let Ok(count @ 1..) = from.read(&mut buffer) {
@@ -79,7 +79,7 @@ impl Link {
     }
 }
 
-/// Writes what arrives when it arrives.
+/// Writes chunks at the time at which they arrive.
 fn hand_out(mut to: TcpStream, receiver: &Receiver<(Instant, Vec<u8>)>) {
     for (arrives, bytes) in receiver {
         std::thread::sleep(arrives.saturating_duration_since(Instant::now()));

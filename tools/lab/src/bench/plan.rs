@@ -106,7 +106,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// Builds a graph. Also returns its first interim graph, with the time from the start of the build until there was one,
+/// Builds a graph. Also returns its first interim graph, with the time from the start of the build to it,
 /// s; `None` if the build ended before.
 fn build_watched(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<(Built, Option<(f64, NavGraph)>)> {
     let progress = Progress::default();
@@ -315,7 +315,8 @@ async fn build_over_grpc(
     Ok(graph_id)
 }
 
-/// Lets clients query at [`REQUESTS_PER_S`] together. Returns the duration of each query, ms, and that of the whole, s.
+/// Sends [`REQUESTS_PER_S`] queries per second from all clients together. Returns the duration of each query, ms, and
+/// of the whole run, s.
 async fn query_at_rate(
     clients: Vec<PlannerServiceClient<Channel>>,
     graph_id: &str,

@@ -1,9 +1,8 @@
-//! Probes over the queue: how many a second 1 to 4 provers run, compared with this process by itself, and what they
-//! weigh.
+//! Probes over the queue: the rate of 1 to 4 provers, compared with this process alone, and the size of their messages.
 
 use super::Figure;
 
-/// Needs what a fleet is built with.
+/// Refuses: this build has no fleet.
 #[cfg(not(feature = "fleet"))]
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
     anyhow::bail!("bench queue needs a program that was built with --features fleet")
@@ -35,15 +34,16 @@ mod measured {
 
     /// Side of the map, m.
     const SIDE_M: u32 = 100;
-    /// Most provers.
+    /// Largest number of provers.
     const MAX_PROVERS: usize = 4;
-    /// Pairs of builds, one here and one by provers, of which the median counts: other work on the machine slows both.
+    /// Pairs of builds, one in this process and one by provers. The median counts, because other work slows both
+    /// builds.
     const PAIRS: u64 = 3;
     /// Names of the figures of 1, 2 and more provers.
     const NAMES: [&str; MAX_PROVERS] =
         ["probes_per_s_1_prover", "probes_per_s_2_provers", "probes_per_s_3_provers", "probes_per_s_4_provers"];
 
-    /// Names of what a probe costs then.
+    /// Names of the figures of CPU time per probe.
     const CPU_NAMES: [&str; MAX_PROVERS] = [
         "cpu_us_per_probe_1_prover",
         "cpu_us_per_probe_2_provers",
@@ -56,13 +56,13 @@ mod measured {
 
     impl Drop for Nats {
         fn drop(&mut self) {
-            // It may have ended already.
+            // The server may have ended already.
             let _ = self.0.kill();
             let _ = self.0.wait();
         }
     }
 
-    /// Runs probes of another executor, and adds up what they would weigh as messages.
+    /// Runs probes with another executor, and adds up the sizes of their messages.
     struct Weighing<'a> {
         inner: InProcess,
         queued: &'a QueuedProbes,
@@ -79,14 +79,14 @@ mod measured {
         }
     }
 
-    /// All probes of all candidates: pauses between rounds are not the queue's.
+    /// Probes all candidates exhaustively, so that no pauses between rounds are measured.
     fn settings(seed: u64) -> anyhow::Result<BuildSettings> {
         let raw =
             RawBuildSettings { vertices: 300, repeats: 3, seed, probing: Probing::Exhaustive, ..Default::default() };
         Ok(raw.try_into()?)
     }
 
-    /// What a build took.
+    /// The cost of a build.
     struct Measured {
         built: Built,
         probes_per_s: f64,
@@ -94,7 +94,7 @@ mod measured {
         cpu_us: f64,
     }
 
-    /// Builds a graph, and measures what it takes.
+    /// Builds a graph, and measures the cost.
     fn probe(
         executor: &dyn ProbeExecutor,
         context: &ProbeContext,
@@ -117,7 +117,7 @@ mod measured {
         let mut command = Command::new("nats-server");
         command.args(["--addr", "127.0.0.1", "--port", &address.port().to_string(), "--jetstream", "--store_dir"]);
         command.arg(folder.path()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        let _nats = Nats(command.spawn().context("nats-server cannot be started: is it installed?")?);
+        let _nats = Nats(command.spawn().context("cannot start nats-server: is it installed?")?);
         let url = format!("nats://{address}");
         let policy = Policy::shipped()?;
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
@@ -125,7 +125,7 @@ mod measured {
         let spec = MapSpec::with_side(7, SIDE_M)?;
         let context = ProbeContext::new(Arc::new(Map::generate(&spec)), policy);
         let queue = shared.provers(0);
-        // One thread stands by, for a queue that fails; while provers answer, it does nothing.
+        // One thread takes over if the queue fails; it is idle while provers answer.
         let queued = queue.probes(context.clone(), MapRef::Spec(spec), 1);
 
         let alone = |thread_count| InProcess { context: context.clone(), thread_count };
@@ -139,11 +139,11 @@ mod measured {
         for (idx, name) in (0u64..).zip(NAMES) {
             let listen = free_address()?.to_string();
             provers.push(processes::start(&["prove", "--nats", &url, "--threads", "1", "--listen", &listen])?);
-            // Until they are there and have made the map.
+            // Waits until the provers have generated the map.
             probe(&queued, &context, &[], 100 + idx)?;
             let (mut here, mut there, mut ratios, mut cpu) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
             for pair in 0..PAIRS {
-                // Results are kept for a while: what is measured must not be among them.
+                // The queue keeps results for a while, so each measurement needs a new seed.
                 let seed = 1000 + PAIRS * idx + pair;
                 let one = probe(&alone(1), &context, &[], seed)?;
                 let shared = probe(&queued, &context, &provers, seed)?;

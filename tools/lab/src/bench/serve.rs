@@ -24,7 +24,7 @@ use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
 
-/// Number of worlds, on maps that are in none of the splits.
+/// Number of worlds, on maps that belong to no split.
 pub(super) const WORLDS: u64 = 8;
 const FIRST_SEED: u64 = 6000;
 const WORKERS: usize = 2;
@@ -47,7 +47,7 @@ const ENV_STEPS: usize = 100;
 
 /// All processes of one measurement, and the crowds on its worlds.
 pub(super) struct Scene {
-    /// The server is the first, the planner the second, workers follow.
+    /// First the server, then the planner, then the workers.
     pub processes: Vec<Process>,
     pub server_uri: String,
     pub planner_uri: String,
@@ -81,13 +81,13 @@ impl Scene {
         Self::start_over(npcs, cache, None).await
     }
 
-    /// As [`start`](Self::start), with a server of a fleet.
+    /// Like [`start`](Self::start), with a server of a fleet.
     #[cfg(feature = "fleet")]
     pub async fn start_of_fleet(npcs: usize, cache: &Path, store: &str, blobs: &str) -> anyhow::Result<Self> {
         Self::start_with(npcs, cache, None, &["--store", store, "--blobs", blobs]).await
     }
 
-    /// As [`start`](Self::start), with workers that reach the server and the planner over these links.
+    /// Like [`start`](Self::start), with workers that reach the server and the planner over these links.
     pub async fn start_over(npcs: usize, cache: &Path, links: Option<[&Link; 2]>) -> anyhow::Result<Self> {
         Self::start_with(npcs, cache, links, &[]).await
     }
@@ -107,7 +107,7 @@ impl Scene {
                 [to_server.relay(server_at)?, to_planner.relay(planner_at)?].map(|at| format!("http://{at}"))
             }
         };
-        let folder = cache.to_str().context("the name of the cache folder is not UTF-8")?;
+        let folder = cache.to_str().context("the path of the cache folder is not UTF-8")?;
         let limit = npcs.to_string();
         let mut processes = vec![
             start(&[&["serve", "--listen", &server, "--max-npcs-per-client", &limit], of_server].concat())?,
@@ -156,7 +156,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Waits until no graph is being built any more: NPCs follow plans before that.
+    /// Waits until all builds have ended: NPCs follow plans on interim graphs before that.
     async fn wait_for_builds(&self) -> anyhow::Result<()> {
         let channel = connect(&self.planner_uri).await?;
         let mut client = PlannerServiceClient::new(channel);
@@ -184,7 +184,7 @@ impl Scene {
         let mut page = String::new();
         socket.read_to_string(&mut page).await?;
         let count = page.lines().find_map(|line| line.strip_prefix("surefoot_plans_total "));
-        count.and_then(|count| count.trim().parse().ok()).context("the planner does not count its plans")
+        count.and_then(|count| count.trim().parse().ok()).context("the planner's metrics lack surefoot_plans_total")
     }
 
     /// Resident memory of the server process, MiB.
@@ -311,7 +311,7 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
     })
 }
 
-/// The cost in memory and tick time of readers that watch everything and read nothing.
+/// The cost in memory and tick time of clients that watch all NPCs and never read.
 async fn slow_readers(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
     let span = Duration::from_secs(20);
     let calm = scene.measure(span).await?;

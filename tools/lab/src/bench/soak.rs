@@ -1,5 +1,5 @@
-//! All services under a mixed load for long: what leaks, slows down or dies shows in memory, descriptors, threads and
-//! tick times.
+//! All services under a mixed load for a long time. Leaks, slowdowns and crashes show in memory, descriptors, threads
+//! and tick times.
 //!
 //! Beside the crowds of `serve`, clients come and go: worlds, imports, builds, edits, watchers and remote environments.
 
@@ -30,7 +30,7 @@ const DEFAULT_NPCS: usize = 256;
 const SAMPLES: u32 = 36;
 /// Share of the samples that count as warm-up: caches fill, pools grow.
 const WARM_UP_SHARE: f64 = 1.0 / 6.0;
-/// Seeds of the maps that clients use; these are in none of the splits.
+/// Seeds of the clients' maps, which belong to no split.
 const FIRST_SEED: u64 = 7000;
 /// Side of these maps, m.
 const SIDE_M: u32 = 60;
@@ -39,15 +39,14 @@ const PAUSE: Duration = Duration::from_millis(500);
 /// Targets: growth of memory, MiB per minute, and of the 99th percentile of tick times over the first samples.
 const MAX_SLOPE_MIB: f64 = 1.0;
 const MAX_P99_RATIO: f64 = 1.2;
-/// In a run of less than this, min, event logs and caches still fill: only what grows much faster counts, MiB per
+/// Event logs and caches still fill in runs shorter than this, min. Only much faster growth counts there, MiB per
 /// minute.
 const LONG_MIN: f64 = 30.0;
 const MAX_SHORT_SLOPE_MIB: f64 = 20.0;
-/// Descriptors and threads that a service may have more of in the last third of the samples than in the first, at the
-/// least.
+/// Least tolerated growth of a service's descriptors and threads, from the first third of the samples to the last.
 const MAX_GROWTH: f64 = 16.0;
 
-/// What the system says of a process.
+/// What the system reports about a process.
 #[derive(Debug, Clone, Copy, Default)]
 struct Usage {
     memory_mib: f64,
@@ -126,7 +125,7 @@ fn summary(samples: &[Sample], panics: f64, rounds: u64) -> Vec<Figure> {
     let slope = |idx: usize| slope(rest.iter().map(|sample| (sample.minutes, sample.usage[idx].memory_mib)));
     let third = rest.len() / 3;
     let growth = |value: fn(&Usage) -> f64| {
-        // Pools grow and shrink with the load: what leaks is never given back, and raises the least.
+        // Pools grow and shrink with the load. Leaked memory is never returned, so it raises the minimum.
         let least = |samples: &[Sample], idx: usize| {
             samples.iter().map(|sample| value(&sample.usage[idx])).fold(f64::INFINITY, f64::min)
         };
@@ -161,7 +160,7 @@ fn slope(points: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
     covariance / points.map(|(x, _)| (x - mean_x).powi(2)).sum::<f64>()
 }
 
-/// Worlds that panicked, from the server's metrics.
+/// Number of worlds that panicked, from the server's metrics.
 async fn failed_worlds(server_uri: &str) -> anyhow::Result<f64> {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     let address = server_uri.trim_start_matches("http://");
@@ -183,7 +182,7 @@ enum Client {
     Environments,
     /// Imports a level, in parts, and downloads it.
     Levels,
-    /// Watches worlds, and leaves without a word.
+    /// Watches worlds, and disconnects without closing its streams.
     Watchers,
     /// Builds graphs, cancels some, queries and edits them.
     Graphs,
@@ -285,7 +284,7 @@ async fn watchers(channel: &Channel) -> Result<(), Status> {
         }
         let events = client.watch_events(wire::WatchEventsRequest { world_id, ..Default::default() }).await;
         if let Ok(events) = events {
-            // The first message says where the stream begins; then the watcher leaves.
+            // The first message marks the start of the stream; then the watcher disconnects.
             let _ = events.into_inner().message().await;
         }
     }

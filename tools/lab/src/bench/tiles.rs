@@ -1,4 +1,4 @@
-//! A graph of a hundred thousand vertices: that of a square kilometre, laid side by side, with legs over the seams.
+//! A graph of a hundred thousand vertices: copies of the graph of a square kilometre, with edges across the seams.
 
 use std::collections::HashMap;
 use surefoot_planner::evidence::Evidence;
@@ -6,13 +6,13 @@ use surefoot_planner::graph::{Edge, GraphData};
 use surefoot_planner::{EdgeKey, NavGraph, VertexId};
 use surefoot_world::{Decisions, Vec3};
 
-/// Legs that lead over a seam from each vertex beside it, at most, and their greatest length, m.
+/// Most edges across a seam from each vertex near it, and their greatest length, m.
 const LEGS: usize = 4;
 const LEG_M: f32 = 45.0;
-/// Decisions that a leg over a seam takes: some, and so many for each metre.
+/// Decisions of an edge across a seam: a constant, and a number for each metre.
 const LEG_DECISIONS: [f64; 2] = [3.0, 0.7];
 
-/// `side` x `side` copies of a graph whose map is `width` metres wide.
+/// A grid of `side` x `side` copies of a graph whose map is `width` metres wide.
 pub fn tiled(graph: &NavGraph, width: f32, side: u32) -> anyhow::Result<NavGraph> {
     let GraphData { vertices: tile, edges, legs } = graph.to_data();
     let count = tile.len() as u32;
@@ -29,7 +29,7 @@ pub fn tiled(graph: &NavGraph, width: f32, side: u32) -> anyhow::Result<NavGraph
     Ok(NavGraph::check(all)?)
 }
 
-/// Legs from each vertex to the nearest ones of other tiles, each of which has `count` vertices.
+/// Edges from each vertex to the nearest vertices of other tiles, each of which has `count` vertices.
 fn over_seams(vertices: &[Vec3], count: u32) -> Vec<Edge> {
     let cell = |at: Vec3| ((at.x / LEG_M) as i32, (at.z / LEG_M) as i32);
     let mut cells: HashMap<(i32, i32), Vec<u32>> = HashMap::new();

@@ -22,7 +22,7 @@ use surefoot_world::{
 const NPCS: usize = 256;
 /// Lifts on the map on which movers are measured.
 const MOVERS: usize = 200;
-/// Number of NPCs that get in each other's way, or among movers.
+/// Number of solid NPCs, or of NPCs among movers.
 const SOLID_NPCS: usize = 1024;
 /// Number of timed decisions of each NPC.
 const DECISIONS: usize = 300;
@@ -46,7 +46,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// The figures of a world on levels of others.
+/// The figures of a world on imported levels.
 pub fn figures_on(levels: &[PathBuf]) -> anyhow::Result<Vec<Figure>> {
     let mut figures = Vec::new();
     for file in levels {
@@ -64,7 +64,7 @@ pub fn figures_on(levels: &[PathBuf]) -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// The largest map, generated before anything else so that the peak memory is its own.
+/// Figures of the largest map. It is generated first, so that the peak of the memory belongs to it.
 fn large_map() -> anyhow::Result<Vec<Figure>> {
     let size = MapSize { width: 1000, height: 200, depth: 1000 };
     let spec = MapSpec::new(3000).with(|it| it.size = size)?;
@@ -88,7 +88,7 @@ fn peak_memory_mb() -> Option<f64> {
     Some(super::process_status("self", "VmHWM")? * 1024.0 / 1.0e6)
 }
 
-/// NPCs that run to goals and are set back where they came to harm.
+/// NPCs that run to goals, and return to their start when they come to harm.
 struct Crowd {
     world: World,
     /// Start and goal of each NPC.
@@ -102,7 +102,7 @@ impl Crowd {
         Self::of(NPCS, map, seed, false)
     }
 
-    /// So many NPCs, which get in each other's way or pass through one another.
+    /// A crowd of `count` NPCs, solid or not.
     fn of(count: usize, map: &Arc<Map>, seed: u64, npc_collision: bool) -> anyhow::Result<Self> {
         let profile = CharacterProfile::default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -167,7 +167,7 @@ fn decisions_of_threads(map: &Arc<Map>, threads: usize) -> anyhow::Result<f64> {
     Ok((threads * NPCS * (DECISIONS / 3)) as f64 / seconds)
 }
 
-/// Decisions per second on 1, 2, 4, 8 and 16 threads, as far as there are cores, beside as many times those of one
+/// Decisions per second on 1, 2, 4, 8 and 16 threads, up to the number of cores. The reference is that multiple of one
 /// thread.
 fn scaling(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
     let one = decisions_of_threads(map, 1)?;
@@ -241,7 +241,7 @@ fn tick_ms(mut crowds: [Crowd; 2]) -> [f64; 2] {
     times.map(|times| median(times) * 1.0e3)
 }
 
-/// What a tick costs when NPCs get in each other's way, beside one in which they pass through one another.
+/// The cost of a tick of solid NPCs; the reference is a tick of NPCs that pass through one another.
 fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
     let crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, map, 0, true)?];
     let [ghosts, solid] = tick_ms(crowds);
@@ -252,7 +252,7 @@ fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
     ))
 }
 
-/// What lifts all over a map add to a tick of as many NPCs on it, beside the same map without.
+/// The cost that lifts add to a tick; the reference is the same map without lifts.
 fn movers(map: &Arc<Map>) -> anyhow::Result<Figure> {
     let spec = map.spec().context("movers are put on a generated map")?;
     let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -300,6 +300,6 @@ fn reference(map: &Arc<Map>, profile: &CharacterProfile, starts: &[Vec3]) -> Ref
 
 #[cfg(not(feature = "reference"))]
 fn reference(_: &Arc<Map>, _: &CharacterProfile, _: &[Vec3]) -> Reference {
-    eprintln!("rapier and parry are not part of this build: build with --features reference to compare with them");
+    eprintln!("this build does not include rapier and parry: build with --features reference to compare with them");
     Reference::default()
 }

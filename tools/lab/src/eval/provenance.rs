@@ -1,4 +1,4 @@
-//! Provenance: what a published table was made with, and checking that it still can be.
+//! Provenance: how a published table was made, and a check that it can be reproduced.
 
 use super::args::Args;
 use super::measure::measure;
@@ -22,7 +22,7 @@ const PROVENANCE: &str = "provenance.json";
 /// Largest relative difference of figures that are derived again from the same attempts.
 const TOLERANCE: f64 = 1.0e-9;
 
-/// What a table was made with.
+/// How a table was made.
 #[derive(Serialize, Deserialize)]
 struct Provenance {
     /// Arguments of the command, from `eval` on.
@@ -34,7 +34,7 @@ struct Provenance {
     /// Processors.
     machine: String,
     /// Mean number of runnable processes in the minute before; about 0 on an idle machine. Absent where the system does
-    /// not tell.
+    /// not report it.
     load_before: Option<f64>,
     /// Wall time, s; short if finished units were loaded.
     wall_s: f64,
@@ -42,7 +42,7 @@ struct Provenance {
     models: Vec<Model>,
     /// Hash (BLAKE3) of the figures.
     results: String,
-    /// The attempts, if they are on record.
+    /// The attempts, if they were recorded.
     attempts: Option<Attempts>,
 }
 
@@ -57,7 +57,7 @@ struct Attempts {
     units: usize,
 }
 
-/// What is known before a table is made.
+/// The state of the machine and the checkout before a table is made.
 pub struct Start {
     load_before: Option<f64>,
     commit: String,
@@ -116,7 +116,7 @@ struct Stored {
     args: Args,
 }
 
-/// What a check found.
+/// The result of a check.
 #[derive(Serialize)]
 struct Outcome {
     folder: PathBuf,
@@ -133,8 +133,8 @@ struct Outcome {
     agrees: bool,
 }
 
-/// Derives a table again from its attempts, and makes a share of these again; with `--maps`, prints the figures of
-/// these maps alone.
+/// Derives a table again from its attempts, and repeats a share of them. With `--maps`, only prints the figures of
+/// these maps.
 pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
     ensure!((0.0..=1.0).contains(&args.share), "--share is {}, allowed are 0 to 1", args.share);
     let read = |name: &str| {
@@ -145,21 +145,22 @@ pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
     let provenance: Provenance =
         serde_json::from_slice(&read(PROVENANCE)?).with_context(|| format!("{} is damaged", path.display()))?;
     let Some(attempts) = &provenance.attempts else {
-        bail!("{} keeps no attempts: run `surefoot {}` again", folder.display(), provenance.command.join(" "));
+        bail!("{} has no recorded attempts: run `surefoot {}` again", folder.display(), provenance.command.join(" "));
     };
     let figures = read(RESULTS)?;
     ensure!(
         blake3::hash(&figures).to_hex().as_str() == provenance.results,
-        "{} is not the file that the provenance is of",
+        "{} does not match provenance.json",
         folder.join(RESULTS).display()
     );
     let path = folder.join(&attempts.file);
-    ensure!(hash_file(&path)?.0 == attempts.hash, "{} is not the file that the provenance is of", path.display());
+    ensure!(hash_file(&path)?.0 == attempts.hash, "{} does not match provenance.json", path.display());
     let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
     let share = if args.maps.is_some() { 0.0 } else { args.share };
     let record = Record::read(BufReader::new(file), share, args.check_seed)
         .with_context(|| format!("cannot use {}", path.display()))?;
-    let stored = Stored::try_parse_from(&provenance.command).context("this version has no such command any more")?;
+    let stored = Stored::try_parse_from(&provenance.command)
+        .context("this version does not accept the command that made the table")?;
     let maps = args.maps.clone().or(stored.args.maps);
     let made = Args { out: None, maps, threads: Some(args.threads.unwrap_or_else(core_count)), ..stored.args };
     let record = Arc::new(record);
@@ -186,7 +187,7 @@ pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
         outcome.print();
     }
     ensure!(outcome.derived, "the figures of {} do not follow from its attempts", folder.display());
-    ensure!(outcome.agrees, "the attempts that were made again do not agree with those on record");
+    ensure!(outcome.agrees, "the repeated attempts do not agree with the recorded ones");
     Ok(())
 }
 
@@ -204,7 +205,7 @@ impl Outcome {
     }
 }
 
-/// Whether two documents are the same, but for the last digits of numbers.
+/// Whether two documents are equal except for the last digits of numbers.
 fn are_close(one: &serde_json::Value, other: &serde_json::Value) -> bool {
     use serde_json::Value;
     match (one, other) {

@@ -1,4 +1,4 @@
-//! The suites that have tables of their own.
+//! The suites with tables of their own.
 
 use super::args::Args;
 use super::results::Results;

@@ -1,4 +1,4 @@
-//! The suites that measure by policy and by plan while one thing is varied.
+//! The suites that vary one thing, and measure each value by policy and by plan.
 
 use super::args::Args;
 use super::results::Results;
@@ -24,7 +24,7 @@ const HEIGHTS: [u32; 3] = [40, 120, 200];
 const BODIES: [&str; 6] = ["unreal", "godot", "unity", "heavy", "small", "climber"];
 
 impl Args {
-    /// The maps that were asked for, or `usual`.
+    /// The maps of `--maps`, or `usual`.
     fn specs(&self, usual: &str) -> anyhow::Result<Vec<MapSpec>> {
         parse_maps(self.maps.as_deref().unwrap_or(usual), self.generated.size)
     }
@@ -46,7 +46,7 @@ fn changed(specs: &[MapSpec], change: impl Fn(&mut RawMapSpec)) -> anyhow::Resul
     specs.iter().map(|spec| Ok(EvalMap::from(spec.with(&change)?))).collect()
 }
 
-/// Models that were trained alike from several seeds, beside the shipped ones.
+/// Models that differ only in their training seed, and the shipped models.
 pub fn seeds(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
     let mut groups: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     let folder = args.models.join(SEEDS);

@@ -1,7 +1,7 @@
-// The layers of edits that lie over the graph: read, changed, and kept from losing anybody's work.
+// The layers of edits on top of the graph: reads and changes them without losing another user's work.
 //
-// Whatever changes or reads layers waits for what was begun before it. A change is sent for the revision that this page
-// knows; if somebody was quicker, the planner refuses it, and it is held until the designer has decided.
+// Reads and changes run one after another. A change is sent for the revision that this page has; if another user was
+// quicker, the planner refuses it, and the change waits until the designer has decided.
 
 import { create } from '@bufbuild/protobuf'
 import { batch, computed, signal } from '@preact/signals'
@@ -148,7 +148,7 @@ export class Layers {
       const conflict = this.conflict.peek()
       if (conflict !== undefined) {
         this.conflict.value = { ...conflict, held: [...conflict.held, { layer, edits }] }
-        this.context.toasts.say('Decide about the conflict first: the edit is held until then.')
+        this.context.toasts.say('Resolve the conflict first: the edit waits until then.')
         return
       }
       await this.append({ layer, edits })
@@ -338,7 +338,7 @@ export class Layers {
           this.history.value = afterUndo(this.history.peek())
           return
         }
-        // Somebody changed a layer. Unless it was this one, undoing is still right.
+        // A layer changed elsewhere. Undoing is still right unless it was this layer.
         await this.read()
       }
       this.cannotUndo(step)
@@ -431,9 +431,9 @@ function whyHeld(error: unknown): string {
   if (error instanceof NoGraph) return error.message
   switch (failureOf(error)) {
     case 'changed':
-      return 'Somebody else changed the layers while you were editing.'
+      return 'Another user changed the layers while you were editing.'
     case 'missing':
-      return 'The planner has not loaded this graph just now. Apply again once it is shown.'
+      return 'The planner has not loaded this graph. Apply the edit again once the graph is shown.'
     default:
       return inWords(error)
   }

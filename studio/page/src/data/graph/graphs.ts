@@ -239,7 +239,7 @@ export class Graphs {
     clearTimeout(waiting)
     if (error === undefined) return
     if (failureOf(error) !== 'unsupported') throw error
-    // A planner that is too old to tell of changes: what was loaded is shown as it is.
+    // An older planner does not report changes, so the loaded graph is shown.
     await new Promise((resolve) => signal.addEventListener('abort', resolve, { once: true }))
   }
 

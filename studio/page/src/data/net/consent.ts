@@ -90,7 +90,7 @@ export async function chooseAddresses(
     }
     return confirmed.has(origin) ? { ...named, isForeign: true } : { ...fallback, isForeign: false }
   }
-  // One question after the other: nobody is asked twice about one origin.
+  // Questions are asked one after another, and once per origin.
   const world = await choose('world server', 'server', ownWorld)
   const planner = await choose('planner', 'planner', ownPlanner)
   return { world, planner, refusals }

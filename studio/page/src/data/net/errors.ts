@@ -59,7 +59,7 @@ export function inWords(error: unknown): string {
 
 function sentence(text: string): string {
   const trimmed = text.trim()
-  if (trimmed === '') return 'The service refused without a reason.'
+  if (trimmed === '') return 'The service gave no reason.'
   const capital = trimmed.charAt(0).toUpperCase() + trimmed.slice(1)
   return /[.!?]$/.test(capital) ? capital : `${capital}.`
 }

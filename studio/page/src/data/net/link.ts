@@ -33,7 +33,7 @@ export class Link {
   /** Notes an error; one that the service itself gave shows that it is there. */
   failed(error: unknown): void {
     const { code } = ConnectError.from(error)
-    // Both the call and whoever repeats it tell of it.
+    // Both the call and its repetition report the failure.
     if (error === this.latest) return
     this.latest = error
     if (SAYS_NOTHING.includes(code)) return

@@ -70,7 +70,7 @@ export class Live {
       const error = await keepReading({ link: world.link, session: world.session, signal }, open, take, IDLE_MS)
       if (error === undefined) return
       if (failureOf(error) !== 'missing') return report(this.context, 'The world cannot be watched', error)
-      // A server that began anew may be about to make it again. One that is gone for good is taken off the list by the poll.
+      // A restarted server may be about to restore the world. The poll removes a world that is gone for good.
       await sleep(MISSING_MS, signal)
     }
   }
@@ -101,7 +101,7 @@ export class Live {
     if (stats === undefined) return
     const samples = this.samples.peek()
     const last = samples.at(-1)
-    // A server that began anew counts from zero again.
+    // A restarted server counts from zero.
     const isAnew = last !== undefined && stats.decisionsRequested < last.stats.decisionsRequested
     batch(() => {
       this.stats.value = stats

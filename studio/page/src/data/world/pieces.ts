@@ -183,7 +183,7 @@ export class Pieces {
   }
 
   async clear(worldId: bigint): Promise<void> {
-    await this.edit(worldId, 'The pieces cannot be taken away', { clear: true })
+    await this.edit(worldId, 'The pieces cannot be removed', { clear: true })
   }
 
   forget(): void {

@@ -1,4 +1,4 @@
-// What bodies can get to on a map, by its geometry.
+// Reachability by body on a map, by its geometry.
 
 import { signal } from '@preact/signals'
 import type { MessageInitShape } from '@bufbuild/protobuf'

@@ -59,7 +59,7 @@ export class Worlds {
         this.choose(world.worldId)
       })
     } catch (error) {
-      report(this.context, 'No world was made', error)
+      report(this.context, 'The world was not created', error)
     } finally {
       this.creating.value = false
     }

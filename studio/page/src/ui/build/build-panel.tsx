@@ -9,7 +9,7 @@ import { CompareSection } from './compare-section'
 export function BuildPanel({ studio }: { studio: Studio }) {
   const { builds, context } = studio
   const site = studio.site.value
-  if (site === undefined) return <Empty title="There is no world yet" />
+  if (site === undefined) return <Empty title="No world yet" />
   const state = builds.state.value
   const isGone = context.planner.link.state.value === 'lost'
   return (
@@ -19,7 +19,7 @@ export function BuildPanel({ studio }: { studio: Studio }) {
         actions={<Button label="Defaults" onClick={() => (builds.settings.value = standardSettings())} />}
       >
         {isGone && (
-          <p class="warn">No planner answers. Start one with surefoot plan, or everything with surefoot up.</p>
+          <p class="warn">The planner does not answer. Start one with surefoot plan, or everything with surefoot up.</p>
         )}
         <Options studio={studio} />
         <div class="row">
@@ -69,7 +69,7 @@ function Options({ studio: { builds } }: { studio: Studio }) {
         onChange={(value) => builds.set({ seed: BigInt(Math.round(value)) })}
       />
       <Check
-        label="Probe every candidate, every time"
+        label="Run all probes of every candidate"
         checked={settings.probing === Probing.EXHAUSTIVE}
         onChange={(on) => builds.set({ probing: on ? Probing.EXHAUSTIVE : Probing.FRUGAL })}
       />
@@ -105,9 +105,7 @@ function Result({ studio, state }: { studio: Studio; state: BuildState }) {
       const isHere = studio.site.value?.mapHash === mapHash
       return (
         <div class="done">
-          <p role="status">
-            {summary.cached ? 'It was in the cache already.' : `Built in ${duration(summary.buildS)}.`}
-          </p>
+          <p role="status">{summary.cached ? 'Loaded from the cache.' : `Built in ${duration(summary.buildS)}.`}</p>
           <Facts
             rows={[
               ['Vertices', count(summary.vertices)],

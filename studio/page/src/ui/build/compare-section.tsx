@@ -19,8 +19,8 @@ export function CompareSection({ studio }: { studio: Studio }) {
   if (options.length < 2) {
     return (
       <Section title="Compare">
-        <Empty title="Two graphs are needed to compare">
-          <p>Build one with other settings, or of another version of the map.</p>
+        <Empty title="Comparing needs two graphs">
+          <p>Build another graph, with other settings or for another version of the map.</p>
         </Empty>
       </Section>
     )
@@ -51,7 +51,7 @@ function ShowButton({ studio: { graphs, site }, graphId }: { studio: Studio; gra
     <Button
       label="Show the one after"
       disabled={!isHere || graphs.id.value === graphId}
-      hint={isHere ? undefined : 'It is of another map than this world has'}
+      hint={isHere ? undefined : 'It belongs to another map'}
       onClick={() => mapHash !== undefined && graphs.show(mapHash, graphId)}
     />
   )

@@ -62,8 +62,8 @@ function BackLink({ studio: { graphs }, from, to }: Props) {
   const back = graphs.edge(to, from)
   const isOneWay = graphs.loaded.value?.islands[from] !== graphs.loaded.value?.islands[to]
   if (back === undefined) {
-    if (isOneWay) return <p class="warn">One way: nothing leads back.</p>
-    return <p class="note">No edge back, but a way round.</p>
+    if (isOneWay) return <p class="warn">One way: no path leads back.</p>
+    return <p class="note">No edge back, but another path.</p>
   }
   return (
     <p class="note back">

@@ -116,7 +116,7 @@ function Legend({ colour }: { colour: EdgeColour }) {
             <span key={island} style={{ background: formatColour(islandColour(island)) }} />
           ))}
         </p>
-        <p class="note">One colour: each place leads to each other.</p>
+        <p class="note">One colour: these places are all connected to each other.</p>
       </>
     )
   }

@@ -7,24 +7,24 @@ import { Empty, Progress } from '../controls'
 /** Says why there is no graph, and what helps. */
 export function NoGraph({ studio: { graphs, worlds, context } }: { studio: Studio }) {
   const state = graphs.state.value
-  if (worlds.chosen.value === undefined) return <Empty title="There is no world yet" />
+  if (worlds.chosen.value === undefined) return <Empty title="No world yet" />
   const { link, session } = context.planner
   if (link.blocked.value) {
     return (
-      <Empty title="The planner may not be called">
+      <Empty title="This page cannot call the planner">
         <p>{blockedInWords('planner', session.origin)}</p>
       </Empty>
     )
   }
   if (link.state.value === 'lost') {
     return (
-      <Empty title="No planner answers">
+      <Empty title="The planner does not answer">
         <p>
           Graphs and plans come from a planner. This page looks for it at <code>{context.planner.address}</code>.
         </p>
         <p>
-          Start one with <code>surefoot plan</code>, or everything with <code>surefoot up</code>. It is taken up as soon
-          as it answers; NPCs can be watched without it.
+          Start one with <code>surefoot plan</code>, or everything with <code>surefoot up</code>. The page connects as
+          soon as it answers. You can watch NPCs without a planner.
         </p>
       </Empty>
     )

@@ -33,7 +33,7 @@ export function ProbeBox({ studio, from, to }: { studio: Studio; from: number; t
           <Button
             label={uncounted === 1 ? 'Count it' : `Count ${uncounted}`}
             icon="check"
-            hint="Adds what was tried here to the evidence"
+            hint="Adds these probes to the evidence"
             onClick={() => void probes.count(edge)}
           />
         )}

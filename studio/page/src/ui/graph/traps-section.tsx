@@ -12,7 +12,7 @@ export function TrapsSection({ studio }: { studio: Studio }) {
   const others = graphs.islands.value.filter(({ standing }) => standing === 'source' || standing === 'apart')
   return (
     <Section title="One-way traps">
-      {traps.length === 0 && <p class="note">None: whoever leaves the main island can get back to it.</p>}
+      {traps.length === 0 && <p class="note">None: NPCs that leave the main island can return to it.</p>}
       <ul class="list" aria-label="Traps">
         {traps.slice(0, MAX_ROWS).map((trap) => (
           <TrapRow key={trap.id} studio={studio} trap={trap} />

@@ -20,8 +20,8 @@ export function LayersPanel({ studio }: { studio: Studio }) {
       <Section title="Layers">
         {layers.failure.value !== '' && <p class="warn">{layers.failure.value}</p>}
         {list.length === 0 && (
-          <Empty title="Nothing is edited yet">
-            <p>Edits lie over the proved graph. NPCs follow them with their next plan.</p>
+          <Empty title="No edits yet">
+            <p>Edits are layers on top of the proved graph. NPCs use them from their next plan on.</p>
           </Empty>
         )}
         <NewLayer studio={studio} />

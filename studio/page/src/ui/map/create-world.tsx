@@ -59,7 +59,7 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
         <SelectField label="Ground" value={kind} options={KINDS} onChange={setKind} />
         <SelectField label="Body" value={body} options={BODIES} onChange={setBody} />
       </div>
-      <Check label="NPCs get in each other's way" checked={solidNpcs} onChange={setSolidNpcs} />
+      <Check label="NPCs are solid" checked={solidNpcs} onChange={setSolidNpcs} />
       <details>
         <summary>Features</summary>
         <div class="features">

@@ -35,7 +35,7 @@ function WorldList({ studio: { worlds } }: { studio: Studio }) {
   const list = worlds.list.value
   return (
     <Section title="Worlds">
-      {list.length === 0 && worlds.state.value === 'ready' && <Empty title="There is no world yet" />}
+      {list.length === 0 && worlds.state.value === 'ready' && <Empty title="No world yet" />}
       <ul class="list worlds" aria-label="Worlds">
         {list.map((world) => (
           <li key={world.worldId} class={world.worldId === worlds.chosenId.value ? 'chosen' : ''}>
@@ -50,7 +50,7 @@ function WorldList({ studio: { worlds } }: { studio: Studio }) {
             </button>
             <SureButton
               label={`Drop world ${world.worldId}`}
-              question="Drop it and its NPCs?"
+              question="Drop the world and its NPCs?"
               icon="trash"
               bare
               onSure={() => void worlds.drop(world.worldId)}

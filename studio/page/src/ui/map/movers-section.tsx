@@ -34,8 +34,8 @@ export function MoversSection({ studio }: { studio: Studio }) {
       {lost.value !== undefined && (
         <p class="note" role="status">
           {lost.value === 0
-            ? 'Without what is locked, everything can still be reached.'
-            : `Without what is locked, ${counted(lost.value, 'vertex', 'vertices')} can no longer be reached: shown on the map.`}
+            ? 'Everything stays reachable without the locked movers.'
+            : `Unreachable without the locked movers: ${counted(lost.value, 'vertex', 'vertices')}, shown on the map.`}
         </p>
       )}
     </Section>
@@ -58,7 +58,7 @@ function MoverRow({ studio, mover, index }: { studio: Studio; mover: Mover; inde
       <span>
         <strong>{mover.name}</strong> {KINDS[mover.kind]}, {doing(mover.kind, state)}
       </span>
-      <div class="row wrap" role="group" aria-label={`What ${mover.name} does`}>
+      <div class="row wrap" role="group" aria-label={`Orders for ${mover.name}`}>
         {opens && <Button label={opened ? shut : open} onClick={() => tell({ case: 'open', value: !opened })} />}
         {mover.kind === MoverKind.CRATE && <Button label="Put back" onClick={() => tell({ case: 'stop', value: 0 })} />}
         {!opens &&
@@ -82,7 +82,7 @@ function MoverRow({ studio, mover, index }: { studio: Studio; mover: Mover; inde
           <Button
             label="What if locked?"
             pressed={movers.locked.value.has(index)}
-            hint="Shows what could no longer be reached, and plans without it. Nothing moves."
+            hint="Shows what becomes unreachable without it, and plans without it. Nothing moves."
             onClick={() => movers.toggleLock(index)}
           />
         )}

@@ -13,7 +13,7 @@ const KINDS: readonly { value: PieceKind; name: string }[] = [
 export function PiecesSection({ studio }: { studio: Studio }) {
   const { pieces } = studio
   const laid = pieces.laid.value
-  // A server that does not know of pieces has no hash of them either.
+  // A server without support for pieces has no hash of them.
   if (laid === undefined || laid.mapHash === '') return null
   const { worldId } = laid
   const [kind, sizes] = [pieces.kind.value, pieces.sizes.value]
@@ -29,7 +29,7 @@ export function PiecesSection({ studio }: { studio: Studio }) {
     />
   )
   return (
-    <Section title="Build on the map">
+    <Section title="Pieces on the map">
       <div class="row">
         <SelectField
           label="Piece"
@@ -41,10 +41,10 @@ export function PiecesSection({ studio }: { studio: Studio }) {
           }}
         />
         <Button
-          label="Put it on the map"
+          label="Add to the map"
           icon="add"
           pressed={isBuilding}
-          hint="NPCs and their plans follow at once. Nothing is saved in the level."
+          hint="NPCs and plans use it at once. The level itself does not change."
           onClick={() => studio.setTool(isBuilding ? 'select' : 'build')}
         />
       </div>
@@ -56,14 +56,14 @@ export function PiecesSection({ studio }: { studio: Studio }) {
         {laid.pieces.map(({ name }) => (
           <li key={name}>
             <span>{name}</span>
-            <Button label={`Take ${name} away`} icon="trash" bare onClick={() => void pieces.remove(worldId, name)} />
+            <Button label={`Remove ${name}`} icon="trash" bare onClick={() => void pieces.remove(worldId, name)} />
           </li>
         ))}
       </ul>
       {laid.pieces.length > 1 && (
         <SureButton
           label="Take all away"
-          question="Take all pieces away?"
+          question="Remove all pieces?"
           icon="trash"
           onSure={() => void pieces.clear(worldId)}
         />

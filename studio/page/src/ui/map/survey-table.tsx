@@ -31,7 +31,7 @@ export function SurveyTable({ studio: { surveys }, of, map, isShown }: Props) {
         </button>
       </div>
       {list.length > 0 && (
-        <table aria-label="What bodies can get to">
+        <table aria-label="Reachability by body">
           <thead>
             <tr>
               <th scope="col">Body</th>
@@ -44,7 +44,7 @@ export function SurveyTable({ studio: { surveys }, of, map, isShown }: Props) {
               <th scope="col" title="Pairs of places that are connected by every means">
                 Connected
               </th>
-              <th scope="col" title="Places that the largest region does not lead to">
+              <th scope="col" title="Places that are unreachable from the largest region">
                 Cut off
               </th>
             </tr>

@@ -22,7 +22,7 @@ export function NpcsPanel({ studio }: { studio: Studio }) {
 function NpcList({ studio }: { studio: Studio }) {
   const search = useSignal('')
   const { live, npcs, worlds } = studio
-  if (worlds.chosen.value === undefined) return <Empty title="There is no world yet" />
+  if (worlds.chosen.value === undefined) return <Empty title="No world yet" />
   const found = findNpcs(live.npcs.value, search.value)
   return (
     <Section
@@ -45,7 +45,7 @@ function NpcList({ studio }: { studio: Studio }) {
         onInput={(event) => (search.value = event.currentTarget.value)}
       />
       {found.length === 0 && (
-        <Empty title={live.npcs.value.size === 0 ? 'Nobody is on this map' : 'No NPC is like that'}>
+        <Empty title={live.npcs.value.size === 0 ? 'No NPCs on this map' : 'No NPC matches'}>
           {live.npcs.value.size === 0 && <p>Spawn an NPC: press 8 and click the ground.</p>}
         </Empty>
       )}

@@ -53,7 +53,7 @@ function Actions({ studio, id }: { studio: Studio; id: bigint }) {
   }
   const tool = studio.tool.value
   return (
-    <div class="row wrap" role="group" aria-label="What to do with the NPC">
+    <div class="row wrap" role="group" aria-label="Actions for the NPC">
       <Button
         label="Follow camera"
         icon="follow"
@@ -77,7 +77,7 @@ function Actions({ studio, id }: { studio: Studio; id: bigint }) {
 function NpcPlan({ followed, studio }: { followed: Followed; studio: Studio }) {
   const { plan, waypointIdx } = followed
   if (plan === undefined || plan.waypoints.length === 0) {
-    return <p class="note">It follows no plan.</p>
+    return <p class="note">This NPC has no plan.</p>
   }
   return (
     <>
@@ -113,7 +113,7 @@ function History({ followed: { history } }: { followed: Followed }) {
   return (
     <>
       <h3>Attempts so far</h3>
-      {history.length === 0 && <p class="note">None has ended yet.</p>}
+      {history.length === 0 && <p class="note">No attempt has ended yet.</p>}
       <ul class="chips" aria-label="Outcomes, the latest first">
         {[...history].reverse().map(({ attempt, outcome, seconds, goal }) => (
           <li

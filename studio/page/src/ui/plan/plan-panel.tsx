@@ -8,7 +8,7 @@ import { AbilityName, Button, ChanceBar, Choice, Empty, Facts, Section } from '.
 import { NoGraph } from '../graph/no-graph'
 import { forbid } from '../tools'
 
-/** What "Make dearer" multiplies a price by. */
+/** What "Raise its cost" multiplies a price by. */
 const DEARER = 4
 const MAX_FACTOR = 1000
 
@@ -19,7 +19,7 @@ export function PlanPanel({ studio }: { studio: Studio }) {
     <>
       <Ends studio={studio} />
       {plans.state.value === 'asking' && <p class="note">Looking for a path …</p>}
-      {plans.state.value === 'failed' && <Empty title="No plan was made">{<p>{plans.failure.value}</p>}</Empty>}
+      {plans.state.value === 'failed' && <Empty title="No plan">{<p>{plans.failure.value}</p>}</Empty>}
       {plans.plans.value.length > 0 && <Result studio={studio} />}
     </>
   )
@@ -57,7 +57,7 @@ function Ends({ studio }: { studio: Studio }) {
         }}
       />
       <Choice
-        label="How much the path does to avoid deaths"
+        label="Caution of the path"
         value={plans.caution.value}
         options={[
           { value: 'careful', name: 'Careful' },
@@ -125,7 +125,7 @@ function Ways({ studio: { plans } }: { studio: Studio }) {
           aria-selected={index === plans.chosenIdx.value}
           onClick={() => plans.choose(index)}
         >
-          <strong>{index === 0 ? 'Best' : `Way ${index + 1}`}</strong>
+          <strong>{index === 0 ? 'Best' : `Path ${index + 1}`}</strong>
           <span>{duration(plan.seconds)}</span>
           <span>{percent(plan.asPlannedChance)}</span>
         </button>
@@ -157,7 +157,7 @@ function LegRow({ studio, plan, leg, index }: { studio: Studio; plan: Plan; leg:
           Needs {leg.needs.map(({ mover }) => moverName(studio, mover)).join(' and ')}: an NPC waits until it is there.
         </p>
       )}
-      {edge === undefined && <p class="note">Straight there, off the graph: not proved.</p>}
+      {edge === undefined && <p class="note">A straight line off the graph: not proved.</p>}
       {isSelected && edge !== undefined && <LegActions studio={studio} edge={edge} />}
     </li>
   )
@@ -176,9 +176,9 @@ function LegActions({ studio, edge }: { studio: Studio; edge: { from: number; to
     void layers.apply(priceEdge(from, to, Math.min(MAX_FACTOR / present, DEARER)))
   }
   return (
-    <div class="row wrap" role="group" aria-label="What to do with the leg">
+    <div class="row wrap" role="group" aria-label="Actions for the leg">
       <Button label="Forbid this leg" icon="forbid" onClick={() => forbid(studio, edge.from, edge.to)} />
-      <Button label="Make dearer" icon="plus" hint={`Its price times ${DEARER}`} onClick={makeDearer} />
+      <Button label="Raise its cost" icon="plus" hint={`Multiplies its cost by ${DEARER}`} onClick={makeDearer} />
       <Button label="Inspect" icon="look" onClick={() => studio.openTab('graph')} />
     </div>
   )
@@ -194,7 +194,7 @@ function SendButton({ studio }: { studio: Studio }) {
     if (id !== undefined) await npcs.send(id, goal)
   }
   const hint =
-    npcs.selectedId.value === undefined ? 'Spawns one at the start' : 'Sends the selected one from where it is'
+    npcs.selectedId.value === undefined ? 'Spawns an NPC at the start' : 'Sends the selected NPC from its position'
   return <Button label="Send an NPC" icon="send" tone="main" hint={hint} onClick={() => void send()} />
 }
 
@@ -206,10 +206,10 @@ function NoWay({ studio, plan }: { studio: Studio; plan: Plan }) {
         {noPathReason(plan.reason)}
       </p>
       {nearest === undefined ? (
-        <p class="note">No vertex can be reached from the start.</p>
+        <p class="note">No vertex is reachable from the start.</p>
       ) : (
         <>
-          <p class="note">The nearest place that can be reached is at {place(nearest)}.</p>
+          <p class="note">The nearest reachable place is at {place(nearest)}.</p>
           <div class="row wrap">
             <Button label="Look there" icon="look" onClick={() => studio.viewport.value?.lookAt(nearest)} />
             <Button label="Plan to there" icon="plan" tone="main" onClick={() => studio.plans.setGoal(nearest)} />

@@ -1,4 +1,4 @@
-//! Growth of a world's work with its NPCs. The ground grows with them, so that their density stays the same.
+//! Growth of a world's work with the number of NPCs. The ground grows as well, so the density stays the same.
 
 use super::{Case, timed};
 use anyhow::Context;
@@ -12,7 +12,7 @@ use surefoot_world::{CharacterProfile, Map, NpcSlot, OBSERVATION_LEN, TaskConfig
 /// Ground for each NPC, m2: as in a dense crowd.
 const AREA_M2: f32 = 4.0;
 
-/// A level square of this side, m.
+/// A flat square with this side, m.
 pub(super) fn floor(side_m: f32) -> anyhow::Result<Map> {
     let [a, b, c, d] = [[0.0, 0.0], [0.0, side_m], [side_m, side_m], [side_m, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
     let triangles = [[a, b, c], [a, c, d]].map(|corners| Triangle::new(corners, Surface::Ground));
@@ -21,7 +21,7 @@ pub(super) fn floor(side_m: f32) -> anyhow::Result<Map> {
     Ok(Map::from_parts(MapSize { width: side, height: 20, depth: side }, triangles, Placed::default()))
 }
 
-/// A world of NPCs that get in one another's way and see one another.
+/// A world of solid NPCs that see one another.
 fn crowd(count: usize) -> anyhow::Result<World> {
     let side_m = (count as f32 * AREA_M2).sqrt();
     let config = WorldConfig::new(CharacterProfile::default(), TaskConfig::default(), true);

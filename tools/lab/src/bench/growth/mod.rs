@@ -1,5 +1,5 @@
-//! How the time of work that a request or a build can make large grows with its size: each case is timed at n, 2n and
-//! 4n, and the exponent of a power law is fitted to the three times. Quadratic work shows as 2.
+//! How the duration of work grows with its size. Each case is timed at n, 2n and 4n, and the exponent of a power law is
+//! fitted to the three times. Quadratic work has the exponent 2.
 
 mod core;
 mod planner;
@@ -7,7 +7,7 @@ mod service;
 
 use super::{Figure, median, timed};
 
-/// Most that an exponent may be: sorting and look-ups in caches that get too small explain what is above 1.
+/// Largest allowed exponent. Sorting and cache misses explain values above 1.
 const MAX_EXPONENT: f64 = 1.2;
 /// How often each size is timed; the median counts.
 const ROUNDS: usize = 3;
@@ -15,7 +15,7 @@ const ROUNDS: usize = 3;
 /// Work whose size can be chosen.
 struct Case {
     name: &'static str,
-    /// What is counted.
+    /// Unit of the size.
     of: &'static str,
     /// The smallest of the three sizes.
     size: usize,
@@ -63,7 +63,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     for case in core::cases().into_iter().chain(planner::cases()).chain(service::cases()?) {
         let name = case.name;
         figures.extend(case.figures()?);
-        // A run takes minutes: each exponent is shown as soon as it is known.
+        // A run takes minutes, so each exponent is shown as soon as it is known.
         eprintln!("{name}: {:.2}", figures.last().map_or(f64::NAN, |exponent: &Figure| exponent.value));
     }
     Ok(figures)

@@ -1,5 +1,5 @@
-//! Growth of builds, updates, edits, reports and queries with the number of vertices. Probes take no time here: a rule
-//! decides which succeed.
+//! Growth of builds, updates, edits, reports and queries with the number of vertices. Probes take no time: a rule
+//! decides which of them succeed.
 
 use super::core::floor;
 use super::{Case, timed};
@@ -22,9 +22,9 @@ use surefoot_world::{Ability, Map, StopIdx, Vec3};
 
 /// Ground for each vertex, m2.
 const AREA_M2: f32 = 60.0;
-/// The number of vertices of the smallest graphs; the largest have as many as a build may ask for.
+/// Number of vertices of the smallest graphs. The largest graphs have the most vertices that a build allows.
 const VERTICES: usize = 4096;
-/// Stops of each mover, as many as a map may have.
+/// Stops of each mover, the most that a map allows.
 const STOPS: usize = 16;
 
 /// Decides by a rule which probes succeed.

@@ -1,4 +1,4 @@
-//! Growth of what clients ask of a world server: a batch of spawns, moves of players, and readers of events, on a
+//! Growth of calls to a world server: a batch of spawns, moves of players, and readers of events, on a
 //! server process of its own.
 
 use super::Case;
@@ -13,11 +13,11 @@ use surefoot_world::MapSpec;
 use tokio::runtime::Runtime;
 use tonic::transport::Channel;
 
-/// A map that is in none of the splits.
+/// A map that belongs to no split.
 const SEED: u64 = 6000;
-/// How long readers of events are watched.
+/// Time over which the readers of events are measured.
 const SPAN: Duration = Duration::from_secs(2);
-/// Calls that move all players, of which the mean counts.
+/// Number of calls that move all players; their mean is reported.
 const MOVES: u32 = 50;
 /// Streams of one connection: the server allows 128.
 const STREAMS_EACH: usize = 100;
@@ -42,7 +42,7 @@ impl Served {
         Ok(Self { runtime, process, uri, channel })
     }
 
-    /// Runs `work` on a new world, which is dropped after it.
+    /// Runs `work` on a new world, then drops the world.
     fn on_a_world<F: Future<Output = anyhow::Result<f64>>>(
         &self,
         work: impl FnOnce(Client, u64) -> F,
@@ -59,7 +59,7 @@ impl Served {
     }
 }
 
-/// Spawns NPCs by one call. Returns their ids and how long the call took, s.
+/// Spawns NPCs in one call. Returns their ids and the duration of the call, s.
 async fn spawn(client: &mut Client, world_id: u64, count: usize) -> anyhow::Result<(Vec<u64>, f64)> {
     let request = wire::SampleGroundRequest { world_id, count: count as u32, ..Default::default() };
     let places = client.sample_ground(request).await?.into_inner().points;
@@ -91,7 +91,7 @@ async fn move_players(mut client: Client, world_id: u64, count: usize) -> anyhow
     Ok(since.elapsed().as_secs_f64() / f64::from(MOVES))
 }
 
-/// CPU time of the server beside that of a world without readers, s: one reader for each of `count` NPCs.
+/// Additional CPU time of the server, s, when each of `count` NPCs has a reader.
 async fn read_events(served: &Served, mut client: Client, world_id: u64, count: usize) -> anyhow::Result<f64> {
     let (npcs, _) = spawn(&mut client, world_id, count).await?;
     let busy = async || {

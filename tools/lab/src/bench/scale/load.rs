@@ -1,5 +1,5 @@
-//! The load that is recorded: what server, workers and planner of a crowd take, in processes of their own on this
-//! machine.
+//! The recorded load: the CPU time and traffic of server, workers and planner under a crowd, each in its own process on
+//! this machine.
 
 use crate::bench::link::Link;
 use crate::bench::serve::{Scene, WORLDS};
@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use surefoot_cli::commands::{machine, services::CacheArgs};
 
-/// Numbers of NPCs that are recorded: all of them few enough that no part waits for cores for long.
+/// Recorded numbers of NPCs, all small enough that no process waits long for a core.
 const NPCS: [usize; 4] = [256, 512, 768, 1024];
 const WARM_UP: Duration = Duration::from_secs(10);
 const SPAN: Duration = Duration::from_secs(30);
-/// Quantiles of the tick time that are kept: this many steps from 0 to 1.
+/// Number of recorded quantiles of the tick time, from 0 to 1.
 const STEPS: usize = 200;
 
-/// What was recorded.
+/// A recorded load.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Load {
     /// Processors of the machine.
@@ -23,19 +23,19 @@ pub struct Load {
     pub cores: usize,
     /// One entry for each number of NPCs.
     pub rungs: Vec<Rung>,
-    /// What the record of a fleet takes, where it was measured.
+    /// The load on the database and the object store, if it was measured.
     #[serde(default)]
     pub record: RecordLoad,
 }
 
-/// What the record (PostgreSQL) and the object store of a fleet take.
+/// The load on the database (PostgreSQL) and the object store of a fleet.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct RecordLoad {
     /// Interval at which a world is saved, s.
     pub save_every_s: f64,
     /// Interval at which a process renews its lease, s.
     pub renew_every_s: f64,
-    /// How often a server records what happened in its worlds, per second.
+    /// How often a server writes the events of its worlds, per second.
     #[serde(default)]
     pub notes_per_s: f64,
     /// CPU time of PostgreSQL for one write, us.
@@ -45,7 +45,7 @@ pub struct RecordLoad {
 }
 
 impl Default for RecordLoad {
-    /// Where it was not measured: guesses on the safe side. Servers record every 25 ms at most.
+    /// Conservative guesses for a load that was not measured. Servers write events every 25 ms at most.
     fn default() -> Self {
         Self {
             save_every_s: 2.0,
@@ -57,7 +57,7 @@ impl Default for RecordLoad {
     }
 }
 
-/// What a crowd takes over a span.
+/// The load of a crowd over a span of time.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Rung {
     /// Number of NPCs, on `worlds` worlds.
@@ -90,8 +90,8 @@ impl Rung {
 }
 
 impl Load {
-    /// Records the load of crowds on this machine, which should do nothing else; that of the record and the blobs only
-    /// if there are some.
+    /// Records the load of crowds on this machine, which should be idle otherwise. The load on a database and an object
+    /// store is recorded if they are given.
     pub fn record(fleet: Option<[&str; 2]>) -> anyhow::Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
         let of_fleet = match fleet {
@@ -101,7 +101,7 @@ impl Load {
             Some(_) => anyhow::bail!("--store needs a program that was built with --features fleet"),
             None => RecordLoad::default(),
         };
-        // After the fleet, so that a database that cannot be used is refused before minutes of measuring.
+        // The fleet comes first, so that an unusable database is refused before minutes of measuring.
         let rungs = NPCS.iter().map(|npcs| runtime.block_on(record(*npcs))).collect::<anyhow::Result<_>>()?;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Self { machine: machine(), cores, rungs, record: of_fleet })
@@ -110,7 +110,7 @@ impl Load {
 
 async fn record(npcs: usize) -> anyhow::Result<Rung> {
     let cache = CacheArgs::default_folder()?.join("bench-serve");
-    // They only count.
+    // Links without delay: they only count bytes.
     let [to_server, to_planner] = [(); 2].map(|()| Link::new(Duration::ZERO, f64::INFINITY));
     let scene = Scene::start_over(npcs, &cache, Some([&to_server, &to_planner])).await?;
     scene.measure(WARM_UP).await?;

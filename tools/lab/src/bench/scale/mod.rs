@@ -1,6 +1,6 @@
-//! How far a fleet scales: `load` and `record` record what its parts take on this machine, `model` says from that how
-//! many are needed and how busy they are, and `simulation` plays fleets of several sizes with the recorded load, to see
-//! whether they keep their times (`docs/scale.md`).
+//! How far a fleet scales. `load` and `record` measure its parts on this machine, `model` computes how many parts a
+//! fleet needs and how busy they are, and `simulation` runs fleets of several sizes with the recorded load and checks
+//! their tick times (`docs/scale.md`).
 
 mod load;
 mod model;
@@ -19,16 +19,16 @@ use simulation::{Played, play};
 const SERVERS: [usize; 3] = [1, 4, 16];
 /// Cores of one server.
 const SERVER_CORES: usize = 2;
-/// NPCs of one server that are tried, from few to many.
+/// Tried numbers of NPCs per server, ascending.
 const LADDER: [usize; 9] = [512, 1024, 1536, 2048, 3072, 4096, 5120, 6144, 8192];
-/// Most of a pool's capacity that is planned with.
+/// Largest planned utilisation of a pool.
 const PLANNED_SHARE: f64 = 0.7;
 
 pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
     let load = match &args.load {
         Some(path) => {
             let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-            serde_json::from_str(&text).with_context(|| format!("{} is no recorded load", path.display()))?
+            serde_json::from_str(&text).with_context(|| format!("{} is not a recorded load", path.display()))?
         }
         None => Load::record(args.fleet())?,
     };
@@ -58,7 +58,7 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// Plays the very deployment that was recorded, server, workers and planner on the same cores, and prints both.
+/// Simulates the recorded deployment, whose server, workers and planner share the cores, and prints both results.
 fn compare_with_what_was_measured(load: &Load, model: &Model) {
     eprintln!("\nthe recorded machine, {} cores for all parts: simulated and measured", load.cores);
     for rung in &load.rungs {
@@ -78,9 +78,10 @@ fn compare_with_what_was_measured(load: &Load, model: &Model) {
     }
 }
 
-/// Prints the ladder of a fleet with so many servers, and returns the most NPCs of each server within all targets.
+/// Prints the tried numbers of NPCs for a fleet with `servers` servers, and returns the largest number within all
+/// targets.
 fn most_held(load: &Load, model: &Model, servers: usize) -> usize {
-    eprintln!("\n{servers} servers of {SERVER_CORES} cores, with as many workers and planners as the model says");
+    eprintln!("\n{servers} servers of {SERVER_CORES} cores, with the model's numbers of workers and planners");
     let mut held = 0;
     for npcs in LADDER {
         let fleet = Fleet::planned(model, servers, SERVER_CORES, npcs, PLANNED_SHARE);

@@ -1,5 +1,5 @@
-//! The model of capacity: what each part takes, as straight lines through the recorded load, and what follows for a
-//! fleet.
+//! The capacity model: the cost of each part as a straight line through the recorded load, and the size of a fleet that
+//! follows from it.
 
 use super::load::{Load, RecordLoad};
 use crate::bench::Figure;
@@ -10,20 +10,20 @@ pub const TICKS_PER_S: f64 = 60.0;
 /// Decisions of an NPC in a second.
 pub const DECISIONS_PER_S: f64 = 6.0;
 
-/// Cores of the record.
+/// Cores of the database.
 const CORES_OF_RECORD: usize = 4;
 
 /// CPU time that grows with the number of NPCs: `fixed + each * npcs`.
 #[derive(Debug, Clone, Copy)]
 pub struct Line {
-    /// Without NPCs.
+    /// Cost without NPCs.
     pub fixed: f64,
-    /// For each NPC.
+    /// Cost of each NPC.
     pub each: f64,
 }
 
 impl Line {
-    /// The straight line with the least squares of errors, through points of NPCs and values; neither part is negative.
+    /// The least-squares line through (NPCs, value); neither part is negative.
     fn through(points: &[(f64, f64)]) -> Self {
         let count = points.len() as f64;
         let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
@@ -40,10 +40,10 @@ impl Line {
     }
 }
 
-/// What the parts of a fleet take.
+/// The costs of the parts of a fleet.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// CPU time of a server for one tick of a world with so many NPCs, us.
+    /// CPU time of a server for a tick of a world, by its NPCs, us.
     pub tick_us: Line,
     /// CPU time of a worker for a decision, us.
     pub decision_us: f64,
@@ -55,7 +55,7 @@ pub struct Model {
     pub bytes_per_s: [[f64; 2]; 2],
     /// Worlds for each server, as recorded.
     pub worlds: usize,
-    /// The record.
+    /// The load on the database.
     pub record: RecordLoad,
 }
 
@@ -72,14 +72,14 @@ pub struct Fleet {
     pub workers: usize,
     /// Planners, each of one core.
     pub planners: usize,
-    /// Cores of the record.
+    /// Cores of the database.
     pub record_cores: usize,
-    /// All parts share the cores of the one server.
+    /// Whether all parts share the cores of the one server.
     pub shares_cores: bool,
 }
 
 impl Fleet {
-    /// A fleet with as few workers and planners as are busy for at most `share` of the time.
+    /// The smallest fleet whose workers and planners are busy for at most `share` of the time.
     pub fn planned(model: &Model, servers: usize, server_cores: usize, npcs: usize, share: f64) -> Self {
         let all = (servers * npcs) as f64;
         let [_, worker, planner] = model.cores(all, (servers * model.worlds) as f64);
@@ -95,14 +95,14 @@ impl Fleet {
         }
     }
 
-    /// The deployment that was recorded: all parts on the same cores.
+    /// The recorded deployment: all parts on the same cores.
     pub fn on_one_machine(load: &Load, npcs: usize) -> Self {
         let (servers, workers, planners) = (1, 1, 1);
         Self { servers, server_cores: load.cores, npcs, workers, planners, record_cores: 1, shares_cores: true }
     }
 }
 
-/// Shares of what the parts of a fleet could do, 0 to 1.
+/// Utilisation of the parts of a fleet, 0 to 1.
 #[derive(Debug, Clone, Copy)]
 pub struct Shares {
     pub server: f64,
@@ -112,11 +112,11 @@ pub struct Shares {
 }
 
 impl Model {
-    /// The model that a recorded load gives.
+    /// The model of a recorded load.
     pub fn of(load: &Load) -> anyhow::Result<Self> {
         ensure!(
             load.rungs.len() >= 2,
-            "a recorded load has at least two numbers of NPCs, this one {}",
+            "a recorded load needs at least two numbers of NPCs, this one has {}",
             load.rungs.len()
         );
         let sum = |of: &dyn Fn(&super::load::Rung) -> f64| load.rungs.iter().map(of).sum::<f64>();
@@ -138,14 +138,14 @@ impl Model {
         })
     }
 
-    /// Cores that the servers, the workers and the planners of `npcs` NPCs take, on `worlds` worlds.
+    /// Cores that servers, workers and planners need for `npcs` NPCs on `worlds` worlds.
     pub fn cores(&self, npcs: f64, worlds: f64) -> [f64; 3] {
         let ticks_us = TICKS_PER_S * worlds * self.tick_us.at(npcs / worlds);
         let decisions_us = npcs * DECISIONS_PER_S * self.decision_us;
         [ticks_us / 1e6, decisions_us / 1e6, npcs * self.plans_per_s * self.plan_us / 1e6]
     }
 
-    /// Writes to the record in a second, of so many servers with their worlds, and of so many processes.
+    /// Writes to the database per second, from these numbers of servers, worlds and processes.
     pub fn writes_per_s(&self, servers: f64, worlds: f64, processes: f64) -> f64 {
         let RecordLoad { save_every_s, renew_every_s, notes_per_s, .. } = self.record;
         worlds / save_every_s + servers * notes_per_s + processes / renew_every_s
@@ -164,7 +164,7 @@ impl Model {
         }
     }
 
-    /// Prints what parts take.
+    /// Prints the costs of the parts.
     pub fn print(&self) {
         let [work, plans] = self.bytes_per_s;
         eprintln!(
@@ -182,7 +182,7 @@ impl Model {
         );
     }
 
-    /// Prints what fleets of up to a million NPCs take, with servers of `per_server` NPCs.
+    /// Prints the sizes of fleets of up to a million NPCs, with `per_server` NPCs per server.
     pub fn print_fleets(&self, per_server: usize) {
         eprintln!("\nfleets with 128 NPCs on a world and {per_server} on a server");
         for npcs in [1e3, 1e4, 1e5, 1e6] {

@@ -1,5 +1,5 @@
-//! What the record of a fleet and its blobs take: a server of a fleet with a crowd, over a PostgreSQL on this machine
-//! that does nothing else.
+//! The load on the database and the object store of a fleet: a server with a crowd, and a PostgreSQL on this machine
+//! that is idle otherwise.
 
 use super::load::RecordLoad;
 use crate::bench::serve::{Scene, WORLDS};
@@ -15,7 +15,7 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_world::MapSpec;
 
-/// Number of NPCs, as in the largest of the recorded crowds.
+/// Number of NPCs, as in the largest recorded crowd.
 const NPCS: usize = 1024;
 const WARM_UP: Duration = Duration::from_secs(10);
 const SPAN: Duration = Duration::from_secs(30);
@@ -23,7 +23,7 @@ const SPAN: Duration = Duration::from_secs(30);
 const SAVE_EVERY_S: f64 = 2.0;
 const LEASE_S: f64 = 5.0;
 
-/// Measures over this database and this object store, from which it removes its worlds.
+/// Measures with this database and object store, and removes its worlds from them.
 pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
     let (database, opened) = (Database::open(store).await?, Blobs::open(blobs)?);
     let cache = CacheArgs::default_folder()?.join("bench-serve");
@@ -34,12 +34,9 @@ pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
     let measured = scene.measure(SPAN).await?;
     let seconds = started.elapsed().as_secs_f64();
     let (cpu, server) = (postgres_cpu_s()? - cpu, scene.cpu_s()?[0] - server);
-    // PostgreSQL counts them a second late, at both ends.
+    // PostgreSQL reports its counts up to a second late, at both ends.
     let commits = (database.commits().await? - commits) as f64;
-    ensure!(
-        cpu > 0.0 && commits > 0.0,
-        "no PostgreSQL on this machine commits anything: its CPU time is measured here"
-    );
+    ensure!(cpu > 0.0 && commits > 0.0, "PostgreSQL made no commits on this machine, where its CPU time is measured");
     let by_clock = f64::from(WORLDS as u32) / SAVE_EVERY_S + 3.0 / LEASE_S;
     let load = RecordLoad {
         save_every_s: SAVE_EVERY_S,
@@ -69,7 +66,7 @@ async fn save_bytes(scene: &Scene, database: &Database, blobs: &Blobs) -> anyhow
     let empty = empty.world.context("a world")?.world_id;
     let (mut none, mut all) = (0.0, Vec::new());
     for (id, blob) in worlds::saved(database).await? {
-        // One that has been saved again meanwhile is left out.
+        // A world that was saved again in the meantime is skipped.
         let Some(bytes) = blobs.get(blob).await? else { continue };
         if id.0 == empty {
             none = bytes.len() as f64;
@@ -92,7 +89,7 @@ fn postgres_cpu_s() -> anyhow::Result<f64> {
     for entry in std::fs::read_dir("/proc").context("no processes are listed here")?.flatten() {
         let name = std::fs::read_to_string(entry.path().join("comm")).unwrap_or_default();
         if name.trim() == "postgres" {
-            // It may end meanwhile.
+            // The process may have ended.
             sum += cpu_s(&entry.file_name().to_string_lossy()).unwrap_or_default();
         }
     }

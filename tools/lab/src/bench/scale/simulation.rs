@@ -1,5 +1,5 @@
-//! A fleet, event by event: ticks wait for cores, batches for workers, plans for planners, saves for the record. How
-//! long each takes is drawn from the recorded load; a seed fixes the draws.
+//! A discrete-event simulation of a fleet: ticks wait for cores, batches for workers, plans for planners, saves for the
+//! database. Durations are drawn from the recorded load; a seed fixes the draws.
 
 use super::load::{Load, RecordLoad};
 use super::model::{DECISIONS_PER_S, Fleet, Model, TICKS_PER_S};
@@ -8,49 +8,48 @@ use rand::{RngExt, SeedableRng};
 use std::cmp::{Ordering, Reverse};
 use std::collections::{BinaryHeap, VecDeque};
 
-/// Length of a simulation, after its start, s.
+/// Length of a simulation after its warm-up, s.
 const SPAN_S: f64 = 60.0;
-/// Start of a simulation that does not count, s.
+/// Warm-up of a simulation, which does not count, s.
 const WARM_UP_S: f64 = 2.0;
 const SEED: u64 = 1;
-/// Ticks from a batch of observations to the next one of the same NPCs: an answer that comes later is missed.
+/// Ticks between two batches of observations of the same NPCs. A decision that arrives later is missed.
 const ANSWER_WITHIN_S: f64 = 1.0 / DECISIONS_PER_S;
-/// Way from a server to a worker, or back, s.
+/// Delay from a server to a worker, or back, s.
 const HOP_S: f64 = 0.0005;
 
-/// Plays a minute of a fleet.
+/// Simulates a minute of a fleet.
 pub fn play(fleet: Fleet, model: &Model, load: &Load) -> Played {
     let shape = Shape::of(load, fleet.npcs);
     Simulation::new(fleet, model, shape).run()
 }
 
-/// What came out of a simulation.
+/// The result of a simulation.
 #[derive(Debug, Clone, Copy)]
 pub struct Played {
-    /// Median and 99th percentile of the time from when a tick was due until it was done, ms.
+    /// Median and 99th percentile of the time from the due time of a tick to its end, ms.
     pub tick_p50_ms: f64,
     pub tick_p99_ms: f64,
     /// Share of ticks that were not done when the next one was due.
     pub late_share: f64,
     /// Share of decisions that were answered before the next observation.
     pub on_time_share: f64,
-    /// Shares of the cores' time that was used; the first is that of all cores where all parts share them.
+    /// Utilisation of the cores of each part. Where all parts share cores, the first value is for all of them.
     pub server_share: f64,
     pub worker_share: f64,
     pub planner_share: f64,
     pub record_share: f64,
 }
 
-/// How ticks differ in length: multiples of their mean, in ascending order, each as likely as any other.
+/// The distribution of tick durations: equally likely multiples of their mean, ascending.
 #[derive(Debug, Clone)]
 struct Shape(Vec<f64>);
 
 impl Shape {
-    /// That of the recorded number of NPCs nearest to `npcs`. The half of ticks that was longer waited for cores as
-    /// well, so this exaggerates a little how much they differ.
+    /// The distribution of the recorded number of NPCs nearest to `npcs`. The longer half of the ticks also waited for
+    /// cores, so the spread is slightly exaggerated.
     fn of(load: &Load, npcs: usize) -> Self {
-        let nearest =
-            load.rungs.iter().min_by_key(|rung| rung.npcs.abs_diff(npcs)).expect("a model has been made of it");
+        let nearest = load.rungs.iter().min_by_key(|rung| rung.npcs.abs_diff(npcs)).expect("a load has rungs");
         let times: Vec<f64> = nearest.tick_quantiles_us.iter().map(|&us| f64::from(us)).collect();
         let mean = times.iter().sum::<f64>() / times.len().max(1) as f64;
         Self(times.into_iter().map(|time| time / mean).collect())
@@ -61,7 +60,7 @@ impl Shape {
     }
 }
 
-/// Something that happens.
+/// An event.
 #[derive(Debug, Clone, Copy)]
 enum Event {
     /// A tick of a world is due.
@@ -70,7 +69,7 @@ enum Event {
     Batch { worker: usize, since: f64 },
     /// An NPC needs a plan.
     Plan,
-    /// A world is to be saved, a lease to be renewed, or what happened to be recorded: again after `every`.
+    /// A world is saved, a lease renewed, or events are written; repeats after `every`.
     Write { every: f64 },
     /// A job of a pool is done.
     Done { pool: usize, job: Job },
@@ -107,7 +106,7 @@ impl Ord for At {
     }
 }
 
-/// Cores that serve jobs in the order in which they come.
+/// Cores that serve jobs in the order of arrival.
 #[derive(Debug, Default)]
 struct Pool {
     cores: usize,
@@ -124,7 +123,8 @@ struct Simulation<'a> {
     now: f64,
     count: u64,
     events: BinaryHeap<Reverse<At>>,
-    /// The servers', the workers', the planners', the record's. Where all share cores, only the first has any.
+    /// Pools of the servers, the workers, the planners and the database. Where all share cores, only the first has
+    /// some.
     pools: Vec<Pool>,
     ticks_us: Vec<f64>,
     late: u64,
@@ -185,7 +185,7 @@ impl<'a> Simulation<'a> {
         self.now >= WARM_UP_S
     }
 
-    /// A draw from the exponential distribution of this mean.
+    /// A draw from the exponential distribution with this mean.
     fn exponential(&mut self, mean: f64) -> f64 {
         -mean * (1.0 - self.rng.random::<f64>()).ln()
     }
@@ -245,7 +245,7 @@ impl<'a> Simulation<'a> {
                 self.submit(world / self.model.worlds, takes_s, Job::Tick { world, due: self.now });
             }
             Event::Batch { worker, since } => {
-                // A tenth of the NPCs of a world is due at every tick.
+                // A tenth of a world's NPCs decides at every tick.
                 let batch = npcs as f64 / self.model.worlds as f64 * DECISIONS_PER_S / TICKS_PER_S;
                 self.submit(servers + worker, 1e-6 * batch * self.model.decision_us, Job::Decisions { since });
             }
@@ -280,7 +280,7 @@ impl<'a> Simulation<'a> {
                     self.ticks_us.push(1e6 * (self.now - due));
                     self.late += u64::from(self.now > due + period);
                 }
-                // A world makes one tick at a time.
+                // A world runs one tick at a time.
                 self.at((due + period).max(self.now), Event::Due { world });
                 let worker = world % self.fleet.workers;
                 self.at(self.now + HOP_S, Event::Batch { worker, since: self.now });
