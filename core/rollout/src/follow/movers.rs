@@ -106,7 +106,7 @@ impl Follower {
         let waypoint = plan.waypoints[self.leg];
         let boards = plan.needs_of(self.leg + 1).is_some_and(|next| next.ride.is_some());
         let is_at_start = self.movers.stayed > 0 || self.decisions_on_leg == 0;
-        if !is_at_start && !(boards && scene.is_gone(needs, feet, waypoint)) {
+        if !(is_at_start || boards && scene.is_gone(needs, feet, waypoint)) {
             return;
         }
         // The duration of the leg includes the usual wait.
