@@ -1,7 +1,7 @@
 //! The planner's graphs of the worlds' maps: builds, edits, queries and reports.
 //!
-//! All calls about one map go to the same replica of the planner while it answers. Worlds on equal maps share a graph. Streams use a
-//! connection of their own, and their number is limited, so that queries never wait behind them.
+//! All calls about one map go to the same replica of the planner while it answers. Worlds on equal maps share a graph.
+//! Streams use a connection of their own, and their number is limited, so that queries never wait behind them.
 
 use super::config::{MAX_PAUSE, MIN_PAUSE};
 use prost::Message;
@@ -33,8 +33,8 @@ const IMPORT_LIMIT: Duration = Duration::from_secs(60);
 
 /// Builds whose progress is watched at a time; further ones wait.
 const WATCHED_BUILDS: usize = 50;
-/// Graphs whose edits are watched at a time; for further graphs, the answers to queries show edits. Builds and graphs together stay below
-/// the streams that a planner allows on a connection (128).
+/// Graphs whose edits are watched at a time; for further graphs, the answers to queries show edits. Builds and graphs
+/// together stay below the streams that a planner allows on a connection (128).
 const WATCHED_GRAPHS: usize = 50;
 /// Longest wait for a batch of plans.
 const PLAN_LIMIT: Duration = Duration::from_secs(5);
@@ -131,8 +131,8 @@ impl Graphs {
         }
     }
 
-    /// The graph of a map for a body. Unless a world uses it already, it is requested from the planner. An imported map is downloaded from
-    /// `server`.
+    /// The graph of a map for a body. Unless a world uses it already, it is requested from the planner. An imported map
+    /// is downloaded from `server`.
     pub fn of(&self, key: GraphKey, server: Link) -> Arc<Graph> {
         let mut by_key = self.by_key.lock().expect(POISON);
         by_key.retain(|_, graph| graph.strong_count() > 0);
@@ -214,7 +214,8 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    /// Waits until the graph is ready: at most `limit`, and at most `silence` without a report from the planner. Returns whether it is ready.
+    /// Waits until the graph is ready: at most `limit`, and at most `silence` without a report from the planner.
+    /// Returns whether it is ready.
     pub async fn wait(&self, limit: Duration, silence: Duration) -> bool {
         let (mut id, progress) = (self.id.clone(), self.progress.clone());
         let started = Instant::now();
@@ -318,7 +319,8 @@ struct Builder {
 }
 
 impl Builder {
-    /// Builds the graph, again after failures and when the planner has lost it. Sends its id to `ready` and its revision to `edited`.
+    /// Builds the graph, again after failures and when the planner has lost it. Sends its id to `ready` and its
+    /// revision to `edited`.
     async fn run(mut self, ready: watch::Sender<String>, edited: watch::Sender<Option<u64>>) {
         let mut pause = MIN_PAUSE;
         loop {
@@ -374,8 +376,8 @@ impl Builder {
             };
             edited.send_replace(None);
             match ended.code() {
-                // The next query causes a rebuild: a planner may evict graphs that are not queried. Older planners do not
-                // implement the stream.
+                // The next query causes a rebuild: a planner may evict graphs that are not queried. Older planners do
+                // not implement the stream.
                 Code::NotFound | Code::Unimplemented => std::future::pending().await,
                 _ => tokio::time::sleep(MAX_PAUSE).await,
             }

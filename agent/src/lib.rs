@@ -1,10 +1,11 @@
 //! The NPC worker: connects to a world server, requests plans from the planner, and decides for NPCs.
 //!
-//! Each connection is a `session` with one task per world and body (`world`). The policy of realtime worlds runs on a thread of its own
-//! (`inference`), that of lockstep worlds on blocking threads, and never on threads that move messages. A lost connection is retried with
-//! growing pauses. Without a planner, or while it is unavailable, NPCs head straight for their goals. `graph` follows the planner's graph
-//! of a world's map; `maps` holds the maps on which NPCs rehearse. In a fleet a worker has a session with each server of the `directory`,
-//! and the sessions share its `capacity`.
+//! Each connection is a `session` with one task per world and body (`world`). The policy of realtime worlds runs on a
+//! thread of its own (`inference`), that of lockstep worlds on blocking threads, and never on threads that move
+//! messages. A lost connection is retried with growing pauses. Without a planner, or while it is unavailable, NPCs head
+//! straight for their goals. `graph` follows the planner's graph of a world's map; `maps` holds the maps on which NPCs
+//! rehearse. In a fleet a worker has a session with each server of the `directory`, and the sessions share its
+//! `capacity`.
 
 mod capacity;
 mod config;

@@ -1,4 +1,5 @@
-//! What a worker needs to rehearse: the worlds' maps, which worlds on equal maps share, and a bound on the time that it takes.
+//! What a worker needs to rehearse: the worlds' maps, which worlds on equal maps share, and a bound on the time that it
+//! takes.
 
 use super::graph::GraphKey;
 use std::collections::BTreeMap;

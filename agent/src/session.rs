@@ -27,7 +27,8 @@ use tracing::{info, warn};
 
 /// Most answers that wait to be sent; when the queue is full, worlds wait.
 const OUT_QUEUE: usize = 256;
-/// Most messages that wait for a world's task. When the queue is full, observations are dropped and the server counts missed decisions.
+/// Most messages that wait for a world's task. When the queue is full, observations are dropped and the server counts
+/// missed decisions.
 const WORLD_QUEUE: usize = 256;
 
 /// One connection to a server.
@@ -279,8 +280,8 @@ impl Worlds {
         self.queues.range((world_id, 0)..=(world_id, u32::MAX)).try_for_each(|(&task, _)| self.pass(task, message()))
     }
 
-    /// Passes a message to a world's task. Observations that find a full queue are dropped. No other message may be lost, so a full queue
-    /// ends the session and the server reassigns its NPCs.
+    /// Passes a message to a world's task. Observations that find a full queue are dropped. No other message may be
+    /// lost, so a full queue ends the session and the server reassigns its NPCs.
     fn pass(&self, task: (u64, u32), message: WorldMessage) -> Result<(), Status> {
         // The server may have sent a message before the world ended.
         let Some(queue) = self.queues.get(&task) else { return Ok(()) };

@@ -1,7 +1,7 @@
 //! A worker's NPCs of one world: their attempts, plans, rehearsals and actions.
 //!
-//! [`WorldTask::decide`] answers one batch of observations. `batch` decodes and encodes, `npc` holds the attempts, `planning` requests
-//! plans, `ground` and `rehearse` run legs ahead of time, and `act` evaluates the policy.
+//! [`WorldTask::decide`] answers one batch of observations. `batch` decodes and encodes, `npc` holds the attempts,
+//! `planning` requests plans, `ground` and `rehearse` run legs ahead of time, and `act` evaluates the policy.
 
 mod act;
 mod batch;
@@ -258,8 +258,9 @@ impl WorldTask {
         self.planning.request(requests, &mut self.npcs, mode).await;
     }
 
-    /// Whether NPCs plan on a graph whose build is running. Lockstep worlds do not: their results must not depend on the progress of a build.
-    /// NPCs that cannot rehearse yet do not either, because some edges of such a graph are unproved.
+    /// Whether NPCs plan on a graph whose build is running. Lockstep worlds do not: their results must not depend on
+    /// the progress of a build. NPCs that cannot rehearse yet do not either, because some edges of such a graph are
+    /// unproved.
     fn takes_interim(&self) -> bool {
         !self.is_lockstep && (self.ground.is_absent() || self.ground.is_ready())
     }

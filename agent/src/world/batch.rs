@@ -82,7 +82,8 @@ pub(super) struct Answer {
 }
 
 impl Answer {
-    /// Encodes the answer of a world's task to `batch`, with the new waypoints and plans of its NPCs, in messages of limited length.
+    /// Encodes the answer of a world's task to `batch`, with the new waypoints and plans of its NPCs, in messages of
+    /// limited length.
     pub fn encode(self, world_id: u64, batch: &Batch, npcs: &mut Npcs, plans_failed: u32) -> Vec<wire::WorkRequest> {
         let mut answer = wire::ActionBatch {
             world_id,

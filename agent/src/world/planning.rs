@@ -19,7 +19,8 @@ const PLAN_QUEUE: usize = 256;
 const REPORT_LEN: usize = 64;
 /// Most queries in one batch; planners allow more.
 const MAX_QUERIES: usize = 1024;
-/// Longest wait of a lockstep world for the graph of its map. After that its NPCs act without plans until there is a graph.
+/// Longest wait of a lockstep world for the graph of its map. After that its NPCs act without plans until there is a
+/// graph.
 const GRAPH_LIMIT: Duration = Duration::from_secs(120);
 /// Longest silence of a planner that builds the graph for which a lockstep world waits.
 const PLANNER_SILENCE: Duration = Duration::from_secs(15);
@@ -64,7 +65,8 @@ pub(super) struct Planning {
     is_lockstep: bool,
     graph: Option<Arc<Graph>>,
     next_graph: NextGraph,
-    /// `None` in lockstep, where results must not depend on how NPCs are shared out, and where NPCs do not get in each other's way.
+    /// `None` in lockstep, where results must not depend on how NPCs are shared out, and where NPCs do not get in each
+    /// other's way.
     traffic: Option<CountedTraffic>,
     /// Whether a lockstep world has waited for the graph in vain.
     has_waited: bool,
@@ -118,7 +120,8 @@ impl Planning {
         }
     }
 
-    /// Switches to the graph of an edited map as soon as it answers queries. NPCs then plan again, and once more when it is complete.
+    /// Switches to the graph of an edited map as soon as it answers queries. NPCs then plan again, and once more when
+    /// it is complete.
     pub fn switch_graph(&mut self, npcs: &mut Npcs, takes_interim: bool) {
         let is_ready = |graph: &Graph| !graph.id_for_plans(takes_interim).is_empty();
         let is_complete = |graph: &Graph| !graph.id.borrow().is_empty();
@@ -152,8 +155,8 @@ impl Planning {
         graph.report(takes_interim, std::mem::take(&mut self.traversals));
     }
 
-    /// Requests plans. A lockstep world waits for them; in a realtime world they are handed out at a later decision, unless they are urgent.
-    /// An NPC whose request fails continues without a plan, which is counted.
+    /// Requests plans. A lockstep world waits for them; in a realtime world they are handed out at a later decision,
+    /// unless they are urgent. An NPC whose request fails continues without a plan, which is counted.
     pub async fn request(&mut self, requests: &[PlanRequest], npcs: &mut Npcs, mode: RequestMode) {
         for requests in requests.chunks(MAX_QUERIES) {
             let mut requests = requests.to_vec();
@@ -220,7 +223,8 @@ impl Planning {
         Some(counted.traffic.clone())
     }
 
-    /// Hands out the plans that have arrived in the background. An NPC that wants another plan requests it at its next decision.
+    /// Hands out the plans that have arrived in the background. An NPC that wants another plan requests it at its next
+    /// decision.
     pub fn receive(&mut self, npcs: &mut Npcs) {
         while let Ok(planned) = self.arrived.1.try_recv() {
             self.hand_out(planned, npcs);

@@ -1,4 +1,5 @@
-//! Rehearsals of a world's NPCs: of the next legs of their plans, and of the straight way to the goal while they have no plan.
+//! Rehearsals of a world's NPCs: of the next legs of their plans, and of the straight way to the goal while they have
+//! no plan.
 
 use super::batch::{Answer, Batch, Sighting};
 use super::planning::PlanRequest;
@@ -19,8 +20,8 @@ const TURN_DECISIONS: u32 = 9;
 const RETRY_DECISIONS: u32 = 12;
 
 impl WorldTask {
-    /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more. In realtime the pace limits the number; the other
-    /// NPCs have their turn at a later decision.
+    /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more. In realtime the pace limits
+    /// the number; the other NPCs have their turn at a later decision.
     pub(super) async fn rehearse(
         &mut self,
         batch: &Batch,
@@ -79,7 +80,8 @@ impl WorldTask {
         }
     }
 
-    /// The NPCs that rehearse before this decision. An NPC that stands still waits for its turn, but not for ever: most legs go well without.
+    /// The NPCs that rehearse before this decision. An NPC that stands still waits for its turn, but not for ever: most
+    /// legs go well without.
     fn choose_due<'b>(&mut self, batch: &'b Batch) -> Vec<&'b Sighting> {
         let is_due = |seen: &&Sighting| {
             seen.state.is_some()
@@ -103,8 +105,8 @@ impl WorldTask {
         due
     }
 
-    /// Lets NPCs without a plan head straight for their goals. They first stand still for a while to get a plan, and where a rehearsal of the
-    /// straight way ends in harm they stand still until they have one.
+    /// Lets NPCs without a plan head straight for their goals. They first stand still for a while to get a plan, and
+    /// where a rehearsal of the straight way ends in harm they stand still until they have one.
     pub(super) async fn rehearse_straight(&mut self, batch: &Batch, movers: &[MoverState]) -> Result<(), WorldError> {
         let plan_decisions = if self.is_lockstep { 0 } else { PLAN_DECISIONS };
         let awaits_graph = self.planning.awaits_graph(self.takes_interim());

@@ -3,7 +3,8 @@
 //! An [`Attempt`] is a state machine without a world. For each decision its driver
 //! 1. shows it the movers ([`Follower::watch_movers`]),
 //! 2. rehearses: [`is_due`](Attempt::is_due), [`begin_rehearsals`](Attempt::begin_rehearsals), then
-//!    [`rehearsal`](Attempt::rehearsal) and [`record_rehearsal`](Attempt::record_rehearsal) until one ends well or the attempt ends,
+//!    [`rehearsal`](Attempt::rehearsal) and [`record_rehearsal`](Attempt::record_rehearsal) until one ends well or the
+//!    attempt ends,
 //! 3. acts in the attempt's [`style`](Attempt::style),
 //! 4. compares the body with the [`forecast`](Attempt::check_forecast) and records the decision
 //!    ([`Follower::record_decision`]), which says where to head, when to plan and when to end.
@@ -94,7 +95,8 @@ impl Attempt {
         (self.forecast, self.must_rehearse) = (None, true);
     }
 
-    /// Compares the body after a decision with the forecast. Where they differ, the forecast is void; returns whether it holds.
+    /// Compares the body after a decision with the forecast. Where they differ, the forecast is void; returns whether
+    /// it holds.
     pub fn check_forecast(&mut self, body: &Body) -> bool {
         let holds = self.forecast.as_mut().is_some_and(|forecast| forecast.matches(body));
         if !holds && self.follower.waypoint().is_some() {
@@ -113,7 +115,8 @@ impl Attempt {
         RehearsalStart { npc, follower: self.follower.clone(), hidden, noise, forecast: self.forecast.take() }
     }
 
-    /// Records how a rehearsal ended. After a failure the NPC first moves freely, then draws other noise, then takes another way.
+    /// Records how a rehearsal ended. After a failure the NPC first moves freely, then draws other noise, then takes
+    /// another way.
     pub fn record_rehearsal(
         &mut self,
         result: Result<Forecast, RehearsalFailure>,

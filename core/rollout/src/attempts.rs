@@ -151,12 +151,14 @@ impl Rollout {
         }
     }
 
-    /// Runs one attempt for each goal, heading straight for the goal, and returns the results in the order of the goals.
+    /// Runs one attempt for each goal, heading straight for the goal, and returns the results in the order of the
+    /// goals.
     pub fn run(&self, policy: &Policy, goals: &[Goal]) -> Vec<AttemptResult> {
         self.measure(policy, None, goals, &mut Figures::default())
     }
 
-    /// Like [`run`](Self::run), but follows plans of `router`, if there is one, and adds what was measured to `figures`.
+    /// Like [`run`](Self::run), but follows plans of `router`, if there is one, and adds what was measured to
+    /// `figures`.
     pub fn measure(
         &self,
         policy: &Policy,
@@ -168,8 +170,8 @@ impl Rollout {
         goals.chunks(BATCH).flat_map(run).map(|played| played.attempt).collect()
     }
 
-    /// Runs all attempts together, following plans of `router`. `before_each_decision` gets the world and the number of the decision, and may
-    /// change the world. Returns the results in the order of the goals.
+    /// Runs all attempts together, following plans of `router`. `before_each_decision` gets the world and the number of
+    /// the decision, and may change the world. Returns the results in the order of the goals.
     pub fn live(
         &self,
         policy: &Policy,

@@ -53,7 +53,8 @@ pub struct Sample {
     pub actions: Vec<f32>,
 }
 
-/// Runs `npc_count` NPCs that head for random goals on `map`, and returns one sample for each of `decision_count` decisions.
+/// Runs `npc_count` NPCs that head for random goals on `map`, and returns one sample for each of `decision_count`
+/// decisions.
 ///
 /// # Errors
 /// If no place to stand is found on the map.

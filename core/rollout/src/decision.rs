@@ -1,4 +1,5 @@
-//! The decision loop: observe, act, ten ticks, close. All code that steps NPCs by a policy or by given actions uses this loop.
+//! The decision loop: observe, act, ten ticks, close. All code that steps NPCs by a policy or by given actions uses
+//! this loop.
 
 use crate::style::Style;
 use rand::rngs::ChaCha8Rng;
@@ -72,7 +73,8 @@ impl DecisionLoop {
         Self { senses_transports, ..Self::of_lens(policy.observation_len(), policy.memory_len()) }
     }
 
-    /// Creates a loop for observations of `observation_len` values and hidden states of `hidden_len`; 0 for policies without a hidden state.
+    /// Creates a loop for observations of `observation_len` values and hidden states of `hidden_len`; 0 for policies
+    /// without a hidden state.
     pub fn of_lens(observation_len: usize, hidden_len: usize) -> Self {
         let hidden = HiddenStates::of_len(hidden_len);
         let (observations, actions, outcomes) = Default::default();

@@ -1,5 +1,6 @@
-//! A plain controller that drives a body along a path, as an engine's character follows the path of a NavMesh. It turns to where it goes,
-//! slows down at corners, and jumps where the path says so. It knows its own body and the path, and senses nothing.
+//! A plain controller that drives a body along a path, as an engine's character follows the path of a NavMesh. It turns
+//! to where it goes, slows down at corners, and jumps where the path says so. It knows its own body and the path, and
+//! senses nothing.
 
 use serde::{Deserialize, Serialize};
 use surefoot_world::character::{Action, Body};
@@ -158,8 +159,8 @@ impl<'p> Driver<'p> {
         SLOW + (cosine.max(0.0) * cosine.max(0.0)) * f32::from(u8::MAX)
     }
 
-    /// Whether the body jumps. A leap begins as soon as it would arrive; otherwise where the body is blocked, or where the ground ends. The
-    /// second jump follows when the first one no longer rises.
+    /// Whether the body jumps. A leap begins as soon as it would arrive; otherwise where the body is blocked, or where
+    /// the ground ends. The second jump follows when the first one no longer rises.
     fn wants_jump(&mut self, body: &Body, profile: &CharacterProfile, by: Ability, target: Vec3) -> bool {
         let most = match by {
             Ability::Jump | Ability::Jetpack => 1,
@@ -188,7 +189,8 @@ impl<'p> Driver<'p> {
     }
 }
 
-/// Whether a device has taken the body, whose horizontal distance to it is still `distance`, m: devices act at their rims.
+/// Whether a device has taken the body, whose horizontal distance to it is still `distance`, m: devices act at their
+/// rims.
 fn was_taken(by: Ability, body: &Body, distance: f32) -> bool {
     match by {
         Ability::Pad => !body.is_grounded() && body.velocity.y > SLOW && distance < DEVICE_M,
@@ -198,8 +200,8 @@ fn was_taken(by: Ability, body: &Body, distance: f32) -> bool {
     }
 }
 
-/// Whether a leap of `jumps` jumps is high enough when it has covered the horizontal distance. Each jump follows when the last one no longer
-/// rises.
+/// Whether a leap of `jumps` jumps is high enough when it has covered the horizontal distance. Each jump follows when
+/// the last one no longer rises.
 fn arrives(profile: &CharacterProfile, jumps: u32, to: Vec3) -> bool {
     let seconds = flat(to).length() / (RELIABLE * profile.forward_speed);
     let rising = profile.jump_speed / profile.gravity;

@@ -1,11 +1,12 @@
 //! The decision loop, and the parts around it that training, probing, evaluation, environments and pictures share.
 //!
 //! - [`decision`]: observe, act, ten ticks, close; [`style`] shapes the actions and [`motion`] measures how NPCs move.
-//! - [`attempt`]: the state machine of an NPC on its way to a goal; [`follow`] follows a plan and [`rehearse`] runs its next legs ahead of time.
-//!   [`attempts`] runs many of them in this process.
-//! - [`probe`]: the short episodes that prove edges; [`graphs`] builds graphs with them, and [`shape`] measures where the leaps of an edge
-//!   begin and end, with [`drive`], a controller that follows a path without a policy.
-//! - [`env`](mod@env): NPCs whose actions the caller chooses; [`goals`] draws starts and goals, and [`crowd`] keeps NPCs busy.
+//! - [`attempt`]: the state machine of an NPC on its way to a goal; [`follow`] follows a plan and [`rehearse`] runs its
+//!   next legs ahead of time. [`attempts`] runs many of them in this process.
+//! - [`probe`]: the short episodes that prove edges; [`graphs`] builds graphs with them, and [`shape`] measures where
+//!   the leaps of an edge begin and end, with [`drive`], a controller that follows a path without a policy.
+//! - [`env`](mod@env): NPCs whose actions the caller chooses; [`goals`] draws starts and goals, and [`crowd`] keeps
+//!   NPCs busy.
 //!
 //! This crate neither learns nor uses the network.
 

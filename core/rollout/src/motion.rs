@@ -124,7 +124,8 @@ impl Motion {
         self.reversals as f64 / (self.decisions.max(1) as f64 * f64::from(DECISION_SECONDS))
     }
 
-    /// The angle between facing and motion, degrees, that this share of the decisions of moving bodies does not exceed; 0 if none moved.
+    /// The angle between facing and motion, degrees, that this share of the decisions of moving bodies does not exceed;
+    /// 0 if none moved.
     pub fn facing_deg(&self, share: f64) -> f64 {
         let total: u64 = self.facing.iter().sum();
         let mut seen = 0;

@@ -1,7 +1,7 @@
 //! Probes candidate edges with short point-goal episodes of the policy, many at a time.
 //!
-//! Every episode draws its heading and noise from its own random stream, which its trial names, so that its result does not
-//! depend on the other episodes, on their order or on the number of threads.
+//! Every episode draws its heading and noise from its own random stream, which its trial names, so that its result does
+//! not depend on the other episodes, on their order or on the number of threads.
 
 use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::goals::{Goal, random_yaw};
@@ -61,8 +61,8 @@ impl ProbeContext {
         PolicyHash::new(self.policy.weights_hash())
     }
 
-    /// Runs the trials of one of [`chunks`] and returns their outcomes, in order; `None` if `watch` cancelled. The same movers must be
-    /// held in all of them.
+    /// Runs the trials of one of [`chunks`] and returns their outcomes, in order; `None` if `watch` cancelled. The same
+    /// movers must be held in all of them.
     pub fn run_chunk(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
         run_chunk(self, &Reliance::on(&self.map), trials, seed, watch)
     }
@@ -100,11 +100,11 @@ impl ProbeExecutor for InProcess {
     }
 }
 
-/// Divides trials into chunks, of which each is run by itself ([`ProbeContext::run_chunk`]), here or elsewhere. Returns the indices of
-/// the trials of each chunk.
+/// Divides trials into chunks, of which each is run by itself ([`ProbeContext::run_chunk`]), here or elsewhere. Returns
+/// the indices of the trials of each chunk.
 ///
-/// Chunks depend on nothing but the trials, since results may depend on what shares a batch. Many of them keep all threads busy to the
-/// end. The trials of one chunk share the movers of its world.
+/// Chunks depend on nothing but the trials, since results may depend on what shares a batch. Many of them keep all
+/// threads busy to the end. The trials of one chunk share the movers of its world.
 pub fn chunks(trials: &[Trial]) -> Vec<Vec<usize>> {
     let chunk_len = (trials.len() / 32).clamp(MIN_CHUNK, MAX_CHUNK);
     let mut order: Vec<usize> = (0..trials.len()).collect();
@@ -137,8 +137,8 @@ impl ProbeWatch for OfChunk<'_> {
     }
 }
 
-/// Runs one trial and returns its outcome, which equals that of [`InProcess`], and the positions of the feet, m: the start, then
-/// the position after every tick.
+/// Runs one trial and returns its outcome, which equals that of [`InProcess`], and the positions of the feet, m: the
+/// start, then the position after every tick.
 pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec<Vec3>) {
     let reliance = Reliance::on(&context.map);
     let mut probes = Probes::new(context, &reliance, seed, trial.held);
@@ -154,7 +154,8 @@ pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec
     }
 }
 
-/// Runs the trials of a chunk, of which the same movers are held, and returns their outcomes; `None` if `watch` cancelled.
+/// Runs the trials of a chunk, of which the same movers are held, and returns their outcomes; `None` if `watch`
+/// cancelled.
 fn run_chunk(
     context: &ProbeContext,
     reliance: &Reliance,
@@ -190,7 +191,8 @@ fn run_chunk(
     }
 }
 
-/// Runs a ride: the body stands still on the mover until that has reached the stop where the ride ends; `None` if `watch` cancelled.
+/// Runs a ride: the body stands still on the mover until that has reached the stop where the ride ends; `None` if
+/// `watch` cancelled.
 fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride, watch: &dyn ProbeWatch) -> Option<Outcome> {
     let mut world = context.world_for(Some(MoverAt { mover: ride.mover, stop: ride.from }));
     let mut outcome = Outcome::begin(trial.start);
@@ -264,8 +266,8 @@ impl<'a> Probes<'a> {
         self.running.is_empty()
     }
 
-    /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows the world after
-    /// each tick if somebody watches.
+    /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows
+    /// the world after each tick if somebody watches.
     pub(crate) fn decide(&mut self, mut watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
         let npcs: Vec<DecidingNpc> =
             self.running.iter().map(|run| DecidingNpc::of(run.slot).in_style(run.probe.style)).collect();
@@ -392,8 +394,8 @@ pub enum ProbeStep {
 }
 
 impl RunningProbe {
-    /// Begins a trial with the random stream that it names under `seed`, after `wait` decisions. Returns also where the NPC starts, and
-    /// for which place it heads first.
+    /// Begins a trial with the random stream that it names under `seed`, after `wait` decisions. Returns also where the
+    /// NPC starts, and for which place it heads first.
     pub fn begin(trial: &Trial, seed: u64, wait: u32, profile: &CharacterProfile) -> (Self, Goal) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(trial.stream);

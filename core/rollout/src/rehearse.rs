@@ -1,7 +1,7 @@
 //! Rehearsals: the next legs of plans, run ahead of time in a copy of the simulation.
 //!
-//! Steps and noise are deterministic. A rehearsal therefore forecasts what its NPC will do unless something else interferes.
-//! [`Attempt::record_rehearsal`](crate::Attempt::record_rehearsal) says what follows a failure.
+//! Steps and noise are deterministic. A rehearsal therefore forecasts what its NPC will do unless something else
+//! interferes. [`Attempt::record_rehearsal`](crate::Attempt::record_rehearsal) says what follows a failure.
 
 use crate::decision::{DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::follow::scene::Scene;
@@ -148,8 +148,8 @@ impl Rehearsal {
         self.worlds[0].map()
     }
 
-    /// Runs the next legs of each NPC, with the map's movers in these states at first. Returns for each NPC how it will be after them, or how
-    /// it failed.
+    /// Runs the next legs of each NPC, with the map's movers in these states at first. Returns for each NPC how it will
+    /// be after them, or how it failed.
     ///
     /// # Panics
     /// If the states do not fit the movers of the map.
@@ -295,7 +295,8 @@ impl Running {
         (follower.leg_idx() >= self.until && body.is_grounded()).then_some(Ok(()))
     }
 
-    /// Records a decision of a body that has arrived, until it stands: a body that arrives in flight may fall beyond its goal.
+    /// Records a decision of a body that has arrived, until it stands: a body that arrives in flight may fall beyond
+    /// its goal.
     fn record_rest(&mut self, world: &World) -> Option<Result<(), RehearsalFailure>> {
         let npc = world.npc(self.slot).expect("a running NPC");
         self.decisions += 1;

@@ -1,9 +1,9 @@
-//! Measures the shapes of edges: runs the policy along each of them a few times more, and notes where the body leaves the ground by a special
-//! move, how high it gets, and where it stands again.
+//! Measures the shapes of edges: runs the policy along each of them a few times more, and notes where the body leaves
+//! the ground by a special move, how high it gets, and where it stands again.
 //!
-//! Of the runs that arrive, the one is kept that a [plain controller](crate::drive) repeats most reliably, with the share of its tries that
-//! did: who follows links by script rather than by our policy knows what to expect. The same graph gives the same shapes on any number of
-//! threads.
+//! Of the runs that arrive, the one is kept that a [plain controller](crate::drive) repeats most reliably, with the
+//! share of its tries that did: who follows links by script rather than by our policy knows what to expect. The same
+//! graph gives the same shapes on any number of threads.
 
 use crate::drive::{Driver, PathPoint};
 use crate::probe::{ProbeContext, Probes};
@@ -43,8 +43,8 @@ const BUMP_M: f32 = 0.6;
 const WALK_RATIO: f32 = 1.5;
 const WALK_MORE_M: f32 = 2.0;
 
-/// Measures the shape of each edge of `graph` on `thread_count` threads, in order; `None` where no run arrived again. `ground` is the
-/// survey's, and says what a NavMesh walks. `finished` is called after each edge.
+/// Measures the shape of each edge of `graph` on `thread_count` threads, in order; `None` where no run arrived again.
+/// `ground` is the survey's, and says what a NavMesh walks. `finished` is called after each edge.
 pub fn measure(
     context: &ProbeContext,
     (graph, ground): (&NavGraph, &Ground),
@@ -329,7 +329,8 @@ fn drive_once(
     has_arrived
 }
 
-/// A leap with when it begins and ends, in ticks of its run, and where and when the jetpack that it takes was picked up.
+/// A leap with when it begins and ends, in ticks of its run, and where and when the jetpack that it takes was picked
+/// up.
 struct Timed {
     leap: Leap,
     pickup: Option<(Vec3, usize)>,
@@ -337,8 +338,8 @@ struct Timed {
     end: usize,
 }
 
-/// The leaps of a run towards `goal`: what it does between one place where the body stands and the next, unless that is a mere bump. A device
-/// begins a leap of its own.
+/// The leaps of a run towards `goal`: what it does between one place where the body stands and the next, unless that is
+/// a mere bump. A device begins a leap of its own.
 fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
     let mut found = Vec::new();
     let mut open: Option<Flight> = None;

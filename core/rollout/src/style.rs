@@ -1,9 +1,10 @@
 //! Styles of motion: how an NPC carries out what its policy wants.
 //!
-//! A policy that learned to arrive turns to and fro, runs sideways and jumps where walking would do. A composed NPC moves as the policy
-//! wants on the whole: it faces where it goes, keeps to the straight way where the policy does so roughly, acts without noise, and jumps
-//! only on legs that need it. Whether it still arrives is seen in the [rehearsal](crate::rehearse) of the leg; where it does not, it is
-//! free to move as the policy does. docs/adr/0026-composed-motion.md says what that changes.
+//! A policy that learned to arrive turns to and fro, runs sideways and jumps where walking would do. A composed NPC
+//! moves as the policy wants on the whole: it faces where it goes, keeps to the straight way where the policy does so
+//! roughly, acts without noise, and jumps only on legs that need it. Whether it still arrives is seen in the
+//! [rehearsal](crate::rehearse) of the leg; where it does not, it is free to move as the policy does.
+//! docs/adr/0026-composed-motion.md says what that changes.
 
 use std::f32::consts::{PI, TAU};
 use surefoot_world::character::{Body, Ride, Support};
@@ -83,7 +84,8 @@ impl Style {
     }
 }
 
-/// An NPC of which only the observation is known, as if it stood at the origin with the heading 0: all of it that [`Style::shape`] needs.
+/// An NPC of which only the observation is known, as if it stood at the origin with the heading 0: all of it that
+/// [`Style::shape`] needs.
 ///
 /// # Panics
 /// If `row` is no observation.
@@ -147,7 +149,8 @@ fn wish(action: Action, body: &Body, profile: &CharacterProfile) -> (f32, f32) {
     (x / length, z / length)
 }
 
-/// The direction of `way` on the plane with the length of the wish along `x` and `z`, if that leads about there; the wish itself otherwise.
+/// The direction of `way` on the plane with the length of the wish along `x` and `z`, if that leads about there; the
+/// wish itself otherwise.
 fn straighten(way: Vec3, x: f32, z: f32) -> (f32, f32) {
     let (distance, length) = (hypot(way.x, way.z), hypot(x, z));
     if distance < CLOSE_M || way.x * x + way.z * z < STRAIGHT * distance * length {
@@ -156,7 +159,8 @@ fn straighten(way: Vec3, x: f32, z: f32) -> (f32, f32) {
     (way.x / distance * length, way.z / distance * length)
 }
 
-/// Where `body` goes next, on the plane: its velocity, and part of what becomes of it as the policy wants to move along `x` and `z`.
+/// Where `body` goes next, on the plane: its velocity, and part of what becomes of it as the policy wants to move along
+/// `x` and `z`.
 fn ahead(body: &Body, profile: &CharacterProfile, x: f32, z: f32) -> (f32, f32) {
     let (now_x, now_z) = (body.velocity.x, body.velocity.z);
     let (change_x, change_z) = (x * profile.forward_speed - now_x, z * profile.forward_speed - now_z);

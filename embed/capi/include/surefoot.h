@@ -3,24 +3,25 @@
  *
  * docs/c-library.md is the tutorial; this file is the reference.
  *
- * Units and frames. Metres, seconds, radians; right-handed, y up. A body with yaw 0 faces +z, and yaw grows counter-clockwise seen from
- * above: +x lies to its left. Its feet are the lowest point of its capsule. A decision lasts 1/6 s (SF_TICKS_PER_DECISION ticks of 1/60 s),
- * during which the action is held.
+ * Units and frames. Metres, seconds, radians; right-handed, y up. A body with yaw 0 faces +z, and yaw grows
+ * counter-clockwise seen from above: +x lies to its left. Its feet are the lowest point of its capsule. A decision
+ * lasts 1/6 s (SF_TICKS_PER_DECISION ticks of 1/60 s), during which the action is held.
  *
- * Errors. Functions return SF_OK or another sf_status; they then have changed nothing but outputs, unless they say otherwise. If `error` is
- * not NULL, it gets a text in English that names the argument and says what to change.
+ * Errors. Functions return SF_OK or another sf_status. After an error only outputs have changed, unless the function
+ * says otherwise. If `error` is not NULL, it gets an English text that names the argument and says what to change.
  *
- * Ownership. What a function with `_create`, `_load` or `_shipped` in its name returns belongs to the caller, who destroys it once;
- * destroying NULL does nothing. Agents and worlds keep what they need of the policy or map that they were made of, which may be destroyed
- * before them. Arrays belong to the caller and are not kept beyond the call.
+ * Ownership. The caller owns what a function with `_create`, `_load` or `_shipped` in its name returns, and destroys
+ * it once; destroying NULL does nothing. A policy or map may be destroyed before the agents or worlds made from it.
+ * Arrays belong to the caller and are not kept beyond the call.
  *
- * Threads. Every function may be called on any thread, and the library has no state besides its handles. Policies and maps never change,
- * and any number of threads may use them. Graphs may be searched by many threads at once; a change waits for searches to end. Agents,
- * followers, worlds and snapshots serve one thread at a time: another call meanwhile returns SF_BUSY. Nobody may use a handle that is being
- * destroyed.
+ * Threads. Every function may be called on any thread, and the library has no state besides its handles. Policies
+ * and maps never change, and any number of threads may use them. Many threads may search a graph at once; a change
+ * waits for searches to end. Agents, followers, worlds and snapshots serve one thread at a time: a second call at
+ * the same time returns SF_BUSY. Do not use a handle while it is being destroyed.
  *
- * Compatibility. Programs run with later versions of the library as long as sf_abi_version() stays SF_ABI_VERSION. Structs with a
- * `struct_size` may grow at their end: set it to the struct's size, also in those that are outputs. Other structs never change.
+ * Compatibility. Programs run with later versions of the library as long as sf_abi_version() stays SF_ABI_VERSION.
+ * Structs with a `struct_size` may grow at their end: set it to the struct's size, also in outputs. Other structs
+ * never change.
  */
 #ifndef SUREFOOT_H
 #define SUREFOOT_H
@@ -32,7 +33,7 @@
 extern "C" {
 #endif
 
-/* ------------------------------------------------------------------------------------------------------------------ constants */
+/* ------------------------------------------------------------ constants */
 
 #define SF_ABI_VERSION 1u
 /* Rays of an agent. */
@@ -43,39 +44,39 @@ extern "C" {
 #define SF_REACHED_WITHIN 1.0f
 #define SF_TICKS_PER_SECOND 60u
 #define SF_TICKS_PER_DECISION 10u
-/* Share of its exploration noise with which a policy does best: some noise frees characters from places where the mean runs in circles. */
+/* Best share of a policy's exploration noise: some noise frees characters where the mean action runs in circles. */
 #define SF_DEFAULT_NOISE 0.5f
-/* Most others in sight that an agent is told of. */
+/* Most other characters in a state. */
 #define SF_MAX_OTHERS 64u
-/* Ends of a leg that are no vertices. */
+/* Ends of a leg that are not vertices. */
 #define SF_STOP_START 0xffffffffu
 #define SF_STOP_GOAL 0xfffffffeu
 
-/* What a function returns. */
+/* Status that functions return. */
 typedef int32_t sf_status;
 enum {
     SF_OK = 0,
     /* An argument is NULL, not finite, or out of its range. */
     SF_INVALID_ARGUMENT = 1,
-    /* An output has too little room; how much is needed was written. */
+    /* An output has too little room; the needed size was written. */
     SF_BUFFER_TOO_SMALL = 2,
     /* A file, a vertex, an edge or an NPC does not exist. */
     SF_NOT_FOUND = 3,
     /* A file is damaged, or of another kind or version. */
     SF_BAD_FILE = 4,
-    /* Another call with the same handle is under way. */
+    /* Another call with the same handle is running. */
     SF_BUSY = 5,
-    /* A call is missing that has to come before. */
+    /* Another call has to come first. */
     SF_BAD_STATE = 6,
     /* A fault of the library: destroy the handles of this call. */
     SF_INTERNAL = 7
 };
 
-/* What rays end on, and kinds of devices. */
+/* Surfaces that rays hit, and kinds of devices. */
 typedef int32_t sf_surface;
 enum {
     SF_SURFACE_NONE = 0,
-    /* Whatever is solid. */
+    /* Any solid surface. */
     SF_SURFACE_GROUND = 1,
     /* The surface of water, which drowns bodies after five seconds. */
     SF_SURFACE_WATER = 2,
@@ -90,7 +91,7 @@ enum {
     SF_SURFACE_JETPACK = 7
 };
 
-/* The most demanding ability that a leg takes. */
+/* The most demanding ability of a leg. */
 typedef int32_t sf_ability;
 enum {
     SF_WALK = 0,
@@ -103,7 +104,7 @@ enum {
     SF_JETPACK = 6
 };
 
-/* Abilities as bits, for sets of them. One with jumps has double jumps as well. */
+/* Sets of abilities, as bits. A set with jumps has double jumps as well. */
 enum {
     SF_JUMP_BIT = 1 << SF_JUMP,
     SF_DOUBLE_JUMP_BIT = 1 << SF_DOUBLE_JUMP,
@@ -113,7 +114,7 @@ enum {
     SF_JETPACK_BIT = 1 << SF_JETPACK
 };
 
-/* ------------------------------------------------------------------------------------------------------------------ structs */
+/* ------------------------------------------------------------ structs */
 
 typedef struct sf_policy sf_policy;
 typedef struct sf_agents sf_agents;
@@ -123,7 +124,7 @@ typedef struct sf_map sf_map;
 typedef struct sf_world sf_world;
 typedef struct sf_snapshot sf_snapshot;
 
-/* Why a call failed: the status that it returned, and a text in UTF-8 that ends with a zero. */
+/* Why a call failed: its status, and a zero-terminated text in UTF-8. */
 typedef struct sf_error {
     sf_status code;
     char message[256];
@@ -142,17 +143,17 @@ typedef struct sf_ray {
     sf_vec3 direction;
 } sf_ray;
 
-/* What a ray ended on. All zeros: nothing within SF_RAY_RANGE. */
+/* The hit of a ray. All zeros: no hit within SF_RAY_RANGE. */
 typedef struct sf_hit {
-    /* Distance to the surface, m, 0 or more; ignored for SF_SURFACE_NONE. What is beyond SF_RAY_RANGE counts as nothing. */
+    /* Distance to the surface, m, 0 or more; ignored for SF_SURFACE_NONE. Beyond SF_RAY_RANGE it counts as no hit. */
     float distance;
-    /* Distance to another character, m, whether or not it is nearer than the surface; 0 for none. Only for policies that see others; rays
-     * at surfaces pass through characters. */
+    /* Distance to another character, m, also behind the surface; 0 for none. Only for policies that see others.
+     * Characters do not stop rays. */
     float body_distance;
     sf_surface surface;
 } sf_hit;
 
-/* The controls of a character for one decision, each -1 to 1. */
+/* The controls of a character for one decision, each from -1 to 1. */
 typedef struct sf_action {
     /* Moves forward (positive) or backward, as a share of the top speed. */
     float forward;
@@ -170,20 +171,20 @@ typedef struct sf_other {
     sf_vec3 velocity;
 } sf_other;
 
-/* A device of the level: agents are told of the nearest. */
+/* A device of the level. Agents sense the nearest ones. */
 typedef struct sf_device {
     /* SF_SURFACE_PAD, SF_SURFACE_ZIP_LINE, SF_SURFACE_TELEPORTER or SF_SURFACE_JETPACK. */
     sf_surface kind;
-    /* 1 for a teleporter that leads back as well. */
+    /* 1 for a teleporter that works in both directions. */
     int32_t two_way;
     /* Centre of a pad or jetpack, or the entrance, on the ground, m. */
     sf_vec3 from;
-    /* Where a zip line or teleporter leads, on the ground, m; ignored for others. */
+    /* End of a zip line or teleporter, on the ground, m; ignored for other devices. */
     sf_vec3 to;
 } sf_device;
 
-/* What makes a character move as it does. Policies were trained with the default body; general-reactive knows others by these values.
- * sf_body_default fills it; ranges are in parentheses. */
+/* The body of a character. Policies were trained with the default body; general-reactive observes these values and
+ * adapts to other bodies. sf_body_default fills it; ranges are in parentheses. */
 typedef struct sf_body {
     uint32_t struct_size;
     /* m (2 radii to 4). */
@@ -192,7 +193,7 @@ typedef struct sf_body {
     float radius;
     /* Top speed forward, m/s (0.1 to 20). */
     float forward_speed;
-    /* Top speed backwards and sideways as a share of that (0 to 1). */
+    /* Top speed backwards and sideways as a share of forward_speed (0 to 1). */
     float side_speed_share;
     /* Top turning speed, rad/s (0.1 to 20). */
     float turn_speed;
@@ -202,13 +203,13 @@ typedef struct sf_body {
     float gravity;
     /* Steepest walkable slope, rad (0 to 1.4). */
     float max_slope;
-    /* Highest step that is climbed without a jump, m (0 to the radius). */
+    /* Highest step without a jump, m (0 to the radius). */
     float step_height;
     /* Horizontal acceleration on the ground, m/s2 (1 to 1000). */
     float ground_acceleration;
     /* Horizontal acceleration in the air, m/s2 (0 to 1000). */
     float air_acceleration;
-    /* m/s (1 to 40). Only worlds use this and the next two. */
+    /* Speed on zip lines, m/s (1 to 40). Only worlds use this and the next two. */
     float zip_line_speed;
     /* Upward acceleration of a jetpack, m/s2 (0 to 200). */
     float jetpack_acceleration;
@@ -216,7 +217,8 @@ typedef struct sf_body {
     float jetpack_climb_speed;
     /* Jumps in the air before the character must land (0 to 255). */
     uint32_t extra_jumps;
-    /* Ticks after leaving the ground during which a jump still counts as one from the ground (0 to 254). Only worlds use this. */
+    /* Ticks after leaving the ground in which a jump counts as a jump from the ground (0 to 254). Only worlds use
+     * this. */
     uint32_t coyote_ticks;
     /* Whether the character can use zip lines, 0 or 1. */
     int32_t uses_zip_lines;
@@ -243,9 +245,9 @@ typedef struct sf_state {
     sf_vec3 velocity;
     /* rad, any finite value. */
     float yaw;
-    /* Share of its breath that it has used up under water, 0 to 1, in steps of 1/300. */
+    /* Share of the breath used up under water, 0 to 1, in steps of 1/300. */
     float breath_used;
-    /* Thrust that its jetpack has left, s, 0 or more; 0 without one. */
+    /* Thrust left in the jetpack, s, 0 or more; 0 without a jetpack. */
     float jetpack_seconds;
     /* Number of others, at most SF_MAX_OTHERS; 0 unless the policy sees others. */
     uint32_t other_count;
@@ -253,14 +255,14 @@ typedef struct sf_state {
     const sf_other* others;
 } sf_state;
 
-/* How an agent gets on towards its goal. */
+/* Progress of an agent towards its goal. */
 typedef struct sf_progress {
     uint32_t struct_size;
-    /* 1 once it was within SF_REACHED_WITHIN of its goal. */
+    /* 1 after the agent has been within SF_REACHED_WITHIN of its goal. */
     int32_t reached;
     /* Smallest distance to the goal so far, m. */
     float best_distance;
-    /* Decisions since that last shrank; an attempt without a plan is hopeless from 300 on. */
+    /* Decisions since best_distance last shrank; at 300, an attempt without a plan is hopeless. */
     uint32_t stalled_decisions;
     /* Decisions since the goal was set. */
     uint32_t decisions;
@@ -272,18 +274,18 @@ typedef struct sf_leg_key {
     uint32_t to;
 } sf_leg_key;
 
-/* What a plan must do. */
+/* A request for a plan. */
 typedef struct sf_query {
     uint32_t struct_size;
-    /* Abilities that it does without: a sum of SF_..._BIT; 0 for none. */
+    /* Abilities that the plan must not use: a sum of SF_..._BIT; 0 for none. */
     uint32_t without;
     sf_vec3 start;
     sf_vec3 goal;
-    /* How much the plan does to avoid that the NPC dies: 0 bold to 1 careful. 1 is fastest to find. */
+    /* How much the plan avoids death: 0 is bold, 1 is careful and the fastest to find. */
     float caution;
     /* Number of legs to avoid. */
     uint32_t avoid_count;
-    /* Legs that it must not use; NULL for none. */
+    /* Legs that the plan must not use; NULL for none. */
     const sf_leg_key* avoid;
 } sf_query;
 
@@ -293,7 +295,7 @@ typedef struct sf_leg {
     sf_vec3 waypoint;
     sf_leg_key key;
     sf_ability ability;
-    /* Expected duration, what failures cost included, s. */
+    /* Expected duration, including the cost of failures, s. */
     float seconds;
     /* Estimated chance of success, 0 to 1. */
     float chance;
@@ -309,28 +311,28 @@ enum {
     SF_START_OFF_GRAPH = 1,
     /* No vertex near the goal has an edge that reaches it. */
     SF_GOAL_OFF_GRAPH = 2,
-    /* No path joins the islands of start and goal in either direction. */
+    /* No path joins the islands of start and goal, in either direction. */
     SF_DIFFERENT_ISLANDS = 3,
     /* A path leads from the goal to the start, but none from the start to the goal. */
     SF_ONE_WAY = 4
 };
 
-/* A plan as a whole. A plan without a path is an answer and no error. */
+/* A whole plan. A plan without a path is an answer, not an error. */
 typedef struct sf_plan {
     /* Index of its first leg in the array of legs. */
     uint32_t first_leg;
     uint32_t leg_count;
-    /* Expected duration, what failures cost included, s. */
+    /* Expected duration, including the cost of failures, s. */
     float seconds;
     /* Estimated chance that every leg succeeds, 0 to 1. */
     float chance;
-    /* Estimated chance of arriving, with other plans where legs fail, 0 to 1; 0 without a path. */
+    /* Estimated chance of arriving, including re-plans after failed legs, 0 to 1; 0 without a path. */
     float arrival_chance;
     /* Estimated chance of dying on the way, 0 to 1. */
     float death_chance;
     sf_no_path no_path;
-    /* 1 if there is no path, and the plan leads to the reachable place nearest to the goal. With neither a path nor this, it is one leg
-     * straight to the goal. */
+    /* 1 if there is no path and the plan leads to the reachable place nearest to the goal. If there is neither, the
+     * plan is one leg straight to the goal. */
     int32_t leads_near;
 } sf_plan;
 
@@ -340,11 +342,11 @@ typedef struct sf_edge {
     sf_ability ability;
     /* 0 if sf_graph_set_edge_open closed it. */
     int32_t is_open;
-    /* As in a leg, as they were proved. */
+    /* As in a leg, with the values from the proof. */
     float seconds;
     float chance;
     float death_chance;
-    /* What a careful search adds up now, in decisions; infinite if closed. */
+    /* Current cost in a careful search, in decisions; infinite if closed. */
     float cost;
 } sf_edge;
 
@@ -360,7 +362,7 @@ typedef int32_t sf_edit_kind;
 enum {
     /* Removes an edge. */
     SF_FORBID_EDGE = 1,
-    /* Adds an edge, proved or not; `value` is its duration, 0 to 3600 s, below 0 for an estimate. */
+    /* Adds an edge, proved or not; `value` is its duration, 0 to 3600 s, or negative for an estimate. */
     SF_FORCE_EDGE = 2,
     /* Multiplies the cost of an edge by `value`, 0.1 to 1000. */
     SF_PRICE_EDGE = 3,
@@ -368,20 +370,20 @@ enum {
     SF_REMOVE_VERTEX = 4
 };
 
-/* A designer's edit. It names vertices by place, so that it outlives a new build of the graph. */
+/* A designer's edit. It names vertices by place, so that it stays valid after a new build of the graph. */
 typedef struct sf_edit {
     sf_edit_kind kind;
     float value;
-    /* Place of the vertex, or of the one that the edge leaves, within 3 m. */
+    /* Place of the vertex, or of the edge's first vertex, within 3 m. */
     sf_vec3 from;
-    /* Place of the vertex that the edge reaches, within 3 m. */
+    /* Place of the edge's last vertex, within 3 m. */
     sf_vec3 to;
 } sf_edit;
 
-/* How an NPC got along an edge. */
+/* One traversal of an edge by an NPC. */
 typedef struct sf_traversal {
     sf_leg_key key;
-    /* How long it took. */
+    /* Duration in decisions. */
     uint32_t decisions;
     /* One of sf_traversal_end. */
     int32_t end;
@@ -389,7 +391,7 @@ typedef struct sf_traversal {
 
 enum { SF_ARRIVED = 0, SF_FAILED = 1, SF_DIED = 2 };
 
-/* What a follower wants the NPC to do. */
+/* The next step of an NPC. */
 typedef int32_t sf_step_kind;
 enum {
     /* Keep heading for the waypoint. */
@@ -407,11 +409,11 @@ enum {
 typedef struct sf_step {
     uint32_t struct_size;
     sf_step_kind kind;
-    /* Where the NPC heads for; zeros without a plan. */
+    /* The waypoint; zeros without a plan. */
     sf_vec3 waypoint;
     /* Index of the current leg. */
     uint32_t leg;
-    /* Number of legs of the plan; 0 without one. */
+    /* Number of legs of the plan; 0 without a plan. */
     uint32_t leg_count;
     /* Number of plans so far. */
     uint32_t plans;
@@ -431,176 +433,202 @@ enum {
     SF_UNREACHABLE = 6
 };
 
-/* What came of a decision. */
+/* The outcome of a decision. */
 typedef struct sf_outcome {
-    /* Reward of the task, for whoever trains. */
+    /* Reward of the task, for training. */
     float reward;
     sf_end end;
 } sf_outcome;
 
-/* Casts rays in the caller's world: fills `hits`, zeros before, with what each of `rays` ends on. Must not call the agents that called it,
- * and must return: no exception, no longjmp. */
+/* Casts rays in the caller's world: fills `hits`, which are zeros, with the hit of each of `rays`. It must not call
+ * the agents that called it, and it must return: no exception, no longjmp. */
 typedef void (*sf_cast_rays)(void* user, const sf_ray* rays, size_t ray_count, sf_hit* hits);
 
-/* ------------------------------------------------------------------------------------------------------------------ library */
+/* ------------------------------------------------------------ library */
 
-/* Version of the library, such as "0.2.0"; never destroyed. */
+/* Version of the library, such as "0.2.0"; do not free it. */
 const char* sf_version(void);
-/* SF_ABI_VERSION of the library: compare it with that of the header before anything else. */
+/* SF_ABI_VERSION of the library: compare it with the header's before any other call. */
 uint32_t sf_abi_version(void);
-/* Fills `body`, its struct_size included, with the body that policies were trained with: 1.8 m tall, 11 m/s, a double jump. */
+/* Fills `body`, including struct_size, with the body of training: 1.8 m tall, 11 m/s, a double jump. */
 sf_status sf_body_default(sf_body* body, sf_error* error);
 
-/* ------------------------------------------------------------------------------------------------------------------ policies */
+/* ------------------------------------------------------------ policies */
 
-/* The policy `name` that is built in, "general-reactive" or "general-lstm"; NULL for the first. */
+/* The built-in policy `name`: "general-reactive" or "general-lstm"; NULL for the first. */
 sf_status sf_policy_shipped(const char* name, sf_policy** policy, sf_error* error);
 /* Reads a model's folder, which has manifest.json and weights.bpk. SF_NOT_FOUND, SF_BAD_FILE. */
 sf_status sf_policy_load(const char* path, sf_policy** policy, sf_error* error);
-/* Decodes the contents of the two files. SF_BAD_FILE. */
-sf_status sf_policy_load_memory(const void* manifest, size_t manifest_size, const void* weights, size_t weights_size, sf_policy** policy, sf_error* error);
-/* Numbers of values of an observation, 369 or, for a policy that sees others, 461, and of an agent's memory, 0 for a reactive one. */
-sf_status sf_policy_lengths(const sf_policy* policy, size_t* observation_length, size_t* memory_length, sf_error* error);
-/* Name and shortened hash of the weights, such as "general-reactive (e892d7d5da9b)"; `length` is that of the text and its zero, at most 64. */
+/* Decodes the contents of these two files. SF_BAD_FILE. */
+sf_status sf_policy_load_memory(const void* manifest, size_t manifest_size, const void* weights, size_t weights_size,
+    sf_policy** policy, sf_error* error);
+/* Number of values of an observation (369, or 461 for a policy that sees others) and of an agent's memory (0 for a
+ * reactive policy). */
+sf_status sf_policy_lengths(const sf_policy* policy, size_t* observation_length, size_t* memory_length,
+    sf_error* error);
+/* Name and shortened hash of the weights, such as "general-reactive (e892d7d5da9b)". `length` includes the zero and
+ * is at most 64. */
 sf_status sf_policy_label(const sf_policy* policy, char* label, size_t capacity, size_t* length, sf_error* error);
 void sf_policy_destroy(sf_policy* policy);
 
-/* ------------------------------------------------------------------------------------------------------------------ agents
+/* ------------------------------------------------------------ agents
  *
- * An agent is the mind of one character. Ten times in 100 ticks, for any number of agents together:
+ * An agent is the mind of one character. Once in ten ticks, for any number of agents together, call:
  *
- *   sf_agents_observe (or sf_agents_observe_with)   what they see
- *   sf_agents_decide                                what they do for the next ten ticks
+ *   sf_agents_observe (or sf_agents_observe_with)   to pass what they see
+ *   sf_agents_decide                                to get their actions for the next ten ticks
  *
- * Once made, agents allocate nothing in these calls, in sf_agents_rays, _begin, _set_goal, _note, _acted, _save and _restore.
- * `ids` are numbers of agents, 0 to max_agents - 1, each at most once; NULL stands for 0, 1, 2 and so on. */
+ * After sf_agents_create these calls allocate nothing, nor do sf_agents_rays, _begin, _set_goal, _note, _acted,
+ * _save and _restore. `ids` are numbers of agents, 0 to max_agents - 1, each at most once; NULL stands for 0, 1, 2
+ * and so on. */
 
-/* Makes room for agents with bodies like `body`, NULL for the default one. `max_agents` is 1 to 65536. */
-sf_status sf_agents_create(const sf_policy* policy, const sf_body* body, uint32_t max_agents, sf_agents** agents, sf_error* error);
+/* Makes room for agents with bodies like `body`; NULL for the default body. `max_agents` is 1 to 65536. */
+sf_status sf_agents_create(const sf_policy* policy, const sf_body* body, uint32_t max_agents, sf_agents** agents,
+    sf_error* error);
 void sf_agents_destroy(sf_agents* agents);
 /* Replaces the devices that agents sense within 50 m; at most 20000. Allocates. */
 sf_status sf_agents_set_devices(sf_agents* agents, const sf_device* devices, size_t count, sf_error* error);
-/* Makes an agent forget everything, its goal too: for a character that was just spawned. `seed` decides its noise. */
+/* Clears everything that an agent remembers, including its goal, for a new character. `seed` determines its noise. */
 sf_status sf_agents_begin(sf_agents* agents, uint32_t agent, uint64_t seed, sf_error* error);
-/* Gives an agent, whose feet are at `feet`, a goal or the next waypoint. What it remembers stays. */
+/* Gives an agent, whose feet are at `feet`, a goal or the next waypoint. It keeps its memory. */
 sf_status sf_agents_set_goal(sf_agents* agents, uint32_t agent, sf_vec3 feet, sf_vec3 goal, sf_error* error);
-/* Tells where an agent is between decisions, and asks whether it has reached its goal; `reached` may be NULL. To be called every tick by
- * those who do not want to miss a goal that is passed. */
+/* Reports the position of an agent between decisions, and returns whether it has reached its goal; `reached` may be
+ * NULL. Call it every tick to notice a goal that the agent passes. */
 sf_status sf_agents_note(sf_agents* agents, uint32_t agent, sf_vec3 feet, int32_t* reached, sf_error* error);
-/* Fills `rays` with those of `count` characters, SF_RAY_COUNT for each. `ray_capacity` is the room in rays. */
-sf_status sf_agents_rays(const sf_agents* agents, const sf_state* states, size_t count, sf_ray* rays, size_t ray_capacity, sf_error* error);
-/* Observes `count` agents, of which `states` has a state and `hits` what its SF_RAY_COUNT rays ended on, for each. After an error, agents
- * before the one that it names are observed. */
-sf_status sf_agents_observe(sf_agents* agents, const uint32_t* ids, const sf_state* states, const sf_hit* hits, size_t count, sf_error* error);
-/* The same, with one call of `cast_rays` for the rays of all; `user` is passed on. */
-sf_status sf_agents_observe_with(sf_agents* agents, const uint32_t* ids, const sf_state* states, size_t count, sf_cast_rays cast_rays, void* user, sf_error* error);
+/* Fills `rays` with the rays of `count` characters, SF_RAY_COUNT for each. `ray_capacity` is the capacity in rays. */
+sf_status sf_agents_rays(const sf_agents* agents, const sf_state* states, size_t count, sf_ray* rays,
+    size_t ray_capacity, sf_error* error);
+/* Observes `count` agents: `states` has the state and `hits` the SF_RAY_COUNT hits of each. After an error, all
+ * agents before the one that the error names are observed. */
+sf_status sf_agents_observe(sf_agents* agents, const uint32_t* ids, const sf_state* states, const sf_hit* hits,
+    size_t count, sf_error* error);
+/* Like sf_agents_observe, but calls `cast_rays` once for the rays of all agents; `user` is passed to it. */
+sf_status sf_agents_observe_with(sf_agents* agents, const uint32_t* ids, const sf_state* states, size_t count,
+    sf_cast_rays cast_rays, void* user, sf_error* error);
 /* Copies the last observation of an agent. */
-sf_status sf_agents_observation(const sf_agents* agents, uint32_t agent, float* values, size_t capacity, size_t* count, sf_error* error);
-/* Decides for `count` agents that were observed, by the policy's mean plus this share, 0 to 1, of its exploration noise. What an agent does
- * depends on its own seed and past only, to the bit, and not on who decides together with it; processors may differ in rounding. */
-sf_status sf_agents_decide(sf_agents* agents, const uint32_t* ids, size_t count, float noise_share, sf_action* actions, sf_error* error);
-/* Tells that characters do something else than was decided. */
-sf_status sf_agents_acted(sf_agents* agents, const uint32_t* ids, const sf_action* actions, size_t count, sf_error* error);
+sf_status sf_agents_observation(const sf_agents* agents, uint32_t agent, float* values, size_t capacity, size_t* count,
+    sf_error* error);
+/* Decides for `count` agents that were observed: the policy's mean action plus `noise_share`, 0 to 1, of its
+ * exploration noise. The action of an agent depends, to the bit, only on its own seed and past, not on other agents;
+ * processors may differ in rounding. */
+sf_status sf_agents_decide(sf_agents* agents, const uint32_t* ids, size_t count, float noise_share, sf_action* actions,
+    sf_error* error);
+/* Reports that characters carry out other actions than decided. */
+sf_status sf_agents_acted(sf_agents* agents, const uint32_t* ids, const sf_action* actions, size_t count,
+    sf_error* error);
 sf_status sf_agents_progress(const sf_agents* agents, uint32_t agent, sf_progress* progress, sf_error* error);
-/* Copies all that an agent knows, for rollbacks: `size` bytes, the same for all agents of a policy. Bytes may be stored; they are for the
- * same version of the library and the same policy. */
-sf_status sf_agents_save(const sf_agents* agents, uint32_t agent, void* bytes, size_t capacity, size_t* size, sf_error* error);
-/* SF_BAD_FILE if the bytes are not those of a saved agent. */
+/* Copies the whole state of an agent, for rollbacks: `size` bytes, equal for all agents of a policy. The bytes may
+ * be stored, for the same version of the library and the same policy. */
+sf_status sf_agents_save(const sf_agents* agents, uint32_t agent, void* bytes, size_t capacity, size_t* size,
+    sf_error* error);
+/* SF_BAD_FILE if the bytes are not a saved agent. */
 sf_status sf_agents_restore(sf_agents* agents, uint32_t agent, const void* bytes, size_t size, sf_error* error);
 
-/* ------------------------------------------------------------------------------------------------------------------ graphs */
+/* ------------------------------------------------------------ graphs */
 
-/* Reads a graph that `surefoot graph export --format json` wrote, and prepares it for queries: up to a second for 1600 vertices.
- * SF_NOT_FOUND, SF_BAD_FILE. */
+/* Reads a graph that `surefoot graph export --format json` wrote, and prepares it for queries: up to a second for
+ * 1600 vertices. SF_NOT_FOUND, SF_BAD_FILE. */
 sf_status sf_graph_load(const char* path, sf_graph** graph, sf_error* error);
 sf_status sf_graph_load_memory(const void* bytes, size_t size, sf_graph** graph, sf_error* error);
 void sf_graph_destroy(sf_graph* graph);
 sf_status sf_graph_describe(const sf_graph* graph, sf_graph_info* info, sf_error* error);
 /* Copies the places of all vertices, in the order of their numbers. */
 sf_status sf_graph_vertices(const sf_graph* graph, sf_vec3* vertices, size_t capacity, size_t* count, sf_error* error);
-/* Copies all edges, as they stand. */
+/* Copies all edges with their current costs. */
 sf_status sf_graph_edges(const sf_graph* graph, sf_edge* edges, size_t capacity, size_t* count, sf_error* error);
-/* Closes an edge, or opens it again, at once: a door, a bridge, a lift. SF_NOT_FOUND. */
+/* Closes an edge or opens it again, with immediate effect: a door, a bridge, a lift. SF_NOT_FOUND. */
 sf_status sf_graph_set_edge_open(sf_graph* graph, uint32_t from, uint32_t to, int32_t is_open, sf_error* error);
-/* Multiplies the cost that an edge has been proved with by a factor, 0.1 to 1000, at once; 1 undoes it. With factors below 1, plans may not be
- * the cheapest. SF_NOT_FOUND. */
+/* Multiplies the proved cost of an edge by a factor, 0.1 to 1000, with immediate effect; 1 undoes it. With factors
+ * below 1, plans may not be the cheapest. SF_NOT_FOUND. */
 sf_status sf_graph_set_edge_price(sf_graph* graph, uint32_t from, uint32_t to, float factor, sf_error* error);
-/* Replaces all designers' edits, none at first, and prepares the graph anew, as long as loading takes. What the functions above and below did
- * is forgotten. SF_NOT_FOUND, and nothing changes, if an edit finds nothing to change. */
+/* Replaces all designers' edits, initially none, and prepares the graph again, which takes as long as loading.
+ * Closed edges, prices and traversals are reset. SF_NOT_FOUND, without any change, if an edit finds nothing to
+ * change. */
 sf_status sf_graph_edit(sf_graph* graph, const sf_edit* edits, size_t count, sf_error* error);
-/* Adds what NPCs met on edges to the evidence: plans avoid what fails. Traversals before one that fails are added. */
+/* Adds traversals to the evidence of edges, so that plans avoid edges that fail. Traversals before an invalid one
+ * are added. */
 sf_status sf_graph_note_traversals(sf_graph* graph, const sf_traversal* traversals, size_t count, sf_error* error);
-/* Finds the cheapest plan: `count` legs and, unless that is NULL, the plan as a whole. Without a path the plan says why, and leads as near
- * as paths lead. */
-sf_status sf_graph_find_path(const sf_graph* graph, const sf_query* query, sf_leg* legs, size_t capacity, size_t* count, sf_plan* plan, sf_error* error);
-/* Finds up to `plan_capacity` plans, 1 to 64: the cheapest, then those that do without one of its legs, the cheapest first. If there is
- * too little room for legs, plans are written all the same. */
-sf_status sf_graph_find_alternatives(const sf_graph* graph, const sf_query* query, sf_plan* plans, size_t plan_capacity, size_t* plan_count, sf_leg* legs, size_t leg_capacity, size_t* leg_count, sf_error* error);
+/* Finds the cheapest plan: `count` legs and, unless `plan` is NULL, the whole plan. Without a path the plan gives
+ * the reason and leads as near to the goal as paths lead. */
+sf_status sf_graph_find_path(const sf_graph* graph, const sf_query* query, sf_leg* legs, size_t capacity, size_t* count,
+    sf_plan* plan, sf_error* error);
+/* Finds up to `plan_capacity` plans, 1 to 64: the cheapest, then plans without one of its legs, the cheapest first.
+ * Plans are written even if there is too little room for legs. */
+sf_status sf_graph_find_alternatives(const sf_graph* graph, const sf_query* query, sf_plan* plans, size_t plan_capacity,
+    size_t* plan_count, sf_leg* legs, size_t leg_capacity, size_t* leg_count, sf_error* error);
 
-/* ------------------------------------------------------------------------------------------------------------------ followers
+/* ------------------------------------------------------------ followers
  *
- * A follower is an attempt at a goal by plan, with the rules of the server's NPCs: waypoint by waypoint, another plan where there is no
- * progress for 50 decisions, without the legs that failed. It neither senses nor moves anything. */
+ * A follower is an attempt at a goal by plan, with the rules of NPCs on a server. It goes from waypoint to waypoint;
+ * after 50 decisions without progress it takes another plan without the legs that failed. It neither senses nor
+ * moves anything. */
 
 /* Begins an attempt at a goal, without a plan. */
 sf_status sf_follower_create(sf_vec3 goal, sf_follower** follower, sf_error* error);
 void sf_follower_destroy(sf_follower* follower);
-/* Tells, once for every decision, where the feet are and whether they came within SF_REACHED_WITHIN of the waypoint meanwhile. Whether the
- * goal itself is reached the caller knows: at the last leg's waypoint, unless the plan leads near. */
+/* Reports, once for every decision, the position of the feet and whether they came within SF_REACHED_WITHIN of the
+ * waypoint. The caller checks whether the goal is reached: at the last waypoint, unless the plan leads near. */
 sf_status sf_follower_advance(sf_follower* follower, sf_vec3 feet, int32_t reached, sf_step* step, sf_error* error);
-/* Plans from `feet`, without the legs that have failed, and follows that plan. `caution` and `without` are those of a query. */
-sf_status sf_follower_plan(sf_follower* follower, const sf_graph* graph, sf_vec3 feet, float caution, uint32_t without, sf_step* step, sf_error* error);
-/* Tells that the NPC died, which ends the attempt. */
+/* Plans from `feet`, without the legs that have failed, and follows that plan. `caution` and `without` are as in a
+ * query. */
+sf_status sf_follower_plan(sf_follower* follower, const sf_graph* graph, sf_vec3 feet, float caution, uint32_t without,
+    sf_step* step, sf_error* error);
+/* Reports that the NPC died, which ends the attempt. */
 sf_status sf_follower_note_death(sf_follower* follower, sf_error* error);
-/* Copies the legs of the plan that is followed. */
+/* Copies the legs of the current plan. */
 sf_status sf_follower_legs(const sf_follower* follower, sf_leg* legs, size_t capacity, size_t* count, sf_error* error);
-/* Copies and forgets how the NPC got along edges since the last call: pass them to sf_graph_note_traversals. If there is too little room,
- * none is forgotten. */
-sf_status sf_follower_take_traversals(sf_follower* follower, sf_traversal* traversals, size_t capacity, size_t* count, sf_error* error);
+/* Copies and clears the traversals since the last call: pass them to sf_graph_note_traversals. If there is too
+ * little room, none is cleared. */
+sf_status sf_follower_take_traversals(sf_follower* follower, sf_traversal* traversals, size_t capacity, size_t* count,
+    sf_error* error);
 
-/* ------------------------------------------------------------------------------------------------------------------ worlds
+/* ------------------------------------------------------------ worlds
  *
- * The simulation that policies were trained in, for games that have no physics of their own, for tests, and for rollbacks. */
+ * The simulation in which policies were trained, for games without physics of their own, for tests, and for
+ * rollbacks. */
 
 /* Reads a level: .sfmap, .glb, .gltf with embedded buffers, or .obj. SF_NOT_FOUND, SF_BAD_FILE. */
 sf_status sf_map_load(const char* path, sf_map** map, sf_error* error);
 sf_status sf_map_load_memory(const void* bytes, size_t size, sf_map** map, sf_error* error);
 void sf_map_destroy(sf_map* map);
-/* The map's extent, from 0 on along each axis, and where the level's own origin lies on the map. */
+/* The map's extent along each axis, from 0, and the level's own origin on the map. */
 sf_status sf_map_extent(const sf_map* map, sf_vec3* extent, sf_vec3* origin, sf_error* error);
 /* Copies the devices of the level, for sf_agents_set_devices. */
 sf_status sf_map_devices(const sf_map* map, sf_device* devices, size_t capacity, size_t* count, sf_error* error);
-/* A world without NPCs on the map, for bodies like `body`, NULL for the default one. */
+/* A world without NPCs on the map, for bodies like `body`; NULL for the default body. */
 sf_status sf_world_create(const sf_map* map, const sf_body* body, sf_world** world, sf_error* error);
 void sf_world_destroy(sf_world* world);
-/* Adds an NPC at rest, and writes its number. Numbers of NPCs that were despawned are used again. */
+/* Adds an NPC at rest, and writes its number. Numbers of despawned NPCs are reused. */
 sf_status sf_world_spawn(sf_world* world, sf_vec3 feet, float yaw, uint32_t* npc, sf_error* error);
 sf_status sf_world_despawn(sf_world* world, uint32_t npc, sf_error* error);
 /* Starts an attempt at a goal; the body keeps its motion. */
 sf_status sf_world_set_goal(sf_world* world, uint32_t npc, sf_vec3 goal, sf_error* error);
 /* Begins a decision: the action is held until the next one. */
 sf_status sf_world_decide(sf_world* world, uint32_t npc, sf_action action, sf_error* error);
-/* Moves everything by 1/60 s. `tick`, the number of ticks so far, may be NULL. */
+/* Advances the world by 1/60 s. `tick`, the number of ticks so far, may be NULL. */
 sf_status sf_world_tick(sf_world* world, uint64_t* tick, sf_error* error);
 /* Ends a decision. SF_BAD_STATE without a goal. */
 sf_status sf_world_close_decision(sf_world* world, uint32_t npc, sf_outcome* outcome, sf_error* error);
 /* A whole decision of `count` NPCs, each with a goal: decides, ticks ten times, closes. */
-sf_status sf_world_step(sf_world* world, const uint32_t* npcs, const sf_action* actions, sf_outcome* outcomes, size_t count, sf_error* error);
+sf_status sf_world_step(sf_world* world, const uint32_t* npcs, const sf_action* actions, sf_outcome* outcomes,
+    size_t count, sf_error* error);
 /* The state of an NPC, as agents observe it. */
 sf_status sf_world_state(const sf_world* world, uint32_t npc, sf_state* state, sf_error* error);
-/* What the SF_RAY_COUNT rays of an NPC end on. */
+/* The hits of the SF_RAY_COUNT rays of an NPC. */
 sf_status sf_world_look(const sf_world* world, uint32_t npc, sf_hit* hits, size_t capacity, sf_error* error);
-/* Casts any rays at the map, up to SF_RAY_RANGE. */
+/* Casts any rays at the map, within SF_RAY_RANGE. */
 sf_status sf_world_cast_rays(const sf_world* world, const sf_ray* rays, size_t count, sf_hit* hits, sf_error* error);
-/* The observation of an NPC as the simulation writes it: to the bit that of an agent that gets sf_map_devices,
- * sf_world_state and sf_world_look, and every tick sf_agents_note. */
-sf_status sf_world_observation(const sf_world* world, uint32_t npc, float* values, size_t capacity, size_t* count, sf_error* error);
-/* An empty snapshot, to be used over and over. */
+/* The observation of an NPC as the simulation writes it. It equals, to the bit, the observation of an agent that
+ * gets sf_map_devices, sf_world_state and sf_world_look, and sf_agents_note every tick. */
+sf_status sf_world_observation(const sf_world* world, uint32_t npc, float* values, size_t capacity, size_t* count,
+    sf_error* error);
+/* An empty snapshot, which can be reused. */
 sf_status sf_snapshot_create(sf_snapshot** snapshot, sf_error* error);
 void sf_snapshot_destroy(sf_snapshot* snapshot);
-/* Copies the state of a world, all NPCs included, over what the snapshot holds. */
+/* Copies the state of a world, including all NPCs, into the snapshot. */
 sf_status sf_world_save(const sf_world* world, sf_snapshot* snapshot, sf_error* error);
-/* Restores it, in this world or in another on the same map; the same actions then lead to the same bits. */
+/* Restores a snapshot in this world or in another world on the same map; the same actions then lead to the same
+ * bits. */
 sf_status sf_world_restore(sf_world* world, const sf_snapshot* snapshot, sf_error* error);
 
 #ifdef __cplusplus

@@ -1,6 +1,7 @@
 //! The structs that C and Rust share, field by field as in the header. `tests/header.rs` compares the two.
 //!
-//! Values from outside that only some numbers are allowed for are plain integers: a number that no enum has must not become one.
+//! Values from outside that only some numbers are allowed for are plain integers: a number that no enum has must not
+//! become one.
 
 use std::ffi::{c_char, c_void};
 use surefoot_world as world;

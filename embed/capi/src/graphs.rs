@@ -1,7 +1,7 @@
 //! Graphs: plans, and what changes them while a game runs.
 //!
-//! Three things change the costs of a proved graph: edges that are closed or priced by vertex, which takes effect at once; reported
-//! traversals, likewise; and designers' edits by place, for which the graph is prepared anew.
+//! Three things change the costs of a proved graph: edges that are closed or priced by vertex, which takes effect at
+//! once; reported traversals, likewise; and designers' edits by place, for which the graph is prepared anew.
 
 use crate::abi::{self, STOP_GOAL, STOP_START};
 use crate::error::{Fault, Status};

@@ -1,7 +1,8 @@
 //! Pointers of callers: to references, slices and handles, or to errors that name the argument.
 //!
-//! What a caller must guarantee for a pointer that is neither null nor misaligned is in the header: that it points to as many values as the
-//! call says, which nobody else writes meanwhile, and that a handle was made by this library and not destroyed.
+//! What a caller must guarantee for a pointer that is neither null nor misaligned is in the header: that it points to
+//! as many values as the call says, which nobody else writes meanwhile, and that a handle was made by this library and
+//! not destroyed.
 
 use crate::abi::{self, Growing};
 use crate::error::{Fault, Status};

@@ -1,4 +1,5 @@
-//! The header says what the library is: functions, structs, constants and the list of symbols are those of the Rust source.
+//! The header says what the library is: functions, structs, constants and the list of symbols are those of the Rust
+//! source.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;

@@ -1,7 +1,7 @@
 //! Sends NPCs of a game to goals, straight or by plan, as evaluations do in simulated worlds.
 //!
-//! The game itself moves on from waypoint to waypoint and gets a new route only where a leg fails. Rehearsals are not possible in a game, so
-//! its NPCs move freely.
+//! The game itself moves on from waypoint to waypoint and gets a new route only where a leg fails. Rehearsals are not
+//! possible in a game, so its NPCs move freely.
 
 use super::drive::{Deciding, Drive};
 use super::link::{EnvState, Game, GameError, Level};
@@ -26,8 +26,8 @@ pub struct Rules {
     pub seed: u64,
 }
 
-/// Runs one attempt for each goal, all together, following plans of `router`, if there is one. Returns the attempts in the order of the
-/// goals, and the duration of every search, us.
+/// Runs one attempt for each goal, all together, following plans of `router`, if there is one. Returns the attempts in
+/// the order of the goals, and the duration of every search, us.
 ///
 /// # Errors
 /// If the game refuses, does not answer, or breaks the contract.

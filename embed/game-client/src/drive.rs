@@ -48,8 +48,8 @@ impl<'a> Drive<'a> {
         self.hidden.forget(npc_idx);
     }
 
-    /// Runs one decision: these NPCs do what the policy wants, with `noise` in units of its standard deviation, all others nothing. The
-    /// routes begin after it.
+    /// Runs one decision: these NPCs do what the policy wants, with `noise` in units of its standard deviation, all
+    /// others nothing. The routes begin after it.
     ///
     /// # Errors
     /// As [`GameEnv::step`].

@@ -118,7 +118,8 @@ impl Game {
         Ok(Self { uri, runtime: Arc::new(runtime), client, maps, _kept: None })
     }
 
-    /// The same connection to a game whose own address is `uri`, behind something in between that lives as long as the connection.
+    /// The same connection to a game whose own address is `uri`, behind something in between that lives as long as the
+    /// connection.
     pub fn behind(self, uri: &str, between: impl std::fmt::Debug + Send + Sync + 'static) -> Self {
         Self { uri: uri.into(), _kept: Some(Arc::new(between)), ..self }
     }
@@ -142,7 +143,8 @@ impl Game {
         self.create(request, goals.len())
     }
 
-    /// Creates an environment of `npc_count` NPCs that always have a goal at a distance in `band`, m, which depends on `seed`.
+    /// Creates an environment of `npc_count` NPCs that always have a goal at a distance in `band`, m, which depends on
+    /// `seed`.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -171,7 +173,8 @@ impl Game {
         wire::CreateEnvRequest { map, map_hash, body, solid_npcs: level.solid_npcs, ..Default::default() }
     }
 
-    /// Lets a server of ours keep a level that is not generated, so that environments can be opened on it. The call is repeatable.
+    /// Lets a server of ours keep a level that is not generated, so that environments can be opened on it. The call is
+    /// repeatable.
     ///
     /// # Errors
     /// If the server refuses, does not answer, or keeps something else.
@@ -320,8 +323,8 @@ impl GameEnv {
         std::mem::take(&mut self.encode_time)
     }
 
-    /// Steps all NPCs by one decision; the routes begin where it ends. Routes are cut after 256 places: the episode then ends there, as
-    /// reached.
+    /// Steps all NPCs by one decision; the routes begin where it ends. Routes are cut after 256 places: the episode
+    /// then ends there, as reached.
     ///
     /// # Errors
     /// If the game refuses, goes away, or answers something else than the contract says.

@@ -1,7 +1,8 @@
 //! Probes candidate edges in a game: the policy runs there, many trials at a time, and the planner hears how they went.
 //!
-//! Every trial has the heading, the noise and the patience that it has in a world of ours ([`RunningProbe`]), so a game with our physics proves
-//! our edges. Edges that hang on movers are not proved: the contract does not tell where they stand.
+//! Every trial has the heading, the noise and the patience that it has in a world of ours ([`RunningProbe`]), so a game
+//! with our physics proves our edges. Edges that hang on movers are not proved: the contract does not tell where they
+//! stand.
 
 use super::drive::{Deciding, Drive, seen};
 use super::link::{Game, GameError, Level};
@@ -80,7 +81,8 @@ impl<'a> InGame<'a> {
         self.error.lock().expect("no holder panics").is_some()
     }
 
-    /// Runs the trials from `first` on, and returns their outcomes; `None` if `watch` cancelled, or the game failed elsewhere.
+    /// Runs the trials from `first` on, and returns their outcomes; `None` if `watch` cancelled, or the game failed
+    /// elsewhere.
     fn run_chunk(
         &self,
         (first, trials): (usize, &[Trial]),

@@ -1,5 +1,5 @@
-//! An environment: NPCs whose actions the caller chooses, such as a remote trainer. It runs in a simulated world, or in any other physics
-//! that implements [`Physics`].
+//! An environment: NPCs whose actions the caller chooses, such as a remote trainer. It runs in a simulated world, or in
+//! any other physics that implements [`Physics`].
 
 mod episodes;
 mod physics;
@@ -60,7 +60,8 @@ impl Env {
         Self::of(Box::new(physics), episodes, |rng| places_on(&map, &profile, rng))
     }
 
-    /// Starts these episodes in any physics that has as many NPCs. `places` draws at least one place to stand, m, for endless episodes.
+    /// Starts these episodes in any physics that has as many NPCs. `places` draws at least one place to stand, m, for
+    /// endless episodes.
     ///
     /// # Errors
     /// Returns the error of `places`.
@@ -121,8 +122,8 @@ impl Env {
         &self.goals
     }
 
-    /// Observations of the NPCs as [`new`](Self::new), [`step`](Self::step) and [`redirect`](Self::redirect) left them, one after another.
-    /// Each has [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values, or
+    /// Observations of the NPCs as [`new`](Self::new), [`step`](Self::step) and [`redirect`](Self::redirect) left them,
+    /// one after another. Each has [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values, or
     /// [`OBSERVATION_WITH_OTHERS_LEN`](surefoot_world::OBSERVATION_WITH_OTHERS_LEN) if NPCs are solid.
     pub fn observations(&self) -> &[f32] {
         &self.observations
@@ -148,7 +149,8 @@ impl Env {
         self.routes.iter().map(|route| route.passed)
     }
 
-    /// Gives an NPC a route instead of its goal, and wakes it if it rests. A harmed NPC stays at rest unless the route has a start.
+    /// Gives an NPC a route instead of its goal, and wakes it if it rests. A harmed NPC stays at rest unless the route
+    /// has a start.
     ///
     /// # Panics
     /// If there is no such NPC, or the route has no places.
@@ -170,8 +172,8 @@ impl Env {
         self.routes[*npc_idx] = RouteAhead { waypoints: rest.iter().copied().collect(), passed: 0 };
     }
 
-    /// Starts the next episode of an NPC, even if its last one has not ended, and writes its first observation into the NPC's row of
-    /// `rows`, which are laid out as [`observations`](Self::observations).
+    /// Starts the next episode of an NPC, even if its last one has not ended, and writes its first observation into the
+    /// NPC's row of `rows`, which are laid out as [`observations`](Self::observations).
     ///
     /// # Panics
     /// If there is no such NPC, or its episodes are given ([`Episodes::Once`]).
@@ -182,8 +184,9 @@ impl Env {
         self.begin(vec![(npc_idx, goal)], rows);
     }
 
-    /// Runs one decision of every NPC and returns the episodes that ended. An NPC that reaches a place of its route heads for the next
-    /// one. With endless episodes, an NPC whose episode ended is put at a new start; otherwise it rests and ignores its actions.
+    /// Runs one decision of every NPC and returns the episodes that ended. An NPC that reaches a place of its route
+    /// heads for the next one. With endless episodes, an NPC whose episode ended is put at a new start; otherwise it
+    /// rests and ignores its actions.
     ///
     /// All NPCs observe at the end of the ticks; NPCs at new starts observe again there.
     ///
@@ -193,8 +196,8 @@ impl Env {
         self.with_rows(|env, rows| env.step_into(actions, rows))
     }
 
-    /// Like [`step`](Self::step), but writes the observations into `rows`, which are laid out as [`observations`](Self::observations). Rows of
-    /// resting NPCs stay unchanged.
+    /// Like [`step`](Self::step), but writes the observations into `rows`, which are laid out as
+    /// [`observations`](Self::observations). Rows of resting NPCs stay unchanged.
     ///
     /// # Panics
     /// If the numbers of actions, rows and NPCs differ.
@@ -216,7 +219,8 @@ impl Env {
         ended
     }
 
-    /// Like [`step`](Self::step) and then [`redirect`](Self::redirect) for each of `routes`, but a game gets everything in one message.
+    /// Like [`step`](Self::step) and then [`redirect`](Self::redirect) for each of `routes`, but a game gets everything
+    /// in one message.
     ///
     /// # Panics
     /// As both, and if two routes are for the same NPC.

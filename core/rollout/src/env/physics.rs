@@ -24,7 +24,8 @@ pub trait Physics: Send + std::fmt::Debug {
     /// Puts NPCs at places, ascending and each at most once, at rest and unharmed, without an episode.
     fn place(&mut self, placements: &[Placement]);
 
-    /// Announces placements that will follow the next call of [`advance`](Self::advance), ascending, so that a game gets both in one message.
+    /// Announces placements that will follow the next call of [`advance`](Self::advance), ascending, so that a game
+    /// gets both in one message.
     fn announce(&mut self, _placements: &[Placement]) {}
 
     /// Why the physics failed, in a sentence. After a failure, results are invalid.
@@ -38,8 +39,8 @@ pub trait Physics: Send + std::fmt::Debug {
     /// Ends the episode of an NPC, which comes to rest.
     fn clear_goal(&mut self, npc_idx: usize);
 
-    /// Runs ten ticks in which these NPCs, ascending, carry out their actions and all others rest. All of these NPCs have episodes. Returns
-    /// the outcomes of their decisions, in order.
+    /// Runs ten ticks in which these NPCs, ascending, carry out their actions and all others rest. All of these NPCs
+    /// have episodes. Returns the outcomes of their decisions, in order.
     fn advance(&mut self, npcs: &[usize], actions: &[Action]) -> Vec<DecisionOutcome>;
 
     /// Writes the observation of an NPC, which has an episode.

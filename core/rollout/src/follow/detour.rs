@@ -1,4 +1,5 @@
-//! The way back after a push: where a wall lies between the NPC and its waypoint, it returns to a place that it has rehearsed.
+//! The way back after a push: where a wall lies between the NPC and its waypoint, it returns to a place that it has
+//! rehearsed.
 
 use super::Follower;
 use surefoot_world::{Ability, CharacterProfile, Map, Vec3};
@@ -22,7 +23,8 @@ impl Detour {
         (self.is_lost, self.via) = (false, None);
     }
 
-    /// The place to which a body at `feet` returns that is on its way to `end`, m: behind the last rehearsed place that it sees.
+    /// The place to which a body at `feet` returns that is on its way to `end`, m: behind the last rehearsed place that
+    /// it sees.
     fn way_back(&self, map: &Map, body: &CharacterProfile, feet: Vec3, end: Vec3) -> Option<Vec3> {
         let until = after_nearest(&self.rehearsed_way, end);
         let seen = self.rehearsed_way[..until].iter().rposition(|place| sees(map, body, feet, *place))?;
@@ -39,8 +41,9 @@ impl Follower {
         }
     }
 
-    /// Turns an NPC that was pushed, with the feet at `feet`, m, back to its way: where a wall lies between it and the end of a leg that is
-    /// walked, it heads for a rehearsed place first. Plans with movers are left alone. Returns the waypoint, m, if it has changed.
+    /// Turns an NPC that was pushed, with the feet at `feet`, m, back to its way: where a wall lies between it and the
+    /// end of a leg that is walked, it heads for a rehearsed place first. Plans with movers are left alone. Returns the
+    /// waypoint, m, if it has changed.
     pub fn return_to_way(&mut self, map: &Map, body: &CharacterProfile, feet: Vec3) -> Option<Vec3> {
         let plan = self.plan.as_ref().filter(|plan| plan.needs.is_empty())?;
         let (ability, end) = (plan.legs[self.leg].ability, plan.waypoints[self.leg]);

@@ -1,8 +1,8 @@
 //! Follows a plan waypoint by waypoint, and asks for another plan when a leg fails.
 //!
-//! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`] says. The parts are
-//! [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures` (legs to avoid) and `detour` (the way
-//! back after a push).
+//! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
+//! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
+//! (legs to avoid) and `detour` (the way back after a push).
 
 mod detour;
 mod failures;
@@ -64,8 +64,8 @@ pub enum Step {
     HeadFor(Vec3),
     /// Plan with [`Follower::query`] and pass the plan to [`Follower::take_plan`].
     Plan,
-    /// End the attempt: the NPC is at the goal or harmed, its patience or re-plans have run out ([`End::NoProgress`]), or no path leads to
-    /// the goal and the NPC is at the nearest place that it can reach ([`End::Unreachable`]).
+    /// End the attempt: the NPC is at the goal or harmed, its patience or re-plans have run out ([`End::NoProgress`]),
+    /// or no path leads to the goal and the NPC is at the nearest place that it can reach ([`End::Unreachable`]).
     End(End),
 }
 
@@ -187,8 +187,8 @@ impl Follower {
         Query { avoid, stops, attach: self.config.attach, ..Query::new(feet, self.goal) }
     }
 
-    /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs without progress get another chance,
-    /// since other noise may help.
+    /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs without progress
+    /// get another chance, since other noise may help.
     pub fn reconsiders(&mut self, plan: &Plan) -> bool {
         plan.no_path.is_some() && self.failures.give_another_chance()
     }
@@ -262,7 +262,8 @@ impl Follower {
         self.plan.as_ref().is_some_and(|plan| plan.nearest.is_some())
     }
 
-    /// Chances of arriving as planned, and with re-plans, that the plan gives; `None` without a plan that leads to the goal.
+    /// Chances of arriving as planned, and with re-plans, that the plan gives; `None` without a plan that leads to the
+    /// goal.
     pub fn promised(&self) -> Option<(f32, f32)> {
         let plan = self.plan.as_ref().filter(|plan| plan.no_path.is_none())?;
         Some((plan.as_planned_chance().get() as f32, plan.arrival_chance().get() as f32))
@@ -430,7 +431,8 @@ impl Follower {
         self.replans > self.config.max_replans
     }
 
-    /// How an attempt ends whose patience or re-plans have run out. Where every way has failed, the goal counts as unreachable.
+    /// How an attempt ends whose patience or re-plans have run out. Where every way has failed, the goal counts as
+    /// unreachable.
     fn give_up(&self) -> Step {
         Step::End(if self.failures.chances_given() > 0 { End::Unreachable } else { End::NoProgress })
     }

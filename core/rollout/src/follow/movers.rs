@@ -47,8 +47,9 @@ impl MoverWatch {
 }
 
 impl Follower {
-    /// Looks at the movers before a decision, with the feet at `feet`, m. Drops the plan if movers have barred a leg ahead, or have opened a
-    /// way where all were barred. A body in the air or on a ride cannot turn back and keeps its plan.
+    /// Looks at the movers before a decision, with the feet at `feet`, m. Drops the plan if movers have barred a leg
+    /// ahead, or have opened a way where all were barred. A body in the air or on a ride cannot turn back and keeps its
+    /// plan.
     pub fn watch_movers(&mut self, scene: Scene<'_>, feet: Vec3, is_grounded: bool) {
         let stops = scene.stops_ahead();
         let has_changed = stops != self.movers.stops;

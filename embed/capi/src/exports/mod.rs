@@ -1,7 +1,7 @@
 //! The exported functions, one for each of the header: decode, call, encode.
 //!
-//! What a function does is said in the header; what arguments must be, too. Every function but those that destroy takes an error last,
-//! which may be null, and returns a status.
+//! What a function does is said in the header; what arguments must be, too. Every function but those that destroy takes
+//! an error last, which may be null, and returns a status.
 
 mod agents;
 mod followers;
