@@ -22,7 +22,7 @@ impl CapacityShare {
         Self { capacity, npc_counts: Mutex::default(), version: watch::Sender::new(0) }
     }
 
-    /// Sets the number of NPCs of a server, which counts as connected from then on.
+    /// Sets the number of NPCs of a server, which is connected from then on.
     pub fn note(&self, server: &str, npc_count: u32) {
         let before = self.npc_counts.lock().expect(POISON).insert(server.to_owned(), npc_count);
         if before != Some(npc_count) {
@@ -30,7 +30,7 @@ impl CapacityShare {
         }
     }
 
-    /// Forgets a server that is not connected any more.
+    /// Removes a server that has disconnected.
     pub fn leave(&self, server: &str) {
         if self.npc_counts.lock().expect(POISON).remove(server).is_some() {
             self.version.send_modify(|version| *version += 1);
@@ -47,7 +47,7 @@ impl CapacityShare {
         own + free / count + u32::from(number < free % count)
     }
 
-    /// What the next server that connects may assign before it has said anything.
+    /// Most NPCs that the next server may assign when it connects.
     pub fn offer_next(&self) -> u32 {
         let npc_counts = self.npc_counts.lock().expect(POISON);
         self.capacity.saturating_sub(npc_counts.values().sum()) / (npc_counts.len() as u32 + 1)
@@ -78,7 +78,7 @@ mod tests {
         share.note("b", 3);
         assert_eq!(offers(), [3, 5, 2]);
         share.note("a", 8);
-        assert_eq!(offers(), [8, 3, 0], "one more than there is share for stays");
+        assert_eq!(offers(), [8, 3, 0], "NPCs beyond the capacity stay");
         share.leave("a");
         assert_eq!(offers(), [0, 7, 3]);
     }

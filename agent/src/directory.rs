@@ -1,4 +1,4 @@
-//! Which servers a worker of a fleet serves: those that their directory lists.
+//! The servers of a fleet, from their directory.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -15,13 +15,13 @@ use tracing::warn;
 /// Longest wait for an answer.
 const LOOK_LIMIT: Duration = Duration::from_secs(2);
 
-/// When and where a worker looks into the directory.
+/// When and where a worker queries the directory.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LookUps {
-    /// Time between two looks. Each pause is up to a quarter longer or shorter, so that workers do not look all at
+    /// Time between two queries. Each pause is up to a quarter longer or shorter, so that workers do not query all at
     /// once.
     pub every: Duration,
-    /// Decides which server a worker looks at, so that workers spread over them.
+    /// Determines the server that a worker queries, so that workers spread over the servers.
     pub seed: u64,
 }
 
@@ -31,8 +31,8 @@ impl Default for LookUps {
     }
 }
 
-/// Keeps `listed` up to date for as long as it has receivers. One server that is listed or among the `seeds` answers on
-/// one connection until it fails; then another one does. If none answers, the list stays as it is.
+/// Keeps `listed` up to date while it has receivers. One listed server or seed answers on one connection until it fails;
+/// then another one answers. If none answers, the list stays unchanged.
 ///
 /// # Errors
 /// If an address or the credentials cannot be used.
@@ -48,7 +48,7 @@ pub(super) async fn follow(
     while !listed.is_closed() {
         let known: BTreeSet<String> = listed.borrow().iter().chain(&seeds).cloned().collect();
         let mut known: Vec<String> = known.into_iter().collect();
-        // The one that answered last comes first; otherwise any.
+        // The server that answered last comes first; otherwise a random one.
         let former = answering.as_ref().and_then(|(former, _)| known.iter().position(|address| address == former));
         let count = known.len();
         let first = former.unwrap_or_else(|| rng.random_range(0..count.max(1)));
@@ -90,7 +90,7 @@ pub(super) async fn follow(
 async fn look(link: Link, address: &str) -> Result<BTreeSet<String>, Status> {
     let listed = DirectoryServiceClient::new(link).list_servers(ListServersRequest {}).await?;
     let servers = listed.into_inner().servers.into_iter();
-    // A server that is alone has no address but the one at which it was asked.
+    // A server without a fleet lists itself without an address.
     Ok(servers.map(|server| if server.address.is_empty() { address.to_owned() } else { server.address }).collect())
 }
 
@@ -105,10 +105,10 @@ mod tests {
     use tonic::transport::server::TcpIncoming;
     use tonic::{Request, Response};
 
-    /// The peers of all looks, in order, at any of the directories that share it.
+    /// The directory and the peer of each query, in order, for all directories that share this value.
     type Peers = watch::Sender<Vec<(SocketAddr, SocketAddr)>>;
 
-    /// A directory of `servers` that notes who looks.
+    /// A directory of `servers` that records its peers.
     struct Fake {
         own: SocketAddr,
         servers: Arc<Mutex<Vec<String>>>,

@@ -148,7 +148,7 @@ impl Graphs {
     /// Resolves when the planner has refused to prove edges with this worker's policy.
     pub async fn other_policy(&self) -> Status {
         let mut refused = self.other_policy.subscribe();
-        // The sender is part of this.
+        // The sender lives as long as `self`.
         let refused = refused.wait_for(Option::is_some).await;
         refused
             .ok()
@@ -202,7 +202,7 @@ pub(super) struct Graph {
     link: ReplicaLink,
     /// Id of the graph; empty until it is built, and again when the planner no longer knows it.
     pub id: watch::Receiver<String>,
-    /// Id of the graph while its build is running, once plans can be made on it; otherwise empty.
+    /// Id of the interim graph, while the build is running and as soon as it answers queries; otherwise empty.
     interim_id: watch::Receiver<String>,
     /// Sender of `id`; cleared when the planner no longer knows the graph.
     ready: watch::Sender<String>,
@@ -347,7 +347,7 @@ impl Builder {
                         self.other_policy.send_replace(Some(status));
                         return;
                     }
-                    warn!(%status, "the planner has not built the graph: NPCs head straight for their goals until a retry succeeds");
+                    warn!(%status, "the planner has built no graph; NPCs head straight for their goals until a retry succeeds");
                     tokio::time::sleep(pause).await;
                     pause = (pause * 2).min(MAX_PAUSE);
                 }

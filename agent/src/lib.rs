@@ -109,7 +109,7 @@ async fn serve_all(worker: &Arc<Worker>, mut listed: watch::Receiver<BTreeSet<St
         tokio::select! {
             changed = listed.changed(), if !is_final => is_final = changed.is_err(),
             Some(ended) = tasks.join_next() => match ended {
-                // It is not listed any more, or the worker shuts down.
+                // The server is no longer listed, or the worker shuts down.
                 Ok(Ok(server)) => _ = served.remove(&server),
                 Ok(Err(error)) => return Err(error),
                 Err(error) => std::panic::resume_unwind(error.into_panic()),
@@ -119,7 +119,7 @@ async fn serve_all(worker: &Arc<Worker>, mut listed: watch::Receiver<BTreeSet<St
     }
 }
 
-/// Decides for NPCs of one server until the shutdown, or until it is not listed any more.
+/// Decides for NPCs of one server until the shutdown, or until the server is no longer listed.
 async fn serve(
     worker: Arc<Worker>,
     address: String,
@@ -127,7 +127,7 @@ async fn serve(
 ) -> Result<String, WorkError> {
     let server = worker.config.credentials.dial(&address)?;
     let mut pause = MIN_PAUSE;
-    // Whoever does not hold its lease has no worlds, even if it does not know yet.
+    // A server without its lease has no worlds, even if it has not noticed.
     let gone = async {
         if listed.wait_for(|listed| !listed.contains(&address)).await.is_err() {
             std::future::pending::<()>().await;
@@ -146,7 +146,7 @@ async fn serve(
                     status
                 }
             };
-            warn!(server = address, %status, pause_ms = pause.as_millis(), "no connection to the server: trying again");
+            warn!(server = address, %status, pause_ms = pause.as_millis(), "no connection to the server; trying again after a pause");
             tokio::time::sleep(pause).await;
             pause = (pause * 2).min(MAX_PAUSE);
         }

@@ -1,5 +1,4 @@
-//! What a worker needs to rehearse: the worlds' maps, which worlds on equal maps share, and a bound on the time that it
-//! takes.
+//! The maps on which a worker's NPCs rehearse, and the time that they may take for it. Worlds on equal maps share a map.
 
 use super::graph::GraphKey;
 use std::collections::BTreeMap;
@@ -17,9 +16,9 @@ use tracing::warn;
 const LEVEL_LIMIT: Duration = Duration::from_secs(60);
 /// Share of all cores that rehearsals of realtime worlds may take.
 const PACE: f64 = 0.3;
-/// Most seconds of rehearsals that may be saved up.
+/// Most seconds of rehearsals that can be saved up.
 const MAX_SAVED_S: f64 = 0.05;
-/// Seconds that a rehearsal takes, at a guess.
+/// Estimated seconds of a rehearsal.
 const REHEARSAL_S: f64 = 0.002;
 const POISON: &str = "no holder of this lock panics";
 
@@ -37,7 +36,7 @@ pub(super) struct Level {
     _memory: Reservation,
 }
 
-/// What a map was made of, which keeps its memory reserved.
+/// The source of a map, which keeps its memory reserved.
 #[derive(Clone)]
 enum HeldMade {
     Generated(Arc<SharedMap>),
@@ -51,12 +50,12 @@ pub(super) struct HeldMap {
     _made: HeldMade,
 }
 
-/// Whether the map of a world is there.
+/// Whether the map of a world has arrived.
 #[derive(Clone)]
 pub(super) enum Arrival {
     Awaited,
     Here(HeldMap),
-    /// It cannot be had: NPCs go without rehearsals.
+    /// The map cannot be loaded: NPCs do not rehearse.
     Never,
 }
 
@@ -107,7 +106,7 @@ impl Maps {
                 () = sender.closed() => return,
             };
             let arrival = arrival.map(Arrival::Here).unwrap_or_else(|error| {
-                warn!(map = key.map_hash, %error, "NPCs go without rehearsals");
+                warn!(map = key.map_hash, %error, "cannot load the map; NPCs do not rehearse");
                 Arrival::Never
             });
             sender.send_replace(arrival);

@@ -29,7 +29,7 @@ const URGENT_LIMIT: Duration = Duration::from_millis(40);
 
 /// The graph of an edited map.
 enum NextGraph {
-    /// The current graph is that of the map.
+    /// The current graph belongs to the current map.
     None,
     /// NPCs plan on the graph of the former map until this graph is ready.
     Awaited(Arc<Graph>),

@@ -51,8 +51,8 @@ pub fn random_yaw(rng: &mut impl Rng) -> f32 {
     rng.random_range(-PI..PI)
 }
 
-/// Draws a distance uniformly from `band`, m, and returns the one of `draw_count` random `points` whose distance from
-/// `from` is closest: all distances are equally likely, regardless of the density of points.
+/// Draws a distance uniformly from `band`, m, and returns the random point, of `draw_count`, with the closest distance
+/// from `from`. All distances are equally likely, regardless of the density of points.
 pub fn goal_at_random_distance(
     points: &[Vec3],
     from: Vec3,
@@ -77,8 +77,8 @@ pub fn goal_at_random_distance(
     best.1
 }
 
-/// Draws one of `points` whose distance from `from` is in `band`, m, or the nearest miss of `draw_count` draws:
-/// distances are as frequent as points at that distance.
+/// Draws a point whose distance from `from` is in `band`, m, or the nearest miss of `draw_count` draws. Distances are as
+/// frequent as points at that distance.
 pub fn goal_in_band(points: &[Vec3], from: Vec3, band: (f32, f32), draw_count: usize, rng: &mut impl Rng) -> Vec3 {
     let miss = |goal: Vec3| {
         let distance = from.distance(goal);

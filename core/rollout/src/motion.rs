@@ -1,4 +1,4 @@
-//! How NPCs move, as somebody who watches them sees it: measured decision by decision.
+//! Measures how NPCs move, as a viewer sees it, decision by decision.
 
 use crate::style::angle;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use surefoot_world::{Ability, DECISION_SECONDS, Npc, Vec3};
 /// Width of a bin of the angle between facing and motion, degrees.
 const BIN_DEG: f32 = 1.0;
 const BINS: usize = 180;
-/// Speed on the plane below which a body has no direction, m/s.
+/// Horizontal speed below which a body has no direction, m/s.
 const SLOW: f32 = 0.5;
 /// How far a heading must turn back for a reversal, rad.
 const BACK: f32 = 0.087;
@@ -18,11 +18,11 @@ const BACK: f32 = 0.087;
 pub struct Motion {
     /// Number of decisions.
     pub decisions: u64,
-    /// How often a heading that had turned to one side turned back by five degrees or more.
+    /// Number of times a heading turned back by five degrees or more.
     pub reversals: u64,
-    /// Decisions of bodies that moved, by the angle between facing and motion, one degree each; empty if none did.
+    /// Decisions of moving bodies by the angle between facing and motion, one bin per degree; empty if none moved.
     pub facing: Vec<u64>,
-    /// Sum of the changes of acceleration on the plane, m/s3.
+    /// Sum of the changes of horizontal acceleration, m/s3.
     pub jerk: f64,
     /// On all legs.
     pub all: Gait,
@@ -30,14 +30,14 @@ pub struct Motion {
     pub walk: Gait,
 }
 
-/// How bodies got on.
+/// Sums of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Gait {
     /// Number of decisions.
     pub decisions: u64,
-    /// Number of these that ended in the air.
+    /// Number of decisions that ended in the air.
     pub in_air: u64,
-    /// Number of jumps, those in the air included.
+    /// Number of jumps, including jumps in the air.
     pub jumps: u64,
     /// Distance covered, m.
     pub metres: f64,
@@ -47,9 +47,9 @@ pub struct Gait {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Trace {
     yaw: f32,
-    /// Side to which the heading turns; 0 before it has.
+    /// Side to which the heading turns; 0 before the first turn.
     side: f32,
-    /// How far it has turned back to the other side, rad.
+    /// How far the heading has turned back, rad.
     back: f32,
     feet: Vec3,
     velocity: Vec3,
@@ -57,7 +57,7 @@ pub(crate) struct Trace {
 }
 
 impl Trace {
-    /// The trace of an NPC that has not decided yet.
+    /// The trace of an NPC before its first decision.
     pub fn begin(npc: &Npc) -> Self {
         let body = &npc.body;
         Self { yaw: body.yaw, feet: body.feet, velocity: body.velocity, ..Self::default() }
@@ -124,8 +124,8 @@ impl Motion {
         self.reversals as f64 / (self.decisions.max(1) as f64 * f64::from(DECISION_SECONDS))
     }
 
-    /// The angle between facing and motion, degrees, that this share of the decisions of moving bodies does not exceed;
-    /// 0 if none moved.
+    /// Quantile `share` of the angle between facing and motion over the decisions of moving bodies, degrees; 0 if none
+    /// moved.
     pub fn facing_deg(&self, share: f64) -> f64 {
         let total: u64 = self.facing.iter().sum();
         let mut seen = 0;
@@ -136,7 +136,7 @@ impl Motion {
         bin.filter(|_| total > 0).map_or(0.0, |bin| (bin as f64 + 1.0) * f64::from(BIN_DEG))
     }
 
-    /// Mean change of acceleration on the plane, m/s3.
+    /// Mean change of horizontal acceleration, m/s3.
     pub fn mean_jerk(&self) -> f64 {
         self.jerk / self.decisions.max(1) as f64
     }

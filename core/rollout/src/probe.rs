@@ -1,6 +1,6 @@
 //! Probes candidate edges with short point-goal episodes of the policy, many at a time.
 //!
-//! Every episode draws its heading and noise from its own random stream, which its trial names, so that its result does
+//! Every episode draws its heading and noise from its own random stream, which its trial names. Its result therefore does
 //! not depend on the other episodes, on their order or on the number of threads.
 
 use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
@@ -29,12 +29,12 @@ pub const MAX_CHUNK: usize = 256;
 const MIN_CHUNK: usize = 32;
 /// Most trials of a thread that run at once: the batch of the policy.
 const BATCH: usize = 192;
-/// Decisions without progress after which a probe has failed: a short leg is hopeless sooner than a long way.
+/// Decisions without progress after which a probe has failed: a short leg is hopeless sooner than a long route.
 const GIVE_UP_AFTER: u32 = 12;
-/// The same where the goal is higher than jumps reach: the way to a device may lead away from it first.
+/// Same as [`GIVE_UP_AFTER`] for goals above the reach of jumps: the way to a device may lead away from the goal first.
 const GIVE_UP_CLIMB_AFTER: u32 = 30;
 
-/// What a probe runs with: map, character and policy.
+/// Map, character and policy of probes.
 #[derive(Debug, Clone)]
 pub struct ProbeContext {
     /// Map of the probes.
@@ -67,7 +67,7 @@ impl ProbeContext {
         run_chunk(self, &Reliance::on(&self.map), trials, seed, watch)
     }
 
-    /// A world in which movers stand where edges are proved, and `held` at its stop.
+    /// A world with all movers at their stops for proofs, and `held` at its stop.
     pub(crate) fn world_for(&self, held: Option<MoverAt>) -> World {
         let mut world = World::new(self.map.clone(), self.profile.clone(), TaskConfig::default());
         if !self.map.movers().is_empty() {
@@ -80,7 +80,7 @@ impl ProbeContext {
 /// Runs probes in this process; the results do not depend on the number of threads.
 #[derive(Debug, Clone)]
 pub struct InProcess {
-    /// What the probes run with.
+    /// Map, character and policy.
     pub context: ProbeContext,
     /// Number of threads, at least 1.
     pub thread_count: usize,
@@ -100,11 +100,11 @@ impl ProbeExecutor for InProcess {
     }
 }
 
-/// Divides trials into chunks, of which each is run by itself ([`ProbeContext::run_chunk`]), here or elsewhere. Returns
+/// Divides trials into chunks. Each chunk runs by itself ([`ProbeContext::run_chunk`]), here or on another machine. Returns
 /// the indices of the trials of each chunk.
 ///
-/// Chunks depend on nothing but the trials, since results may depend on what shares a batch. Many of them keep all
-/// threads busy to the end. The trials of one chunk share the movers of its world.
+/// Chunks depend only on the trials. Many of them keep all threads busy to the end. The trials of one chunk share the
+/// movers of its world.
 pub fn chunks(trials: &[Trial]) -> Vec<Vec<usize>> {
     let chunk_len = (trials.len() / 32).clamp(MIN_CHUNK, MAX_CHUNK);
     let mut order: Vec<usize> = (0..trials.len()).collect();
@@ -113,16 +113,16 @@ pub fn chunks(trials: &[Trial]) -> Vec<Vec<usize>> {
     alike.flat_map(|alike| alike.chunks(chunk_len)).map(<[usize]>::to_vec).collect()
 }
 
-/// The outcomes of all trials in their order, from those of their chunks.
+/// Joins the outcomes of chunks to the outcomes of all trials, in order.
 pub fn in_order(chunks: &[Vec<usize>], outcomes: Vec<Vec<Outcome>>) -> Vec<Outcome> {
     let mut all: Vec<(usize, Outcome)> = chunks.iter().flatten().copied().zip(outcomes.into_iter().flatten()).collect();
     all.sort_by_key(|(idx, _)| *idx);
     all.into_iter().map(|(_, outcome)| outcome).collect()
 }
 
-/// Sees the probes of a chunk finish.
+/// Watches the probes of a chunk.
 struct OfChunk<'a> {
-    /// The trials of the chunk, as indices among all.
+    /// Indices of the chunk's trials in all trials.
     chunk: &'a [usize],
     watch: &'a dyn ProbeWatch,
 }
@@ -137,7 +137,7 @@ impl ProbeWatch for OfChunk<'_> {
     }
 }
 
-/// Runs one trial and returns its outcome, which equals that of [`InProcess`], and the positions of the feet, m: the
+/// Runs one trial and returns its outcome, equal to the outcome in [`InProcess`], and the positions of the feet, m: the
 /// start, then the position after every tick.
 pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec<Vec3>) {
     let reliance = Reliance::on(&context.map);
@@ -154,8 +154,7 @@ pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec
     }
 }
 
-/// Runs the trials of a chunk, of which the same movers are held, and returns their outcomes; `None` if `watch`
-/// cancelled.
+/// Runs the trials of a chunk, which share the held mover, and returns their outcomes; `None` if `watch` cancelled.
 fn run_chunk(
     context: &ProbeContext,
     reliance: &Reliance,
@@ -191,8 +190,8 @@ fn run_chunk(
     }
 }
 
-/// Runs a ride: the body stands still on the mover until that has reached the stop where the ride ends; `None` if
-/// `watch` cancelled.
+/// Runs a ride: the body stands still until the mover has reached the stop where the ride ends; `None` if `watch`
+/// cancelled.
 fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride, watch: &dyn ProbeWatch) -> Option<Outcome> {
     let mut world = context.world_for(Some(MoverAt { mover: ride.mover, stop: ride.from }));
     let mut outcome = Outcome::begin(trial.start);
@@ -217,7 +216,7 @@ fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride, watch: &dyn Probe
     Some(outcome)
 }
 
-/// Sees the worlds after each tick.
+/// Called with the worlds after each tick.
 pub(crate) type Watcher<'a> = dyn FnMut(&[World]) + 'a;
 
 /// Trials that run together on one world.
@@ -232,7 +231,7 @@ pub(crate) struct Probes<'a> {
 }
 
 impl<'a> Probes<'a> {
-    /// Prepares trials of which this mover is held at that stop. `reliance` is that on the map.
+    /// Prepares trials with the mover of `held` at its stop. `reliance` is computed for the map.
     pub(crate) fn new(context: &'a ProbeContext, reliance: &'a Reliance, seed: u64, held: Option<MoverAt>) -> Self {
         let policy = &context.policy;
         Self {
@@ -266,8 +265,8 @@ impl<'a> Probes<'a> {
         self.running.is_empty()
     }
 
-    /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows
-    /// the world after each tick if somebody watches.
+    /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended. Calls
+    /// `watch`, if there is one, after each tick.
     pub(crate) fn decide(&mut self, mut watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
         let npcs: Vec<DecidingNpc> =
             self.running.iter().map(|run| DecidingNpc::of(run.slot).in_style(run.probe.style)).collect();
@@ -301,7 +300,7 @@ impl<'a> Probes<'a> {
     }
 }
 
-/// One running trial in a world of ours.
+/// One running trial in a simulated world.
 struct Running {
     slot: NpcSlot,
     trial_idx: usize,
@@ -317,7 +316,7 @@ impl Running {
         Self { slot, trial_idx, probe }
     }
 
-    /// Records what the body relies on in this tick.
+    /// Records the movers on which the body relies in this tick.
     fn record_needs(&mut self, world: &World, reliance: &Reliance) {
         let Some(npc) = world.npc(self.slot) else { return };
         let needs = &mut self.probe.outcome.needs;
@@ -349,7 +348,7 @@ impl Running {
     }
 }
 
-/// A trial that runs, in whatever world.
+/// A running trial, in a simulated world or in a game.
 #[derive(Debug)]
 pub struct RunningProbe {
     /// How the NPC moves.
@@ -357,45 +356,45 @@ pub struct RunningProbe {
     /// The outcome so far.
     pub outcome: Outcome,
     keep_track: bool,
-    /// Where the probe goes after the place that it heads for now.
+    /// Where the probe heads after the current place.
     next: Option<Vec3>,
     give_up_after: u32,
     rng: ChaCha8Rng,
-    /// Decisions for which NPCs wait before they begin.
+    /// Decisions for which an NPC would wait before the leg.
     wait: u32,
 }
 
-/// What a decision of a trial came to.
+/// The result of one decision of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DecisionReport {
     /// Position of the feet, m.
     pub feet: Vec3,
     /// Whether the body stands on the ground.
     pub is_grounded: bool,
-    /// The most demanding ability that it used.
+    /// The most demanding ability of the decision.
     pub ability: Ability,
-    /// How the way to the place that it headed for ended, if it did.
+    /// How the way to the current place ended, if it did.
     pub end: Option<End>,
-    /// Decisions without a new best distance from that place.
+    /// Decisions without a new smallest distance to that place.
     pub stalled: u32,
-    /// Decisions since it headed for that place.
+    /// Decisions on the way to that place.
     pub decisions: u32,
 }
 
 /// What follows a decision of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ProbeStep {
-    /// The NPC goes on.
+    /// The NPC continues.
     Keep,
-    /// It heads for this place from now on, m.
+    /// The NPC heads for this place from now on, m.
     HeadFor(Vec3),
     /// The trial is over.
     End,
 }
 
 impl RunningProbe {
-    /// Begins a trial with the random stream that it names under `seed`, after `wait` decisions. Returns also where the
-    /// NPC starts, and for which place it heads first.
+    /// Begins a trial with its random stream under `seed`, after `wait` decisions. Also returns where the NPC starts and
+    /// heads first.
     pub fn begin(trial: &Trial, seed: u64, wait: u32, profile: &CharacterProfile) -> (Self, Goal) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(trial.stream);
@@ -409,7 +408,7 @@ impl RunningProbe {
         (probe, Goal { start: trial.start, yaw, goal })
     }
 
-    /// Noise that is added to the next action, in units of the policy's standard deviation.
+    /// Noise for the next action, in units of the policy's standard deviation.
     pub fn noise(&mut self) -> impl Iterator<Item = f32> + use<> {
         let share = DEFAULT_NOISE_SHARE * self.style.noise_share();
         gaussian(&mut self.rng, ACTION_LEN).into_iter().map(move |value| value * share)
@@ -441,7 +440,7 @@ impl RunningProbe {
     }
 }
 
-/// After how many decisions without progress from `feet` towards `goal`, m, a probe has failed.
+/// Decisions without progress from `feet` towards `goal`, m, after which a probe has failed.
 fn patience(feet: Vec3, goal: Vec3, profile: &CharacterProfile) -> u32 {
     let jumps = 1.0 + f32::from(profile.extra_jumps);
     let reach = jumps * profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity);

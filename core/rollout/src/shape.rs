@@ -1,9 +1,9 @@
-//! Measures the shapes of edges: runs the policy along each of them a few times more, and notes where the body leaves
-//! the ground by a special move, how high it gets, and where it stands again.
+//! Measures the shapes of edges: runs the policy along each edge a few more times, and records where the body leaves the
+//! ground, how high it gets, and where it lands.
 //!
-//! Of the runs that arrive, the one is kept that a [plain controller](crate::drive) repeats most reliably, with the
-//! share of its tries that did: who follows links by script rather than by our policy knows what to expect. The same
-//! graph gives the same shapes on any number of threads.
+//! Of the runs that arrive, the measurement keeps the one that a [plain controller](crate::drive) repeats most reliably,
+//! with the share of tries that succeed: scripts that follow links without the policy can rely on it. The same graph
+//! gives the same shapes on any number of threads.
 
 use crate::drive::{Driver, PathPoint};
 use crate::probe::{ProbeContext, Probes};
@@ -25,26 +25,29 @@ use surefoot_world::{
     Ability, AbilitySet, CharacterProfile, DECISION_SECONDS, Map, NpcSlot, TICK_SECONDS, TICKS_PER_SECOND, Vec3, World,
 };
 
-/// Runs along each edge: the first ones composed, as NPCs move that rehearse, the others as freely as the policy wants.
+/// Composed runs along each edge.
 const COMPOSED_RUNS: u32 = 3;
+/// Free runs along each edge.
 const FREE_RUNS: u32 = 3;
-/// Edges of a thread that are run together.
+/// Edges that run together.
 const CHUNK: usize = 32;
 /// Tries of the plain controller along each run.
 const DRIVES: usize = 8;
 /// Distance from the start of a passage at which the plain controller begins, m.
 const AROUND_M: f32 = 1.0;
-/// Distance to the end of a passage on the plane, and in height, at which the plain controller has arrived, m.
+/// Horizontal distance to the end of a passage at which the plain controller has arrived, m.
 const ARRIVED_M: f32 = 0.9;
+/// Difference in height at which the plain controller has arrived, m.
 const LEVEL_M: f32 = 1.2;
-/// Descent without ground that is no drop but a step or a bump, m.
+/// Descent up to which a flight counts as a step or a bump, m.
 const BUMP_M: f32 = 0.6;
-/// A leap is needless where a walk is at most this many times as long, and this much longer, m.
+/// A leap is needless if a walk is at most this many times as long, plus [`WALK_MORE_M`].
 const WALK_RATIO: f32 = 1.5;
+/// Additional length of such a walk, m.
 const WALK_MORE_M: f32 = 2.0;
 
-/// Measures the shape of each edge of `graph` on `thread_count` threads, in order; `None` where no run arrived again.
-/// `ground` is the survey's, and says what a NavMesh walks. `finished` is called after each edge.
+/// Measures the shape of each edge of `graph` on `thread_count` threads, in order; `None` if no run arrived. `ground` is
+/// the survey's and shows where a NavMesh leads. Calls `finished` after each edge.
 pub fn measure(
     context: &ProbeContext,
     (graph, ground): (&NavGraph, &Ground),
@@ -95,7 +98,7 @@ impl Moment {
     }
 }
 
-/// One run along an edge that is under way.
+/// One run along an edge.
 struct Runner {
     slot: NpcSlot,
     /// Abilities used in the decision so far.
@@ -154,7 +157,7 @@ impl ShapeMeter<'_> {
         let mut arrived = vec![false; runners.len()];
         while !probes.are_done() {
             runners.iter_mut().for_each(|runner| runner.seen = AbilitySet::default());
-            // All have begun before the first one ends, so that no slot is used twice.
+            // All runs begin before the first one ends, so no slot is used twice.
             let ended = probes.decide(Some(&mut |worlds: &[World]| {
                 runners.iter_mut().for_each(|runner| runner.note(&worlds[0]));
             }));
@@ -173,7 +176,7 @@ impl ShapeMeter<'_> {
         Trial { held: self.held, ..Trial::walk(start, goal, EdgeRun::Shape(attempt).stream(edge.key)) }
     }
 
-    /// The shape of an edge that is one ride: it begins and ends where the edge does.
+    /// The shape of an edge that is a ride: one passage from its start to its end.
     fn whole(&self, edge: &Edge) -> Shape {
         let (start, end) = (self.graph.position(edge.key.from), self.graph.position(edge.key.to));
         let seconds = edge.evidence.decisions_mean().0 as f32 * DECISION_SECONDS;
@@ -200,7 +203,7 @@ impl ShapeMeter<'_> {
         })
     }
 
-    /// What of a run the NavMesh does not walk: its leaps, each with what lies between the survey's islands around it.
+    /// The parts of a run outside the NavMesh: its leaps, each with the way between the survey's islands around it.
     fn passages(&self, track: &[Moment], goal: Vec3) -> Vec<Passage> {
         let map = &self.context.map;
         let leaps = leaps(map, track, goal).into_iter().filter(|timed| !self.is_needless(&timed.leap));
@@ -230,27 +233,27 @@ impl ShapeMeter<'_> {
         passages
     }
 
-    /// Whether the NavMesh walks from one place to another.
+    /// Whether the NavMesh leads from one place to another.
     fn is_walked(&self, from: Vec3, to: Vec3) -> bool {
         let island = |at| self.ground.at(at).map(|cell| cell.island);
         from == to || (island(from).is_some() && island(from) == island(to))
     }
 
-    /// Whether a leap goes where a short walk leads as well.
+    /// Whether a short walk leads where a leap goes.
     fn is_needless(&self, leap: &Leap) -> bool {
         let is_plain = matches!(leap.ability, Ability::Walk | Ability::Jump | Ability::DoubleJump);
         let metres = WALK_RATIO * leap.take_off.distance(leap.landing) + WALK_MORE_M;
         is_plain && self.ground.walks_within(leap.take_off, leap.landing, metres)
     }
 
-    /// The share of its tries, from places around the start, in which the plain controller takes a passage; in [0, 1].
+    /// Share of tries, from places around the start, in which the plain controller completes a passage, in [0, 1].
     fn drive(&self, world: &mut World, passage: &Passage) -> f32 {
         let points = path_along(passage);
         let limit = ((2.0 * passage.seconds + 4.0) * TICKS_PER_SECOND as f32) as u32;
         let starts = self.starts(passage.start);
         let mut arrived = 0;
         for (begun, (start, yaw)) in starts.iter().enumerate() {
-            // What fails twice at once is not worth more tries.
+            // After two failures at the start, more tries are not worth their time.
             if begun == 2 && arrived == 0 {
                 return 0.0;
             }
@@ -259,14 +262,14 @@ impl ShapeMeter<'_> {
         arrived as f32 / starts.len() as f32
     }
 
-    /// Places around the start of a passage, all headings mixed; the start itself where the body cannot stand.
+    /// Places around the start of a passage with mixed headings; the start itself where the body cannot stand.
     fn starts(&self, centre: Vec3) -> Vec<(Vec3, f32)> {
         let mut scratch = MoveScratch::default();
         let around = (0..DRIVES).map(|idx| {
             let angle = idx as f32 / DRIVES as f32 * TAU;
             let (sin, cos) = libm::sincosf(angle);
             let place = self.stand(centre + Vec3::new(sin, 0.0, cos) * AROUND_M, &mut scratch);
-            // A third of a turn further each time: from behind, from the side, from ahead.
+            // Headings lead from behind, from the side and from ahead.
             (place.unwrap_or(centre), angle * 3.0 % TAU - TAU / 2.0)
         });
         around.collect()
@@ -283,7 +286,7 @@ impl ShapeMeter<'_> {
     }
 }
 
-/// The path along a passage as a plain controller gets it.
+/// The path along a passage, for the plain controller.
 fn path_along(passage: &Passage) -> Vec<PathPoint> {
     let mut points = vec![PathPoint { at: passage.start.to_array(), by: Ability::Walk }];
     for leap in &passage.leaps {
@@ -298,7 +301,7 @@ fn path_along(passage: &Passage) -> Vec<PathPoint> {
     points
 }
 
-/// Whether the plain controller gets from a start, with a heading, to stand at the end of a path within `limit` ticks.
+/// Whether the plain controller stands at the end of a path within `limit` ticks, from a start with a heading.
 fn drive_once(
     world: &mut World,
     profile: &CharacterProfile,
@@ -329,7 +332,7 @@ fn drive_once(
     has_arrived
 }
 
-/// A leap with when it begins and ends, in ticks of its run, and where and when the jetpack that it takes was picked
+/// A leap with the ticks of its run at which it begins and ends, and the place and tick at which its jetpack was picked
 /// up.
 struct Timed {
     leap: Leap,
@@ -338,8 +341,8 @@ struct Timed {
     end: usize,
 }
 
-/// The leaps of a run towards `goal`: what it does between one place where the body stands and the next, unless that is
-/// a mere bump. A device begins a leap of its own.
+/// The leaps of a run towards `goal`: its motion between two places where the body stands, except bumps. A device begins
+/// a leap of its own.
 fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
     let mut found = Vec::new();
     let mut open: Option<Flight> = None;
@@ -367,7 +370,7 @@ fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
             found.extend(flight.land(track, now.feet, tick, picked));
         }
     }
-    // A goal may be reached in flight: a body stands where it is.
+    // A goal may be reached in flight.
     found.extend(open.and_then(|flight| flight.land(track, goal, track.len() - 1, pickup)));
     found
 }

@@ -1,10 +1,9 @@
-//! Styles of motion: how an NPC carries out what its policy wants.
+//! Styles of motion: how an NPC carries out the actions of its policy.
 //!
 //! A policy that learned to arrive turns to and fro, runs sideways and jumps where walking would do. A composed NPC
-//! moves as the policy wants on the whole: it faces where it goes, keeps to the straight way where the policy does so
-//! roughly, acts without noise, and jumps only on legs that need it. Whether it still arrives is seen in the
-//! [rehearsal](crate::rehearse) of the leg; where it does not, it is free to move as the policy does.
-//! docs/adr/0026-composed-motion.md says what that changes.
+//! faces its direction of motion, straightens its way where the policy roughly does, acts without noise, and jumps only
+//! on legs that need it. The [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives; otherwise
+//! it moves freely. docs/adr/0026-composed-motion.md has measurements.
 
 use std::f32::consts::{PI, TAU};
 use surefoot_world::character::{Body, Ride, Support};
@@ -12,32 +11,33 @@ use surefoot_world::float::hypot;
 use surefoot_world::sense::{FIELDS, LastDecision, STATE_BEGIN, field_idx};
 use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, ProfileIdx, Vec3};
 
-/// Angle between facing and motion up to which a composed body does not turn, rad, and what is left of it after a turn.
+/// Angle between facing and motion up to which a composed body does not turn, rad.
 const SLACK: f32 = 0.15;
+/// Angle between facing and motion after a turn, rad.
 const SETTLE: f32 = 0.05;
-/// Share of the top speed below which the policy does not want to move.
+/// Share of the top speed below which an action counts as standing still.
 const REST: f32 = 0.1;
-/// Cosine of the greatest angle between what the policy wants and the straight way that the body takes instead.
+/// Cosine of the greatest angle between the policy's direction and the straight way that replaces it.
 const STRAIGHT: f32 = 0.8;
-/// Distance to the waypoint on the plane below which its direction says nothing, m.
+/// Horizontal distance to the waypoint below which its direction is ignored, m.
 const CLOSE_M: f32 = 0.5;
-/// Share of sideways motion that is left on the ground.
+/// Share of sideways motion kept on the ground.
 const SIDEWAYS: f32 = 0.4;
-/// How much of the change of velocity that the policy wants counts for where a body goes.
+/// Weight of the wanted change of velocity in the predicted direction of a body.
 const LOOK_AHEAD: f32 = 0.7;
 
-/// How an NPC carries out what its policy wants.
+/// How an NPC carries out the actions of its policy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Style {
-    /// Exactly as the policy wants.
+    /// Unchanged.
     #[default]
     Free,
-    /// Facing where it goes.
+    /// Facing its direction of motion.
     Composed {
-        /// Whether it jumps when the policy wants to.
+        /// Whether the NPC jumps when the policy does.
         jumps: bool,
     },
-    /// Standing still at a place, whatever the policy wants: while the NPC waits for a mover, or rides on it.
+    /// Standing still at a place and ignoring the policy, while the NPC waits for a mover or rides on it.
     Stay {
         /// The place, m.
         at: Vec3,
@@ -52,12 +52,12 @@ impl Style {
         Self::Composed { jumps: ability != Ability::Walk }
     }
 
-    /// Share of an NPC's noise that is left, 0 or 1.
+    /// Share of the noise that an NPC keeps, 0 or 1.
     pub fn noise_share(self) -> f32 {
         if self == Self::Free { 1.0 } else { 0.0 }
     }
 
-    /// The action by which `npc` does in this style what the policy wants with `action`.
+    /// The action of `npc` in this style when its policy chooses `action`.
     pub fn shape(self, action: Action, npc: &Npc, profile: &CharacterProfile) -> Action {
         let jumps = match self {
             Self::Free => return action,
@@ -84,11 +84,10 @@ impl Style {
     }
 }
 
-/// An NPC of which only the observation is known, as if it stood at the origin with the heading 0: all of it that
-/// [`Style::shape`] needs.
+/// The NPC of an observation, at the origin with heading 0, with the values that [`Style::shape`] needs.
 ///
 /// # Panics
-/// If `row` is no observation.
+/// If `row` is not an observation.
 pub fn npc_of(row: &[f32]) -> Npc {
     const DISTANCE: usize = field_idx("goal_distance");
     const DIRECTION: usize = field_idx("goal_x");
@@ -96,7 +95,7 @@ pub fn npc_of(row: &[f32]) -> Npc {
     const GROUNDED: usize = field_idx("is_grounded");
     const ON_ZIP_LINE: usize = field_idx("is_on_zip_line");
     let state = &row[STATE_BEGIN..];
-    // Observations have x to the right, which is -x at the heading 0.
+    // In observations x is to the right, which is -x at heading 0.
     let vector = |at: usize, scale: f32| Vec3::new(-state[at], state[at + 1], state[at + 2]) * scale;
     let mut body = Body::at(Vec3::ZERO, 0.0);
     body.velocity = vector(VELOCITY, FIELDS[VELOCITY].scale);
@@ -114,8 +113,9 @@ pub fn npc_of(row: &[f32]) -> Npc {
     }
 }
 
-/// Speed at which a body goes back to where it stays, in m/s for each metre, and at most.
+/// Speed of the return to the place to stay, in m/s for each metre of distance.
 const RETURN_RATE: f32 = 2.5;
+/// Top speed of that return, m/s.
 const RETURN_SPEED: f32 = 3.0;
 
 /// The action by which a body stays at a place.
@@ -139,7 +139,7 @@ fn most_turn(profile: &CharacterProfile) -> f32 {
     profile.turn_speed * DECISION_SECONDS
 }
 
-/// Where the policy wants to move, on the map's axes, at most 1 long, as it is in the middle of the decision.
+/// The wanted horizontal velocity on the map's axes, as a share of the top speed, in the middle of the decision.
 fn wish(action: Action, body: &Body, profile: &CharacterProfile) -> (f32, f32) {
     let (sin, cos) = libm::sincosf(body.yaw + 0.5 * action.turn * most_turn(profile));
     let side = profile.side_speed_share;
@@ -149,8 +149,7 @@ fn wish(action: Action, body: &Body, profile: &CharacterProfile) -> (f32, f32) {
     (x / length, z / length)
 }
 
-/// The direction of `way` on the plane with the length of the wish along `x` and `z`, if that leads about there; the
-/// wish itself otherwise.
+/// The wish along `x` and `z`, turned into the direction of `way` if it roughly leads there already.
 fn straighten(way: Vec3, x: f32, z: f32) -> (f32, f32) {
     let (distance, length) = (hypot(way.x, way.z), hypot(x, z));
     if distance < CLOSE_M || way.x * x + way.z * z < STRAIGHT * distance * length {
@@ -159,8 +158,8 @@ fn straighten(way: Vec3, x: f32, z: f32) -> (f32, f32) {
     (way.x / distance * length, way.z / distance * length)
 }
 
-/// Where `body` goes next, on the plane: its velocity, and part of what becomes of it as the policy wants to move along
-/// `x` and `z`.
+/// The predicted horizontal direction of `body`: its velocity plus part of the change towards the wish along `x` and
+/// `z`.
 fn ahead(body: &Body, profile: &CharacterProfile, x: f32, z: f32) -> (f32, f32) {
     let (now_x, now_z) = (body.velocity.x, body.velocity.z);
     let (change_x, change_z) = (x * profile.forward_speed - now_x, z * profile.forward_speed - now_z);

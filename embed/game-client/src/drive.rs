@@ -25,7 +25,7 @@ pub struct Drive<'a> {
 pub struct Deciding {
     /// Index of the NPC.
     pub npc_idx: usize,
-    /// How it carries out what the policy wants.
+    /// How it carries out the actions of the policy.
     pub style: Style,
 }
 
@@ -38,30 +38,30 @@ impl<'a> Drive<'a> {
         Self { env, policy, profile, hidden, observations: Vec::new(), decided: Vec::new(), actions }
     }
 
-    /// What the environment said last.
+    /// The last state of the environment.
     pub fn state(&self) -> &EnvState {
         self.env.state()
     }
 
-    /// Clears what the policy remembers of an NPC.
+    /// Clears the policy's memory of an NPC.
     pub fn forget(&mut self, npc_idx: usize) {
         self.hidden.forget(npc_idx);
     }
 
-    /// Runs one decision: these NPCs do what the policy wants, with `noise` in units of its standard deviation, all
-    /// others nothing. The routes begin after it.
+    /// Runs one decision: these NPCs carry out the policy's actions, with `noise` in units of its standard deviation; all
+    /// others rest. The routes begin after it.
     ///
     /// # Errors
-    /// As [`GameEnv::step`].
+    /// Same as [`GameEnv::step`].
     ///
     /// # Panics
-    /// If `noise` has not one row for each of the NPCs.
+    /// If the numbers of NPCs and rows of `noise` differ.
     pub fn decide(&mut self, npcs: &[Deciding], noise: Vec<f32>, routes: &[Route]) -> Result<&EnvState, GameError> {
         let len = self.policy.observation_len();
         self.observations.clear();
         self.observations.resize(npcs.len() * len, 0.0);
         for (deciding, row) in npcs.iter().zip(self.observations.chunks_exact_mut(len)) {
-            // What a policy may be told of others besides is zeros: NPCs do not meet.
+            // Values about other NPCs stay zeros: NPCs do not meet.
             row[..OBSERVATION_LEN].copy_from_slice(seen(self.env.state(), deciding.npc_idx));
             if !self.policy.senses_transports() {
                 hide_transports(row);

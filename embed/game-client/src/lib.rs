@@ -1,10 +1,9 @@
-//! Games as worlds: what Surefoot does with NPCs that move in the physics of a game, which serves environments itself
-//! (`EnvService`).
+//! Games as worlds: NPCs that move in the physics of a game, which serves environments (`EnvService`).
 //!
-//! A [`Game`] is a connection, a [`GameEnv`] an environment that it runs. [`drive`] lets a policy decide for the NPCs,
-//! [`probes`] proves edges of graphs there, [`attempts`] sends NPCs to goals. Placement, candidates and surveys use the
-//! level's geometry as we read it; what is reached, and how, only the game says. docs/games.md is the page for those
-//! who implement the other side.
+//! A [`Game`] is a connection, and a [`GameEnv`] is an environment in the game. [`drive`] lets a policy decide for the
+//! NPCs, [`probes`] proves edges of graphs, and [`attempts`] sends NPCs to goals. Placement, candidates and surveys use
+//! the imported geometry of the level; only the game decides what is reached, and how. docs/games.md describes the
+//! game's side.
 
 pub mod attempts;
 pub mod drive;

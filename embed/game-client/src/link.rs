@@ -1,4 +1,4 @@
-//! Connections to games: a blocking client of the environments that they serve.
+//! Connections to games: a blocking client of their environments.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -20,24 +20,24 @@ use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Request, Status, Streaming};
 
-/// Longest wait for a new environment, whose level may have to be made.
+/// Longest wait for a new environment, including its level.
 const OPEN_LIMIT: Duration = Duration::from_secs(600);
 /// Longest wait for a step.
 const STEP_LIMIT: Duration = Duration::from_secs(60);
-/// Longest wait for the end of an environment that is of no use any more.
+/// Longest wait for the end of an environment.
 const CLOSE_LIMIT: Duration = Duration::from_secs(2);
 /// Bytes of a level in one message.
 const UPLOAD_BYTES: usize = 512 * 1024;
 /// Most places of a route in one message.
 const MAX_ROUTE: usize = 256;
 
-/// Why a game is of no use as a world.
+/// Why a game cannot serve as a world.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum GameError {
     /// The address or the credentials are unusable.
     #[error("{0}")]
     Link(Arc<LinkError>),
-    /// Nobody answers at the address.
+    /// No game answers at the address.
     #[error("cannot reach a game at {uri}: {reason}")]
     Unreachable {
         /// The address.
@@ -50,23 +50,23 @@ pub enum GameError {
     Refused {
         /// The address.
         uri: Arc<str>,
-        /// What it said.
+        /// The game's message.
         message: String,
     },
-    /// The game does not answer any more.
-    #[error("the game at {uri} went away: {reason}")]
+    /// The game has stopped answering.
+    #[error("the game at {uri} stopped answering: {reason}")]
     Gone {
         /// The address.
         uri: Arc<str>,
         /// What went wrong.
         reason: String,
     },
-    /// The game sent something else than the contract says.
+    /// The game sent something that the contract does not allow.
     #[error("the game at {uri} breaks the contract: {wrong}")]
     Contract {
         /// The address.
         uri: Arc<str>,
-        /// What is wrong, and what the contract says.
+        /// What is wrong, and what the contract requires.
         wrong: String,
     },
 }
@@ -77,14 +77,14 @@ impl From<LinkError> for GameError {
     }
 }
 
-/// The level that a game runs, as we read it, and the body of its NPCs.
+/// The level of a game, as imported, and the body of its NPCs.
 #[derive(Debug, Clone)]
 pub struct Level {
-    /// The level. A server of ours needs a generated one, or one that was imported there; games run their own.
+    /// The level. A Surefoot server needs a generated level, or a level that it has imported; games run their own.
     pub map: Arc<Map>,
     /// The body.
     pub body: CharacterProfile,
-    /// Whether the NPCs get in each other's way and see each other, which games do not offer.
+    /// Whether the NPCs collide with and see each other, which games do not offer.
     pub solid_npcs: bool,
 }
 
@@ -94,7 +94,7 @@ pub struct Game {
     uri: Arc<str>,
     runtime: Arc<Runtime>,
     client: EnvServiceClient<Link>,
-    /// What must not end before the connection.
+    /// A value that must outlive the connection.
     _kept: Option<Arc<dyn std::fmt::Debug + Send + Sync>>,
     maps: MapServiceClient<Link>,
 }
@@ -103,7 +103,7 @@ impl Game {
     /// Connects to the game at `uri`.
     ///
     /// # Errors
-    /// If the address or the credentials are unusable, or nobody answers.
+    /// If the address or the credentials are unusable, or no game answers.
     pub fn connect(uri: &str, credentials: &Credentials) -> Result<Self, GameError> {
         let dialer = credentials.dial(uri)?;
         let uri: Arc<str> = uri.into();
@@ -118,8 +118,7 @@ impl Game {
         Ok(Self { uri, runtime: Arc::new(runtime), client, maps, _kept: None })
     }
 
-    /// The same connection to a game whose own address is `uri`, behind something in between that lives as long as the
-    /// connection.
+    /// The connection to a game at `uri` through a proxy, which lives as long as the connection.
     pub fn behind(self, uri: &str, between: impl std::fmt::Debug + Send + Sync + 'static) -> Self {
         Self { uri: uri.into(), _kept: Some(Arc::new(between)), ..self }
     }
@@ -132,7 +131,7 @@ impl Game {
     /// Creates an environment with one NPC for each goal, each with one episode.
     ///
     /// # Errors
-    /// If the game refuses, does not answer, or answers something else than the contract says.
+    /// If the game refuses, does not answer, or breaks the contract.
     pub fn open(&self, level: &Level, goals: &[Goal]) -> Result<GameEnv, GameError> {
         let to_wire = |goal: &Goal| wire::EnvGoal {
             start: Some(convert::to_wire(goal.start)),
@@ -143,11 +142,10 @@ impl Game {
         self.create(request, goals.len())
     }
 
-    /// Creates an environment of `npc_count` NPCs that always have a goal at a distance in `band`, m, which depends on
-    /// `seed`.
+    /// Creates an environment of `npc_count` NPCs with endless goals at distances in `band`, m, drawn with `seed`.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// Same as [`open`](Self::open).
     pub fn open_endless(
         &self,
         level: &Level,
@@ -173,11 +171,11 @@ impl Game {
         wire::CreateEnvRequest { map, map_hash, body, solid_npcs: level.solid_npcs, ..Default::default() }
     }
 
-    /// Lets a server of ours keep a level that is not generated, so that environments can be opened on it. The call is
+    /// Uploads a level that is not generated to a Surefoot server, so that environments can be opened on it. The call is
     /// repeatable.
     ///
     /// # Errors
-    /// If the server refuses, does not answer, or keeps something else.
+    /// If the server refuses, does not answer, or stores another level.
     pub fn keep(&self, map: &Map) -> Result<(), GameError> {
         let (file, hash) = (exchange::encode(map), map.built_hash().to_hex());
         let mut client = self.maps.clone();
@@ -206,7 +204,7 @@ impl Game {
         let observation_len = observation_len(solid_npcs);
         let first = self.first_state(&created, (npc_count, observation_len));
         let (requests, stream) = mpsc::channel(1);
-        // The stream answers when the first step has been sent, so it is opened by that.
+        // The stream answers only after the first step, which therefore opens it.
         let mut env = GameEnv {
             game: self.clone(),
             env_id,
@@ -264,7 +262,7 @@ impl Game {
     }
 }
 
-/// The text of the error at the bottom of a chain, which says what really happened.
+/// The text of the root cause of an error.
 fn innermost(error: &dyn std::error::Error) -> String {
     let mut error = error;
     while let Some(source) = error.source() {
@@ -273,7 +271,7 @@ fn innermost(error: &dyn std::error::Error) -> String {
     error.to_string()
 }
 
-/// What an environment says after a step, NPC by NPC.
+/// The state of an environment after a step, NPC by NPC.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EnvState {
     /// Observations, one after another.
@@ -288,7 +286,7 @@ pub struct EnvState {
     pub passed: Vec<u32>,
     /// How the episode of each NPC ended, if it did in the last step.
     pub ended: Vec<Option<End>>,
-    /// NPCs of which an episode ended in the last step, each with its last observation.
+    /// NPCs whose episodes ended in the last step, each with its last observation.
     pub finals: Vec<(usize, Vec<f32>)>,
 }
 
@@ -302,7 +300,7 @@ pub struct GameEnv {
     waiting: Option<mpsc::Receiver<wire::StreamEnvRequest>>,
     responses: Option<Streaming<wire::StreamEnvResponse>>,
     state: EnvState,
-    /// Time in which messages were packed and read.
+    /// Time spent on packing and reading messages.
     encode_time: Duration,
     observation_len: usize,
 }
@@ -313,12 +311,12 @@ impl GameEnv {
         self.state.positions.len()
     }
 
-    /// What the environment said last.
+    /// The state after the last step.
     pub fn state(&self) -> &EnvState {
         &self.state
     }
 
-    /// Returns and resets the time in which messages were packed and read.
+    /// Returns and resets the time spent on packing and reading messages.
     pub fn take_encode_time(&mut self) -> Duration {
         std::mem::take(&mut self.encode_time)
     }
@@ -327,7 +325,7 @@ impl GameEnv {
     /// then ends there, as reached.
     ///
     /// # Errors
-    /// If the game refuses, goes away, or answers something else than the contract says.
+    /// If the game refuses, stops answering, or breaks the contract.
     ///
     /// # Panics
     /// If there is not one action for each NPC.
@@ -339,7 +337,7 @@ impl GameEnv {
     /// Sends a step without waiting for its results.
     ///
     /// # Errors
-    /// As [`step`](Self::step).
+    /// Same as [`step`](Self::step).
     ///
     /// # Panics
     /// If there is not one action for each NPC.
@@ -352,7 +350,7 @@ impl GameEnv {
         };
         let request = wire::StreamEnvRequest { env_id: self.env_id, actions: Some(actions) };
         self.encode_time += started.elapsed();
-        // A stream that has ended says why when its results are read.
+        // If the stream has ended, the reason follows when its results are read.
         let _ = self.game.runtime.block_on(self.requests.send(request));
         let Some(stream) = self.waiting.take() else { return Ok(()) };
         let mut client = self.game.client.clone();
@@ -364,7 +362,7 @@ impl GameEnv {
     /// Waits for the results of the step that was sent.
     ///
     /// # Errors
-    /// As [`step`](Self::step).
+    /// Same as [`step`](Self::step).
     ///
     /// # Panics
     /// If no step was sent.
@@ -391,7 +389,7 @@ impl Drop for GameEnv {
         let mut client = self.game.client.clone();
         let request = wire::CloseEnvRequest { env_id: self.env_id };
         let close = async move {
-            // A game that does not answer ends it by itself.
+            // A game ends idle environments by itself.
             let _ = tokio::time::timeout(CLOSE_LIMIT, client.close_env(request)).await;
         };
         match Handle::try_current() {
@@ -416,7 +414,7 @@ fn observations(bytes: &[u8], len: usize, field: &'static str) -> Result<Vec<f32
     if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(FieldError::NotFinite(field)) }
 }
 
-/// Reads the results of a step, or says what is wrong with them.
+/// Reads the results of a step, or returns what is wrong with them.
 fn state(results: wire::EnvResults, (npc_count, observation_len): (usize, usize)) -> Result<EnvState, String> {
     let text = |error: FieldError| error.to_string();
     for (what, found) in [("abilities", results.abilities.len()), ("passed", results.passed.len())] {

@@ -1,8 +1,7 @@
-//! Probes candidate edges in a game: the policy runs there, many trials at a time, and the planner hears how they went.
+//! Probes candidate edges in a game: the policy runs there, many trials at a time.
 //!
-//! Every trial has the heading, the noise and the patience that it has in a world of ours ([`RunningProbe`]), so a game
-//! with our physics proves our edges. Edges that hang on movers are not proved: the contract does not tell where they
-//! stand.
+//! Every trial has the same heading, noise and patience as in a simulated world ([`RunningProbe`]), so a game with the same
+//! physics proves the same edges. Edges that depend on movers are not proved: the contract does not report movers.
 
 use super::drive::{Deciding, Drive, seen};
 use super::link::{Game, GameError, Level};
@@ -19,10 +18,10 @@ use surefoot_rollout::{Goal, ProbeContext};
 use surefoot_world::{End, Episode, TaskConfig};
 
 /// NPCs of one environment.
-const LANES: usize = 128;
+const SLOTS: usize = 128;
 /// Fewest trials of an environment, unless there are fewer in all.
 const MIN_CHUNK: usize = 64;
-/// Most trials of an environment, so that the game need not keep one for long.
+/// Most trials of an environment, so that environments are short-lived.
 const MAX_CHUNK: usize = 1024;
 
 /// Runs probes in a game.
@@ -33,17 +32,17 @@ pub struct InGame<'a> {
     policy: &'a Policy,
     /// Environments that run at once, at least 1.
     env_count: usize,
-    /// Why the game is of no use, once it is not.
+    /// Why the game failed.
     error: Mutex<Option<GameError>>,
 }
 
 /// Why a graph cannot be proved in a game.
 #[derive(Debug, thiserror::Error)]
 pub enum InGameError {
-    /// The game is of no use.
+    /// The game failed.
     #[error(transparent)]
     Game(#[from] GameError),
-    /// The level is.
+    /// The level has no ground, or the build was cancelled.
     #[error(transparent)]
     Build(#[from] BuildError),
 }
@@ -51,7 +50,7 @@ pub enum InGameError {
 /// Builds a graph of the level of `context` whose edges `game` proves in `env_count` environments at once.
 ///
 /// # Errors
-/// If the game is of no use, the level has no navigable ground, or `progress.cancel` was set.
+/// If the game fails, the level has no navigable ground, or `progress.cancel` was set.
 pub fn build(
     game: &Game,
     context: &ProbeContext,
@@ -72,7 +71,7 @@ impl<'a> InGame<'a> {
         Self { game, level, policy: &context.policy, env_count: env_count.max(1), error: Mutex::default() }
     }
 
-    /// Why the last run ended early, if the game was the cause.
+    /// The failure of the game that ended the last run early.
     pub fn take_error(&self) -> Option<GameError> {
         self.error.lock().expect("no holder panics").take()
     }
@@ -81,8 +80,8 @@ impl<'a> InGame<'a> {
         self.error.lock().expect("no holder panics").is_some()
     }
 
-    /// Runs the trials from `first` on, and returns their outcomes; `None` if `watch` cancelled, or the game failed
-    /// elsewhere.
+    /// Runs the trials from index `first`, and returns their outcomes; `None` if `watch` cancelled, or the game failed in
+    /// another environment.
     fn run_chunk(
         &self,
         (first, trials): (usize, &[Trial]),
@@ -96,12 +95,12 @@ impl<'a> InGame<'a> {
         if runnable.is_empty() {
             return Ok(Some(outcomes));
         }
-        let mut crew = Crew::begin(self, trials, runnable, seed)?;
-        while crew.lanes.iter().any(Option::is_some) {
+        let mut runner = TrialRunner::begin(self, trials, runnable, seed)?;
+        while runner.slots.iter().any(Option::is_some) {
             if watch.is_cancelled() || self.has_failed() {
                 return Ok(None);
             }
-            for (idx, outcome) in crew.decide()? {
+            for (idx, outcome) in runner.decide()? {
                 watch.finished(first + idx, &outcome);
                 outcomes[idx] = outcome;
             }
@@ -128,32 +127,32 @@ impl ProbeExecutor for InGame<'_> {
     }
 }
 
-/// The NPCs of one environment, which run trials one after another.
-struct Crew<'a> {
+/// The NPCs of one environment. Each runs one trial after another.
+struct TrialRunner<'a> {
     run: &'a InGame<'a>,
     trials: &'a [Trial],
     seed: u64,
     drive: Drive<'a>,
-    lanes: Vec<Option<Lane>>,
+    slots: Vec<Option<TrialSlot>>,
     waiting: std::vec::IntoIter<usize>,
     /// Routes that go with the next step.
     routes: Vec<Route>,
     task: TaskConfig,
 }
 
-/// An NPC with the trial that it runs.
-struct Lane {
+/// A trial of an NPC.
+struct TrialSlot {
     trial_idx: usize,
     probe: RunningProbe,
-    /// The way to the place for which it heads.
+    /// The way to the current place.
     episode: Episode,
     /// Places of its route that it had passed before the last step.
     passed: u32,
-    /// Whether it will be put at its start after the next step.
+    /// Whether the NPC is put at its start after the next step.
     is_arriving: bool,
 }
 
-impl Lane {
+impl TrialSlot {
     fn begin(run: &InGame<'_>, trials: &[Trial], trial_idx: usize, seed: u64) -> (Self, Goal) {
         let (probe, goal) = RunningProbe::begin(&trials[trial_idx], seed, 0, &run.level.body);
         let episode = Episode::new(goal.goal, goal.start);
@@ -161,13 +160,13 @@ impl Lane {
     }
 }
 
-impl<'a> Crew<'a> {
-    /// Puts NPCs at the starts of the first of these trials, at least one.
+impl<'a> TrialRunner<'a> {
+    /// Puts NPCs at the starts of the first trials, at least one.
     fn begin(run: &'a InGame<'a>, trials: &'a [Trial], which: Vec<usize>, seed: u64) -> Result<Self, GameError> {
         let mut waiting = which.into_iter();
-        let (lanes, goals): (Vec<Lane>, Vec<Goal>) =
-            waiting.by_ref().take(LANES).map(|idx| Lane::begin(run, trials, idx, seed)).unzip();
-        let routes = (0..).zip(&lanes).filter_map(|(npc_idx, lane)| route(npc_idx, &trials[lane.trial_idx], None));
+        let (slots, goals): (Vec<TrialSlot>, Vec<Goal>) =
+            waiting.by_ref().take(SLOTS).map(|idx| TrialSlot::begin(run, trials, idx, seed)).unzip();
+        let routes = (0..).zip(&slots).filter_map(|(npc_idx, slot)| route(npc_idx, &trials[slot.trial_idx], None));
         let routes = routes.collect();
         let env = run.game.open(&run.level, &goals)?;
         Ok(Self {
@@ -175,58 +174,58 @@ impl<'a> Crew<'a> {
             trials,
             seed,
             drive: Drive::new(env, run.policy, &run.level.body),
-            lanes: lanes.into_iter().map(Some).collect(),
+            slots: slots.into_iter().map(Some).collect(),
             waiting,
             routes,
             task: TaskConfig::default(),
         })
     }
 
-    /// Runs one decision of all NPCs, and returns the trials that are over, with their outcomes.
+    /// Runs one decision of all NPCs, and returns the trials that have ended, with their outcomes.
     fn decide(&mut self) -> Result<Vec<(usize, Outcome)>, GameError> {
         let (mut deciding, mut noise) = (Vec::new(), Vec::new());
-        for (npc_idx, lane) in self.lanes.iter_mut().enumerate() {
-            let Some(lane) = lane.as_mut().filter(|lane| !lane.is_arriving) else { continue };
-            deciding.push(Deciding { npc_idx, style: lane.probe.style });
-            noise.extend(lane.probe.noise());
+        for (npc_idx, slot) in self.slots.iter_mut().enumerate() {
+            let Some(slot) = slot.as_mut().filter(|slot| !slot.is_arriving) else { continue };
+            deciding.push(Deciding { npc_idx, style: slot.probe.style });
+            noise.extend(slot.probe.noise());
         }
         let routes = std::mem::take(&mut self.routes);
         self.drive.decide(&deciding, noise, &routes)?;
         let mut over = Vec::new();
-        for npc_idx in 0..self.lanes.len() {
+        for npc_idx in 0..self.slots.len() {
             if self.note(npc_idx) {
                 continue;
             }
-            let Some(lane) = self.lanes[npc_idx].take() else { continue };
-            over.push((lane.trial_idx, lane.probe.outcome));
+            let Some(slot) = self.slots[npc_idx].take() else { continue };
+            over.push((slot.trial_idx, slot.probe.outcome));
             self.next_trial(npc_idx);
         }
         Ok(over)
     }
 
-    /// Records the last step of an NPC, and returns whether its trial goes on.
+    /// Records the last step of an NPC, and returns whether its trial continues.
     fn note(&mut self, npc_idx: usize) -> bool {
-        let Some(lane) = &mut self.lanes[npc_idx] else { return false };
-        if std::mem::take(&mut lane.is_arriving) {
+        let Some(slot) = &mut self.slots[npc_idx] else { return false };
+        if std::mem::take(&mut slot.is_arriving) {
             return true;
         }
         let state = self.drive.state();
         let feet = state.positions[npc_idx];
-        let has_passed = state.passed[npc_idx] > std::mem::replace(&mut lane.passed, state.passed[npc_idx]);
-        lane.episode.note_tick(feet, &self.task);
-        lane.episode.close_decision(&self.task);
+        let has_passed = state.passed[npc_idx] > std::mem::replace(&mut slot.passed, state.passed[npc_idx]);
+        slot.episode.note_tick(feet, &self.task);
+        slot.episode.close_decision(&self.task);
         let report = DecisionReport {
             feet,
             is_grounded: npc_of(seen(state, npc_idx)).body.is_grounded(),
             ability: state.abilities[npc_idx],
             end: if has_passed { Some(End::Reached) } else { state.ended[npc_idx] },
-            stalled: lane.episode.stalled_decisions,
-            decisions: lane.episode.decisions,
+            stalled: slot.episode.stalled_decisions,
+            decisions: slot.episode.decisions,
         };
-        match lane.probe.record(&report, &self.run.level.body) {
+        match slot.probe.record(&report, &self.run.level.body) {
             ProbeStep::Keep => true,
             ProbeStep::HeadFor(goal) => {
-                lane.episode = Episode::new(goal, feet);
+                slot.episode = Episode::new(goal, feet);
                 if !has_passed {
                     // The first place was reached before the route began there.
                     self.routes.push(Route { npc_idx, start: None, waypoints: vec![goal] });
@@ -240,16 +239,16 @@ impl<'a> Crew<'a> {
     /// Sends an NPC to the start of the next trial, if there is one.
     fn next_trial(&mut self, npc_idx: usize) {
         let Some(trial_idx) = self.waiting.next() else { return };
-        let (lane, goal) = Lane::begin(self.run, self.trials, trial_idx, self.seed);
+        let (slot, goal) = TrialSlot::begin(self.run, self.trials, trial_idx, self.seed);
         let start = Some((goal.start, goal.yaw));
         let to_goal = || Route { npc_idx, start, waypoints: vec![goal.goal] };
         self.routes.push(route(npc_idx, &self.trials[trial_idx], start).unwrap_or_else(to_goal));
         self.drive.forget(npc_idx);
-        self.lanes[npc_idx] = Some(Lane { is_arriving: true, ..lane });
+        self.slots[npc_idx] = Some(TrialSlot { is_arriving: true, ..slot });
     }
 }
 
-/// The route of a trial that leads by another place.
+/// The route of a trial through its intermediate place.
 fn route(npc_idx: usize, trial: &Trial, start: Option<(surefoot_world::Vec3, f32)>) -> Option<Route> {
     trial.via.map(|via| Route { npc_idx, start, waypoints: vec![via, trial.goal] })
 }

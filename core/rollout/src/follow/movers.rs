@@ -17,7 +17,7 @@ const BARRED_WITHIN_M: f32 = 1.5;
 /// Speed at which an NPC gets to a mover in any case, m/s.
 const UNHURRIED_M_PER_S: f32 = 5.0;
 
-/// What a follower knows of the movers, and what it does about them.
+/// The movers as a follower saw them last, and its response.
 #[derive(Debug, Clone)]
 pub(super) struct MoverWatch {
     /// The stops at which each mover stands sooner or later, as seen last.
