@@ -1,7 +1,11 @@
 //! Exploration noise: standard normal values, in units of the policy's standard deviation.
 
-use rand::{Rng, RngExt};
+use rand::rngs::ChaCha8Rng;
+use rand::{Rng, RngExt, SeedableRng};
 use surefoot_world::character::ACTION_LEN;
+
+/// Words of a random stream for one action: a block.
+const WORDS_PER_ACTION: u128 = 16;
 
 /// Draws `count` standard normal values by the Box-Muller transform.
 pub fn gaussian(rng: &mut impl Rng, count: usize) -> Vec<f32> {
@@ -24,4 +28,14 @@ pub fn for_rows(rng: &mut impl Rng, share: f32, row_count: usize) -> Vec<f32> {
     let mut values = if share > 0.0 { gaussian(rng, row_count * ACTION_LEN) } else { Vec::new() };
     values.iter_mut().for_each(|value| *value *= share);
     values
+}
+
+/// Noise of action `number` in a random stream under `seed`: `share` of the exploration noise.
+pub fn of_action((seed, stream): (u64, u64), number: u64, share: f32) -> [f32; ACTION_LEN] {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream);
+    rng.set_word_pos(u128::from(number) * WORDS_PER_ACTION);
+    let mut values = [0.0; ACTION_LEN];
+    fill_gaussian(&mut rng, &mut values);
+    values.map(|value| value * share)
 }

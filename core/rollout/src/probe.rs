@@ -15,7 +15,7 @@ use surefoot_planner::ride_stops::{Boarding, longest_ride_ticks, states_for_proo
 use surefoot_planner::threads::map_indices;
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
-use surefoot_policy::noise::gaussian;
+use surefoot_policy::noise::fill_gaussian;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
@@ -411,7 +411,9 @@ impl RunningProbe {
     /// Noise for the next action, in units of the policy's standard deviation.
     pub fn noise(&mut self) -> impl Iterator<Item = f32> + use<> {
         let share = DEFAULT_NOISE_SHARE * self.style.noise_share();
-        gaussian(&mut self.rng, ACTION_LEN).into_iter().map(move |value| value * share)
+        let mut values = [0.0; ACTION_LEN];
+        fill_gaussian(&mut self.rng, &mut values);
+        values.into_iter().map(move |value| value * share)
     }
 
     /// Records one decision.

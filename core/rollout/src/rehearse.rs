@@ -7,14 +7,11 @@ use crate::decision::{DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::follow::scene::Scene;
 use crate::follow::{Follower, Step};
 use crate::style::Style;
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use surefoot_planner::LegKey;
-use surefoot_policy::Policy;
-use surefoot_policy::noise::gaussian;
-use surefoot_world::character::{ACTION_LEN, Body};
+use surefoot_policy::{Policy, noise};
+use surefoot_world::character::Body;
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, SenseContext, state_vector};
 use surefoot_world::{
     CharacterProfile, End, Episode, Map, MoverState, Npc, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World,
@@ -28,8 +25,6 @@ const MAX_DECISIONS: u32 = 160;
 const STALLED_AFTER: u32 = 40;
 /// Most decisions until a body that has arrived must stand.
 const MAX_REST_DECISIONS: u32 = 18;
-/// Words of a random stream for one action: a block.
-const WORDS_PER_ACTION: u128 = 16;
 /// Distance between the numbers of an NPC's streams.
 const NEXT_STREAM: u64 = 1 << 32;
 
@@ -51,12 +46,10 @@ impl NoiseStream {
 
     /// Noise for the next action of an NPC that moves in `style`, in units of the policy's standard deviation.
     pub fn draw(&mut self, style: Style) -> impl Iterator<Item = f32> + use<> {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        rng.set_stream(self.stream);
-        rng.set_word_pos(u128::from(self.drawn) * WORDS_PER_ACTION);
-        self.drawn = self.drawn.wrapping_add(1);
         let share = self.share * style.noise_share();
-        gaussian(&mut rng, ACTION_LEN).into_iter().map(move |value| value * share)
+        let values = noise::of_action((self.seed, self.stream), self.drawn.into(), share);
+        self.drawn = self.drawn.wrapping_add(1);
+        values.into_iter()
     }
 
     /// Continues with other noise.

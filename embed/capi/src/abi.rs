@@ -1,23 +1,22 @@
 //! The structs that C and Rust share, field by field as in the header. `tests/header.rs` compares the two.
 //!
-//! Values from outside that only some numbers are allowed for are plain integers: a number that no enum has must not
-//! become one.
+//! Enums of the header are plain integers here: an unknown number must not become a Rust enum.
 
 use std::ffi::{c_char, c_void};
 use surefoot_world as world;
 use surefoot_world::mesh::Surface;
 
-/// Changes when programs must be compiled anew.
+/// Version of the binary interface: when it changes, programs must be compiled again.
 pub const ABI_VERSION: u32 = 1;
-/// Length of an error's text, the zero at its end included.
+/// Length of an error's text, including the zero at its end.
 pub const MESSAGE_LEN: usize = 256;
 /// Rays of an agent.
 pub const RAY_COUNT: usize = world::RAY_COUNT;
-/// Most others of which an agent is told.
+/// Most other bodies in a state.
 pub const MAX_OTHERS: usize = 64;
-/// Ends of a leg that are no vertices.
+/// Start of a query, as the end of a leg.
 pub const STOP_START: u32 = u32::MAX;
-/// The goal of a query.
+/// Goal of a query, as the end of a leg.
 pub const STOP_GOAL: u32 = u32::MAX - 1;
 
 /// `sf_error`: why a call failed.
@@ -46,13 +45,13 @@ pub struct Vec3 {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Ray {
-    /// Where it begins, m.
+    /// Origin, m.
     pub origin: Vec3,
     /// Unit vector.
     pub direction: Vec3,
 }
 
-/// `sf_hit`: what a ray ended on.
+/// `sf_hit`: the hit of a ray.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Hit {
@@ -88,13 +87,13 @@ pub struct Other {
     pub velocity: Vec3,
 }
 
-/// `sf_device`: what carries or throws bodies.
+/// `sf_device`: a device of the level.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Device {
     /// One of the surfaces that are devices.
     pub kind: i32,
-    /// 1 for a teleporter that leads back as well.
+    /// 1 for a teleporter that works in both directions.
     pub two_way: i32,
     /// Its centre, or its entrance, m.
     pub from: Vec3,
@@ -102,7 +101,7 @@ pub struct Device {
     pub to: Vec3,
 }
 
-/// `sf_body`: what makes a character move as it does.
+/// `sf_body`: the body of a character.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
@@ -114,7 +113,7 @@ pub struct Body {
     pub radius: f32,
     /// Top speed ahead, m/s.
     pub forward_speed: f32,
-    /// Share of it to the sides and back.
+    /// Top speed sideways and back as a share of `forward_speed`.
     pub side_speed_share: f32,
     /// Top turning speed, rad/s.
     pub turn_speed: f32,
@@ -134,11 +133,11 @@ pub struct Body {
     pub zip_line_speed: f32,
     /// Acceleration of a jetpack, m/s2.
     pub jetpack_acceleration: f32,
-    /// Speed at which it stops pushing, m/s.
+    /// Upward speed at which a jetpack stops pushing, m/s.
     pub jetpack_climb_speed: f32,
     /// Jumps in the air, 0 to 255.
     pub extra_jumps: u32,
-    /// Ticks after leaving the ground during which a jump is one from the ground, 0 to 254.
+    /// Ticks after leaving the ground in which a jump counts as a jump from the ground, 0 to 254.
     pub coyote_ticks: u32,
     /// Whether it can use zip lines.
     pub uses_zip_lines: i32,
@@ -162,7 +161,7 @@ pub struct State {
     pub yaw: f32,
     /// Share of the breath used, 0 to 1.
     pub breath_used: f32,
-    /// Thrust that a jetpack has left, s.
+    /// Thrust left in a jetpack, s.
     pub jetpack_seconds: f32,
     /// Number of `others`.
     pub other_count: u32,
@@ -174,10 +173,10 @@ pub struct State {
 pub const GROUNDED: u32 = 1;
 /// The body can jump now, from the ground or in the air.
 pub const CAN_JUMP: u32 = 2;
-/// The body hangs on a zip line.
+/// The body rides a zip line.
 pub const RIDES: u32 = 4;
 
-/// `sf_progress`: how an agent gets on.
+/// `sf_progress`: the progress of an agent.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Progress {
@@ -187,23 +186,23 @@ pub struct Progress {
     pub reached: i32,
     /// Smallest distance to the goal so far, m.
     pub best_distance: f32,
-    /// Decisions since that shrank.
+    /// Decisions since `best_distance` shrank.
     pub stalled_decisions: u32,
     /// Decisions towards this goal.
     pub decisions: u32,
 }
 
-/// `sf_query`: what a plan must do.
+/// `sf_query`: a request for a plan.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct Query {
     /// Size of the struct.
     pub struct_size: u32,
-    /// Sum of abilities that the plan does without.
+    /// Sum of abilities that the plan must not use.
     pub without: u32,
-    /// Where it begins, m.
+    /// Start, m.
     pub start: Vec3,
-    /// Where it ends, m.
+    /// Goal, m.
     pub goal: Vec3,
     /// 0 bold to 1 careful.
     pub caution: f32,
@@ -227,11 +226,11 @@ pub struct LegKey {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Leg {
-    /// Where it ends, m.
+    /// End of the leg, m.
     pub waypoint: Vec3,
     /// Its ends.
     pub key: LegKey,
-    /// Index of the ability that it takes.
+    /// Index of its most demanding ability.
     pub ability: i32,
     /// Expected duration, s.
     pub seconds: f32,
@@ -241,7 +240,7 @@ pub struct Leg {
     pub death_chance: f32,
 }
 
-/// `sf_plan`: a plan as a whole.
+/// `sf_plan`: a whole plan.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Plan {
@@ -253,7 +252,7 @@ pub struct Plan {
     pub seconds: f32,
     /// Chance that every leg succeeds.
     pub chance: f32,
-    /// Chance of arriving, with plans anew where legs fail.
+    /// Chance of arriving, including re-plans after failed legs.
     pub arrival_chance: f32,
     /// Chance of dying.
     pub death_chance: f32,
@@ -269,7 +268,7 @@ pub struct Plan {
 pub struct Edge {
     /// Its vertices.
     pub key: LegKey,
-    /// Index of the ability that it takes.
+    /// Index of its most demanding ability.
     pub ability: i32,
     /// 0 if it is closed.
     pub is_open: i32,
@@ -279,7 +278,7 @@ pub struct Edge {
     pub chance: f32,
     /// Chance of dying.
     pub death_chance: f32,
-    /// What a careful search adds up now, in decisions.
+    /// Current cost in a careful search, in decisions.
     pub cost: f32,
 }
 
@@ -305,13 +304,13 @@ pub struct Edit {
     pub kind: i32,
     /// Seconds of a forced edge, or factor of a price.
     pub value: f32,
-    /// Place of the vertex that the edge leaves, m.
+    /// Place of the edge's first vertex, m.
     pub from: Vec3,
-    /// Place of the vertex that it reaches, m.
+    /// Place of the edge's last vertex, m.
     pub to: Vec3,
 }
 
-/// `sf_traversal`: how an NPC got along an edge.
+/// `sf_traversal`: one traversal of an edge.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Traversal {
@@ -323,7 +322,7 @@ pub struct Traversal {
     pub end: i32,
 }
 
-/// `sf_step`: what a follower wants.
+/// `sf_step`: the next step of a follower.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Step {
@@ -331,34 +330,34 @@ pub struct Step {
     pub struct_size: u32,
     /// One of the kinds of steps.
     pub kind: i32,
-    /// Where the NPC heads for, m, if it has a plan.
+    /// The waypoint, m, if there is a plan.
     pub waypoint: Vec3,
     /// Index of the current leg.
     pub leg: u32,
-    /// Number of legs of the plan; 0 without one.
+    /// Number of legs of the plan; 0 without a plan.
     pub leg_count: u32,
     /// Number of plans so far.
     pub plans: u32,
 }
 
-/// `sf_outcome`: what came of a decision.
+/// `sf_outcome`: the outcome of a decision.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Outcome {
     /// Reward.
     pub reward: f32,
-    /// One of the ends; 0 while the attempt goes on.
+    /// One of the ends; 0 while the attempt is running.
     pub end: i32,
 }
 
 /// `sf_cast_rays`: casts rays in the caller's world.
 pub type CastRays = unsafe extern "C" fn(user: *mut c_void, rays: *const Ray, ray_count: usize, hits: *mut Hit);
 
-/// What structs have in common that may grow: their size comes first.
+/// A struct that may grow: its size comes first.
 pub trait Growing: Copy {
     /// Name in the header.
     const NAME: &'static str;
-    /// The size that the caller knows.
+    /// The struct's size in the caller's version.
     fn struct_size(&self) -> u32;
 }
 

@@ -1,4 +1,4 @@
-//! Agents: what an NPC of the caller's world senses, wants and remembers.
+//! Agents: the minds of the caller's NPCs, with what they sense, their goals and their memory.
 //!
 //! An observation is written by the simulation's own code (`surefoot_world::sense`), from rays that the caller has cast. Decisions come from
 //! the policy. After [`Agents::new`] nothing is allocated, but for the texts of errors.
@@ -6,11 +6,9 @@
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::checks;
 use crate::error::{Fault, Status, chain};
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use surefoot_policy::noise::fill_gaussian;
+use surefoot_policy::noise;
 use surefoot_policy::{Batch as Rows, Manifest, Scratch};
 use surefoot_world::character::{ACTION_LEN, Ride, Support};
 use surefoot_world::map::{Jetpack, Pad, Placed, Teleporter, ZipLine};
@@ -22,11 +20,9 @@ use surefoot_world::{Action, Body, CharacterProfile, End, Episode, TaskConfig, V
 const MAX_AGENTS: u32 = 65_536;
 /// Most devices.
 const MAX_DEVICES: usize = 20_000;
-/// Words of a random stream that one action takes: a block.
-const WORDS_PER_ACTION: u128 = 16;
-/// Bytes that a saved agent takes besides its memory.
+/// Bytes of a saved agent without its rows.
 const SAVED_LEN: usize = 192;
-/// Largest count in a saved agent; counting on from a larger one might overflow.
+/// Largest count in a saved agent; a larger one might overflow later.
 const MAX_COUNT: u32 = 1 << 30;
 
 /// `sf_policy`: weights that agents share.
@@ -70,7 +66,7 @@ impl Policy {
     }
 }
 
-/// A body as the caller describes it.
+/// A body as described by the caller.
 #[derive(Debug, Clone, Copy)]
 pub struct Sensed<'a> {
     body: Body,
@@ -97,7 +93,7 @@ impl<'a> Sensed<'a> {
         }
         if state.flags & !(GROUNDED | CAN_JUMP | RIDES) != 0 {
             return Err(Fault::argument(format!(
-                "state.flags is {}: it has bits that are no sf_state_flag",
+                "state.flags is {}: it has bits that are not an sf_state_flag",
                 state.flags
             )));
         }
@@ -114,24 +110,15 @@ impl<'a> Sensed<'a> {
     }
 }
 
-/// What an agent is about to do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-enum Stage {
-    /// It was not observed since it decided.
-    #[default]
-    Acting,
-    /// It was observed and has not decided.
-    Observed,
-}
-
-/// What an agent wants and remembers, besides its row of the policy's memory.
+/// The state of an agent, without its row of the policy's memory.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct Mind {
     episode: Option<Episode>,
     last: LastDecision,
     /// Velocity at the last observation, m/s.
     velocity: Vec3,
-    stage: Stage,
+    /// Whether it was observed and has not decided since.
+    is_observed: bool,
     /// Whether it has decided since its goal was set.
     has_decided: bool,
     seed: u64,
@@ -155,7 +142,7 @@ pub struct Agents {
     batch: Batch,
     /// Room for the rays of all agents.
     pub rays: Vec<abi::Ray>,
-    /// Room for what they hit.
+    /// Room for their hits.
     pub hits: Vec<abi::Hit>,
     others: Vec<(Vec3, Vec3)>,
 }
@@ -246,7 +233,7 @@ impl Agents {
         if idx <= most { Ok(idx) } else { Err(Fault::argument(format!("agent {agent} does not exist: 0 to {most}"))) }
     }
 
-    /// Makes an agent forget all, before it decides for a body that was spawned.
+    /// Clears an agent for a new body.
     pub fn begin(&mut self, agent: u32, seed: u64) -> Result<(), Fault> {
         let idx = self.check(agent)?;
         self.minds[idx] = Mind { seed, ..Mind::default() };
@@ -259,11 +246,11 @@ impl Agents {
     pub fn set_goal(&mut self, agent: u32, feet: Vec3, goal: Vec3) -> Result<(), Fault> {
         let idx = self.check(agent)?;
         let mind = &mut self.minds[idx];
-        (mind.episode, mind.has_decided, mind.stage) = (Some(Episode::new(goal, feet)), false, Stage::Acting);
+        (mind.episode, mind.has_decided, mind.is_observed) = (Some(Episode::new(goal, feet)), false, false);
         Ok(())
     }
 
-    /// Takes note of where an agent is between decisions, and returns whether it has reached its goal.
+    /// Records the position of an agent between decisions, and returns whether it has reached its goal.
     pub fn note(&mut self, agent: u32, feet: Vec3) -> Result<bool, Fault> {
         let idx = self.check(agent)?;
         let episode = self.minds[idx].episode.as_mut().ok_or_else(|| no_goal(agent))?;
@@ -281,7 +268,7 @@ impl Agents {
         }
     }
 
-    /// Writes the observation of an agent from what its rays hit.
+    /// Writes the observation of an agent from the hits of its rays.
     pub fn observe(&mut self, agent: u32, sensed: &Sensed<'_>, hits: &[abi::Hit]) -> Result<(), Fault> {
         let idx = self.check(agent)?;
         let (hits, body_hits) = read_hits(hits)?;
@@ -298,7 +285,7 @@ impl Agents {
             episode.close_decision(&self.task);
         }
         mind.last.ticks_in_water = sensed.ticks_in_water;
-        (mind.velocity, mind.stage) = (sensed.body.velocity, Stage::Observed);
+        (mind.velocity, mind.is_observed) = (sensed.body.velocity, true);
         let context = SenseContext { placed: &self.placed, profile: &self.profile, task: &self.task };
         let found = Found { hits: &hits, body_hits: &body_hits, others: &self.others };
         let len = self.policy.observation_len();
@@ -327,8 +314,8 @@ impl Agents {
             return Err(Fault::argument(format!("{} agents decide, but there are {}", actions.len(), self.count())));
         }
         for agent in agents.clone() {
-            if self.minds[self.check(agent)?].stage != Stage::Observed {
-                let message = format!("agent {agent} was not observed since it decided last: observe it first");
+            if !self.minds[self.check(agent)?].is_observed {
+                let message = format!("agent {agent} was not observed after its last decision: observe it first");
                 return Err(Fault::new(Status::BadState, message));
             }
         }
@@ -348,7 +335,7 @@ impl Agents {
             let memory = &self.batch.memories[row * memory_len..(row + 1) * memory_len];
             self.memories[idx * memory_len..(idx + 1) * memory_len].copy_from_slice(memory);
             let mind = &mut self.minds[idx];
-            (mind.stage, mind.has_decided) = (Stage::Acting, true);
+            (mind.is_observed, mind.has_decided) = (false, true);
             (mind.last.velocity, mind.last.action) = (mind.velocity, self.batch.actions[row].to_array());
         }
         Ok(())
@@ -364,25 +351,22 @@ impl Agents {
             let memory = &self.memories[idx * memory_len..(idx + 1) * memory_len];
             self.batch.memories[row * memory_len..(row + 1) * memory_len].copy_from_slice(memory);
             if noise_share > 0.0 {
-                let noise = &mut self.batch.noise[row * ACTION_LEN..(row + 1) * ACTION_LEN];
-                let mut rng = ChaCha8Rng::seed_from_u64(mind.seed);
-                rng.set_word_pos(u128::from(mind.drawn) * WORDS_PER_ACTION);
-                fill_gaussian(&mut rng, noise);
-                noise.iter_mut().for_each(|value| *value *= noise_share);
+                let noise = noise::of_action((mind.seed, 0), mind.drawn.into(), noise_share);
+                self.batch.noise[row * ACTION_LEN..(row + 1) * ACTION_LEN].copy_from_slice(&noise);
             }
-            // Noise depends on how often an agent has decided, and not on whether it drew any.
+            // Noise depends on the number of decisions, not on the number of draws.
             mind.drawn = mind.drawn.wrapping_add(1);
         }
     }
 
-    /// Takes note that an agent does something else than it decided.
+    /// Records that an agent carries out another action than it decided.
     pub fn acted(&mut self, agent: u32, action: Action) -> Result<(), Fault> {
         let idx = self.check(agent)?;
         self.minds[idx].last.action = action.to_array();
         Ok(())
     }
 
-    /// How an agent gets on.
+    /// The progress of an agent.
     pub fn progress(&self, agent: u32) -> Result<abi::Progress, Fault> {
         let episode = self.minds[self.check(agent)?].episode.ok_or_else(|| no_goal(agent))?;
         Ok(abi::Progress {
@@ -429,7 +413,7 @@ impl Agents {
         Ok(())
     }
 
-    /// Where an agent's memory and its observation are.
+    /// Ranges of an agent's memory and observation.
     fn rows(&self, idx: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         let (memory, observation) = (self.policy.memory_len(), self.policy.observation_len());
         (idx * memory..(idx + 1) * memory, idx * observation..(idx + 1) * observation)
@@ -452,10 +436,10 @@ fn no_goal(agent: u32) -> Fault {
     Fault::new(Status::BadState, format!("agent {agent} has no goal: call sf_agents_set_goal first"))
 }
 
-/// Surfaces and bodies that the rays of an agent hit.
+/// Surfaces and bodies hit by the rays of an agent.
 type Hits = ([Option<(f32, Surface)>; RAY_COUNT], [f32; RAY_COUNT]);
 
-/// Checks what rays hit. What is out of their range was not hit.
+/// Checks hits. Hits beyond the range of the rays are dropped.
 fn read_hits(hits: &[abi::Hit]) -> Result<Hits, Fault> {
     let (mut found, mut bodies) = ([None; RAY_COUNT], [f32::INFINITY; RAY_COUNT]);
     for (idx, hit) in hits.iter().enumerate() {

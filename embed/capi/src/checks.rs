@@ -1,4 +1,4 @@
-//! Checks of what callers give: numbers become values of the simulation, or errors that name them.
+//! Checks arguments: numbers become values of the simulation, or errors that name them.
 
 use crate::abi::{Action, Body, Vec3};
 use crate::error::Fault;
@@ -9,7 +9,7 @@ use surefoot_world::mesh::Surface;
 const MOST: f32 = 1.0e6;
 
 impl Vec3 {
-    /// The vector, all of whose values must be finite and within reason; `name` names it in errors.
+    /// The vector, if all values are finite and at most a million; `name` names it in errors.
     pub fn checked(self, name: impl std::fmt::Display) -> Result<world::Vec3, Fault> {
         let Self { x, y, z } = self;
         if [x, y, z].iter().all(|value| value.abs() <= MOST) {
@@ -27,7 +27,7 @@ impl TryFrom<Action> for world::Action {
     }
 }
 
-/// The surface of that number; `None` for 0, which is none.
+/// The surface with this number; `None` for 0.
 pub fn surface(number: i32) -> Result<Option<Surface>, Fault> {
     if number == 0 {
         return Ok(None);
@@ -38,7 +38,7 @@ pub fn surface(number: i32) -> Result<Option<Surface>, Fault> {
 }
 
 impl Body {
-    /// The profile, all of whose values must be in range.
+    /// The profile, if all values are in range.
     pub fn profile(&self) -> Result<world::CharacterProfile, Fault> {
         let count = |name: &str, value: u32, most: u8| {
             u8::try_from(value)

@@ -1,25 +1,25 @@
-//! Errors: a status, and a text that says what to change.
+//! Errors: a status, and a text with what to change.
 
 use crate::abi;
 use std::ffi::c_char;
 
-/// What a function returns; the header has the meanings.
+/// Status that functions return, as in the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 pub enum Status {
-    /// All is well.
+    /// Success.
     Ok = 0,
     /// An argument is null, not finite, or out of its range.
     InvalidArgument = 1,
-    /// An output has too little room; how much is needed was written.
+    /// An output has too little room; the needed size was written.
     BufferTooSmall = 2,
     /// A file, a vertex, an edge or an NPC does not exist.
     NotFound = 3,
     /// A file is damaged, or of another kind or version.
     BadFile = 4,
-    /// Another thread is in a call with the same handle.
+    /// Another call with the same handle is running.
     Busy = 5,
-    /// A call is missing that has to come before.
+    /// Another call has to come first.
     BadState = 6,
     /// A fault of the library.
     Internal = 7,
@@ -50,7 +50,7 @@ impl Fault {
         Self::new(Status::BadFile, message)
     }
 
-    /// The fault as callers see it; a text that is too long is cut off between two characters.
+    /// The fault for callers; a text that is too long is cut off between two characters.
     pub fn to_abi(&self) -> abi::Error {
         let mut message = [0; abi::MESSAGE_LEN];
         let mut end = self.message.len().min(abi::MESSAGE_LEN - 1);
@@ -64,7 +64,7 @@ impl Fault {
     }
 }
 
-/// The text of an error and of all that caused it.
+/// The text of an error and its causes.
 pub fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

@@ -1,7 +1,7 @@
 //! Graphs: plans, and what changes them while a game runs.
 //!
-//! Three things change the costs of a proved graph: edges that are closed or priced by vertex, which takes effect at
-//! once; reported traversals, likewise; and designers' edits by place, for which the graph is prepared anew.
+//! Three things change the costs of a proved graph. Closed and priced edges, and reported traversals, take effect at
+//! once. Designers' edits prepare the graph again.
 
 use crate::abi::{self, STOP_GOAL, STOP_START};
 use crate::error::{Fault, Status};
@@ -35,16 +35,16 @@ pub struct Graph {
     live: LiveEvidence,
     /// Costs of edges that were reported.
     reported: EdgeCosts,
-    /// Costs of all edges that are not what the router was made with.
+    /// Costs of all edges that differ from the router's.
     repriced: EdgeCosts,
     /// Edges that designers' edits forbid.
     forbidden: BTreeSet<EdgeKey>,
-    /// The graph without the edges that are closed, which knows what is reachable; made when there is no path.
+    /// The graph without closed edges, which shows what is reachable; made when there is no path.
     open: OnceLock<Router>,
 }
 
 impl Graph {
-    /// Reads what `surefoot graph export --format json` wrote.
+    /// Reads a graph from `surefoot graph export --format json`.
     pub fn parse(text: &str) -> Result<Self, Fault> {
         let proved = import_json(text).map_err(|error| Fault::file(error.to_string()))?;
         let router = Router::new(proved.clone(), DEFAULT_TABLE_LIMIT, 1);
@@ -61,12 +61,12 @@ impl Graph {
         })
     }
 
-    /// The graph as it is searched, but for what was closed, priced and reported.
+    /// The graph with edits, but without closed edges, prices and reports.
     pub fn graph(&self) -> &NavGraph {
         self.router.graph()
     }
 
-    /// All edges as they stand.
+    /// All edges with their current costs.
     pub fn edges(&self) -> Vec<abi::Edge> {
         let edge = |edge: &surefoot_planner::Edge| abi::Edge {
             key: abi::LegKey { from: edge.key.from.0, to: edge.key.to.0 },
@@ -134,7 +134,7 @@ impl Graph {
         Ok(())
     }
 
-    /// Computes what an edge costs now.
+    /// Computes the current cost of an edge.
     fn reprice(&mut self, key: EdgeKey) {
         let reported = self.reported.get(&key).copied();
         let factor = self.factors.get(&key).copied();
@@ -151,13 +151,13 @@ impl Graph {
         self.open = OnceLock::new();
     }
 
-    /// Keeps unproved legs from standing in for edges that are closed or forbidden.
+    /// Prevents unproved legs from replacing closed or forbidden edges.
     fn forbid(&mut self) {
         let barred: Vec<EdgeKey> = self.closed.union(&self.forbidden).copied().collect();
         self.router.forbid(barred);
     }
 
-    /// Replaces all designers' edits; what was closed, priced and reported by vertex is forgotten.
+    /// Replaces all designers' edits, and resets closed edges, prices and reports.
     pub fn edit(&mut self, edits: &[abi::Edit]) -> Result<(), Fault> {
         let edits = edits.iter().enumerate().map(|(idx, edit)| read_edit(idx, edit)).collect::<Result<_, _>>()?;
         let layer = Layer { name: REPORTER.to_owned(), edits };
@@ -182,7 +182,7 @@ impl Graph {
         if plan.no_path.is_none() || self.closed.is_empty() {
             return plan;
         }
-        // The router knows what was reachable before edges were closed.
+        // The router does not know which edges are closed.
         let open = self.open.get_or_init(|| {
             let mut data = self.graph().to_data();
             data.edges.retain(|edge| !self.closed.contains(&edge.key));
@@ -194,7 +194,7 @@ impl Graph {
         open.find_path_at(query, &self.repriced)
     }
 
-    /// Finds up to `most` plans, the cheapest first: the cheapest of all, and those that do without one of its legs.
+    /// Finds up to `most` plans, the cheapest first: the cheapest of all, and plans without one of its legs.
     pub fn find_several(&self, query: &Query, most: usize) -> Vec<Plan> {
         let best = self.find(query);
         if best.no_path.is_some() || most <= 1 {
@@ -216,13 +216,13 @@ impl Graph {
     }
 }
 
-/// What a leg adds to the cost of a plan, in decisions.
+/// The cost of a leg in a plan, in decisions.
 fn cost_of(leg: &Leg, caution: Caution) -> f64 {
     let decisions = Decisions(leg.seconds.decisions().0 * leg.chance.get());
     price(decisions, leg.chance, leg.death_chance.into(), caution)
 }
 
-/// Edits of edges neither place nor probe anything.
+/// A terrain without places and probes: edits by vertex need neither.
 struct NoTerrain;
 
 impl Terrain for NoTerrain {
@@ -247,7 +247,7 @@ fn read_edit(idx: usize, edit: &abi::Edit) -> Result<Edit, Fault> {
     }
 }
 
-/// The stop of that number.
+/// The stop with this number.
 fn stop(number: u32) -> Stop {
     match number {
         STOP_START => Stop::Start,
@@ -269,18 +269,18 @@ pub fn abilities(bits: u32) -> Result<AbilitySet, Fault> {
     let known = (1 << Ability::ALL.len()) - 1 - (1 << Ability::Walk as u32);
     if bits & !known != 0 {
         let message =
-            format!("without is {bits}: it has bits that are no sf_ability_bit; nobody can do without walking");
+            format!("without is {bits}: it has bits that are not an sf_ability_bit; walking cannot be excluded");
         return Err(Fault::argument(message));
     }
     Ok(Ability::ALL.iter().copied().filter(|ability| bits & 1 << *ability as u32 != 0).collect())
 }
 
-/// The caution of that number.
+/// The caution with this number.
 pub fn caution(number: f32) -> Result<Caution, Fault> {
     Caution::new(number).ok_or_else(|| Fault::argument(format!("caution is {number}, but must be 0 to 1")))
 }
 
-/// The query that a caller describes, with the legs that it avoids.
+/// The query of a caller, with the legs to avoid.
 pub fn query(query: &abi::Query, avoid: &[abi::LegKey]) -> Result<Query, Fault> {
     let (start, goal) = (query.start.checked("query.start")?, query.goal.checked("query.goal")?);
     let avoid = avoid.iter().map(|key| LegKey { from: stop(key.from), to: stop(key.to) }).collect();
@@ -300,7 +300,7 @@ pub fn legs(plan: &Plan) -> impl Iterator<Item = abi::Leg> {
     })
 }
 
-/// A plan as a whole, whose legs begin at `first_leg`.
+/// A whole plan, whose legs begin at `first_leg`.
 pub fn summary(plan: &Plan, first_leg: usize) -> abi::Plan {
     abi::Plan {
         first_leg: first_leg as u32,

@@ -1,11 +1,11 @@
 //! libsurefoot: policies, plans and worlds as a C library. `include/surefoot.h` is its documentation.
 //!
-//! [`exports`] has one function for each of the header: it converts pointers ([`memory`]) and numbers ([`checks`]),
-//! calls what [`agents`], [`graphs`], [`followers`] and [`worlds`] do in safe Rust, and returns a status ([`error`]).
-//! [`abi`] has the structs that both sides know.
+//! [`exports`] has one function for each function of the header. It converts pointers ([`memory`]) and numbers
+//! ([`checks`]), calls the safe Rust of [`agents`], [`graphs`], [`followers`] and [`worlds`], and returns a status
+//! ([`error`]). [`abi`] has the structs that both sides share.
 //!
-//! This crate has no state besides its handles, starts no thread that outlives a call, and writes nothing. No panic
-//! leaves it.
+//! This crate has no state besides its handles, starts no thread that outlives a call, and writes nothing. It catches all
+//! panics.
 
 #![warn(clippy::undocumented_unsafe_blocks)]
 

@@ -1,4 +1,4 @@
-//! Pointers of callers: to references, slices and handles, or to errors that name the argument.
+//! Converts pointers of callers to references, slices and handles, or to errors that name the argument.
 //!
 //! What a caller must guarantee for a pointer that is neither null nor misaligned is in the header: that it points to
 //! as many values as the call says, which nobody else writes meanwhile, and that a handle was made by this library and
@@ -10,7 +10,7 @@ use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
-/// Runs a call, writes into `error` what went wrong, if that is not null, and returns the status. No panic gets out.
+/// Runs a call, writes its error into `error`, unless that is null, and returns the status. Panics are caught.
 ///
 /// # Safety
 /// `error` is null or points to an error.
@@ -19,7 +19,7 @@ pub(crate) unsafe fn guard(error: *mut abi::Error, call: impl FnOnce() -> Result
         let message = "a fault of the library: please report it; destroy the handles of this call";
         Err(Fault::new(Status::Internal, message))
     };
-    // What a panic leaves behind is in a lock, which is then poisoned.
+    // State after a panic is behind a lock, which is then poisoned.
     let Err(fault) = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(crashed) else { return Status::Ok as i32 };
     if !error.is_null() && error.is_aligned() {
         // SAFETY: the caller's pointer is neither null nor misaligned.
@@ -38,10 +38,10 @@ fn check<T>(pointer: *const T, name: &str) -> Result<(), Fault> {
     Ok(())
 }
 
-/// A reference to what the pointer `name` points to.
+/// The value at the pointer `name`.
 ///
 /// # Safety
-/// `pointer` is null or as the header says; the reference is not kept beyond the call.
+/// `pointer` is null or as the header requires; the reference is not kept beyond the call.
 pub(crate) unsafe fn reference<'a, T>(pointer: *const T, name: &str) -> Result<&'a T, Fault> {
     check(pointer, name)?;
     // SAFETY: neither null nor misaligned, and as the header says.
@@ -73,7 +73,7 @@ pub(crate) unsafe fn slice<'a, T>(pointer: *const T, count: usize, name: &str) -
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
 }
 
-/// The values of an array that is written.
+/// The values of an output array.
 ///
 /// # Safety
 /// As for [`slice`].
@@ -92,7 +92,7 @@ fn check_count<T>(count: usize, name: &str) -> Result<(), Fault> {
     if fits { Ok(()) } else { Err(Fault::argument(format!("{name} has {count} values, more than memory"))) }
 }
 
-/// Copies `values` to an array with room for `capacity`, and writes how many there are.
+/// Copies `values` to an array with room for `capacity`, and writes their number.
 ///
 /// # Safety
 /// As for [`slice_mut`] and [`write`].
@@ -127,10 +127,10 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     text.to_str().map_err(|_| Fault::argument(format!("{name} is not UTF-8")))
 }
 
-/// A struct that may grow, as far as this library knows it.
+/// The fields that this library knows of a struct that may grow.
 ///
 /// # Safety
-/// As for [`reference`]; the struct has the size that it says.
+/// As for [`reference`]; the struct has the size in its first field.
 pub(crate) unsafe fn growing<T: Growing>(pointer: *const T, name: &str) -> Result<T, Fault> {
     check(pointer, name)?;
     // SAFETY: its size comes first.
@@ -147,13 +147,13 @@ pub(crate) unsafe fn growing<T: Growing>(pointer: *const T, name: &str) -> Resul
     }
 }
 
-/// The struct of that index in an array of structs that may grow; all are as large as the first.
+/// Struct `idx` of an array of structs that may grow; all are as large as the first.
 ///
 /// # Safety
 /// As for [`growing`], with more than `idx` structs.
 pub(crate) unsafe fn growing_at<T: Growing>(pointer: *const T, idx: usize, name: &str) -> Result<T, Fault> {
     check(pointer, name)?;
-    // SAFETY: the first struct says how large each is, and there are enough of them.
+    // SAFETY: the first struct has the size of each, and there are enough of them.
     let at = unsafe { pointer.byte_add(idx * pointer.cast::<u32>().read() as usize) };
     // SAFETY: passed on.
     unsafe { growing(at, name) }
@@ -210,12 +210,12 @@ pub(crate) unsafe fn destroy<T>(handle: *mut T) {
 /// The state of a handle that one thread uses at a time.
 pub(crate) fn lock<'a, T>(state: &'a Mutex<T>, name: &str) -> Result<MutexGuard<'a, T>, Fault> {
     state.try_lock().map_err(|error| match error {
-        TryLockError::WouldBlock => Fault::new(Status::Busy, format!("another call with {name} is under way")),
+        TryLockError::WouldBlock => Fault::new(Status::Busy, format!("another call with {name} is running")),
         TryLockError::Poisoned(_) => spoilt(name),
     })
 }
 
-/// A handle that a fault of the library has left in pieces.
+/// A handle that is unusable after a fault of the library.
 pub(crate) fn spoilt(name: &str) -> Fault {
     Fault::new(Status::Internal, format!("{name} is unusable after a fault of the library: destroy it"))
 }

@@ -1,4 +1,4 @@
-//! Worlds: our simulation inside a game, to be stepped, saved and restored.
+//! Worlds: the simulation inside a game, which steps, saves and restores it.
 
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::error::{Fault, Status, chain};
@@ -15,12 +15,12 @@ const MAX_NPCS: usize = 65_536;
 #[derive(Debug)]
 pub struct Map {
     map: Arc<surefoot_world::Map>,
-    /// Where the level's origin lies on the map, m.
+    /// The level's origin on the map, m.
     pub origin: Vec3,
 }
 
 impl Map {
-    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, or an OBJ, as its first bytes tell.
+    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, or an OBJ, by its first bytes.
     pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
         let imported = exchange::read_level(bytes, None).map_err(|error| Fault::file(chain(&error)))?;
         Ok(Self { map: Arc::new(imported.map), origin: imported.origin })
@@ -107,7 +107,7 @@ impl World {
         Ok(())
     }
 
-    /// Moves everything by one tick.
+    /// Advances the world by one tick.
     pub fn tick(&mut self) {
         self.world.tick();
     }
@@ -161,7 +161,7 @@ impl World {
         })
     }
 
-    /// What the rays of an NPC hit.
+    /// The hits of the rays of an NPC.
     pub fn look(&self, npc: u32, hits: &mut [abi::Hit]) -> Result<(), Fault> {
         let (_, npc) = self.npc(npc)?;
         hits.fill(abi::Hit::default());
@@ -189,7 +189,7 @@ impl World {
         Ok(())
     }
 
-    /// The observation of an NPC, as a policy that does not see others has it.
+    /// The observation of an NPC for policies that do not see others.
     pub fn observation(&self, npc: u32) -> Result<Vec<f32>, Fault> {
         let (slot, state) = self.npc(npc)?;
         if state.episode.is_none() {
@@ -201,12 +201,12 @@ impl World {
         Ok(row)
     }
 
-    /// Saves the world into a snapshot, over what it holds.
+    /// Saves the world into a snapshot.
     pub fn save(&self, snapshot: &mut Snapshot) {
         snapshot.state = Some(self.world.save());
     }
 
-    /// Restores a snapshot of this world, or of another with the same map and body.
+    /// Restores a snapshot of this world, or of another world with the same map and body.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), Fault> {
         let empty = || Fault::new(Status::BadState, "the snapshot is empty: call sf_world_save first");
         let state = snapshot.state.clone().ok_or_else(empty)?;

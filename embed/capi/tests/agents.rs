@@ -310,7 +310,7 @@ fn what_is_wrong_with_a_call_is_said() {
 /// Calls the agents from which it is called.
 unsafe extern "C" fn cast_and_call_back(user: *mut c_void, _: *const Ray, _: usize, _: *mut Hit) {
     let agents: *mut Handle<Agents> = user.cast();
-    fails(5, "another call with agents is under way", |error| unsafe { sf_agents_begin(agents, 0, 0, error) });
+    fails(5, "another call with agents is running", |error| unsafe { sf_agents_begin(agents, 0, 0, error) });
 }
 
 #[test]

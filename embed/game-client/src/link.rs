@@ -54,7 +54,7 @@ pub enum GameError {
         message: String,
     },
     /// The game has stopped answering.
-    #[error("the game at {uri} stopped answering: {reason}")]
+    #[error("the game at {uri} went away: {reason}")]
     Gone {
         /// The address.
         uri: Arc<str>,

@@ -199,7 +199,7 @@ export! {
     }
 }
 
-/// The numbers of agents; null stands for the first ones.
+/// Numbers of agents; null stands for 0, 1, 2 and so on.
 struct Ids<'a> {
     list: &'a [u32],
     count: usize,
@@ -222,7 +222,7 @@ impl<'a> Ids<'a> {
     }
 }
 
-/// The state of that index.
+/// State `idx` of an array.
 ///
 /// # Safety
 /// As for [`growing_at`], and `others` of the state as for [`slice`].
@@ -231,7 +231,7 @@ unsafe fn sensed<'a>(states: *const abi::State, idx: usize, agents: &Agents) -> 
     let state = unsafe { growing_at(states, idx, "states[]") }?;
     let count = state.other_count as usize;
     if count > abi::MAX_OTHERS {
-        return Err(Fault::argument(format!("state.other_count is {count}: tell of the nearest {}", abi::MAX_OTHERS)));
+        return Err(Fault::argument(format!("state.other_count is {count}: pass the nearest {} only", abi::MAX_OTHERS)));
     }
     // SAFETY: passed on.
     let others = unsafe { slice(state.others, count, "state.others") }?;

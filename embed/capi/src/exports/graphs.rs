@@ -9,7 +9,7 @@ use std::ffi::{c_char, c_void};
 use std::sync::{RwLock, RwLockReadGuard, RwLockWriteGuard};
 use surefoot_planner::Query;
 
-/// State that many threads read, or one changes; a call waits for its turn.
+/// State that many threads read or one thread changes; calls wait for each other.
 pub type Shared<T> = RwLock<T>;
 
 destroy!(sf_graph_destroy Shared<Graph>);

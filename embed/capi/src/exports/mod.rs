@@ -1,7 +1,7 @@
 //! The exported functions, one for each of the header: decode, call, encode.
 //!
-//! What a function does is said in the header; what arguments must be, too. Every function but those that destroy takes
-//! an error last, which may be null, and returns a status.
+//! The header documents functions and arguments. Every function, except those that destroy, takes an error last, which
+//! may be null, and returns a status.
 
 mod agents;
 mod followers;
@@ -21,20 +21,20 @@ use std::path::Path;
 use std::sync::Mutex;
 use surefoot_world::{CharacterProfile, RawCharacterProfile};
 
-/// State that one thread uses at a time: a call meanwhile is told that it is busy.
+/// State for one thread at a time: a second call at the same time returns `SF_BUSY`.
 pub type Handle<T> = Mutex<T>;
 
-/// Defines exported functions, which get an error and return a status besides what is written here.
+/// Defines exported functions, adding the error argument and the status.
 macro_rules! export {
     ($(fn $name:ident($($argument:ident: $kind:ty),* $(,)?) $body:block)*) => {
         $(
             #[doc = concat!("`", stringify!($name), "`: see the header.")]
             ///
             /// # Safety
-            /// The arguments are as the header says.
+            /// The arguments are as the header requires.
             #[unsafe(no_mangle)]
             pub unsafe extern "C" fn $name($($argument: $kind,)* error: *mut crate::abi::Error) -> i32 {
-                // SAFETY: what the conversions of `memory` need is what the header demands of callers.
+                // SAFETY: the header requires what the conversions of `memory` need.
                 unsafe { crate::memory::guard(error, || $body) }
             }
         )*
@@ -48,7 +48,7 @@ macro_rules! destroy {
             #[doc = concat!("`", stringify!($name), "`: see the header.")]
             ///
             /// # Safety
-            /// `handle` is null, or was made by this library and not destroyed, and no call with it is under way.
+            /// `handle` is null, or was made by this library and not destroyed, and no call with it is running.
             #[unsafe(no_mangle)]
             pub unsafe extern "C" fn $name(handle: *mut $kind) {
                 // SAFETY: passed on.
@@ -78,7 +78,7 @@ export! {
     }
 }
 
-/// The profile of a body; the usual one for null.
+/// The profile of a body; the default profile for null.
 ///
 /// # Safety
 /// As for [`memory::growing`].

@@ -4,16 +4,11 @@ use crate::agent::AgentState;
 use crate::graph::SurefootGraph;
 use bevy_ecs::prelude::*;
 use bevy_math::Vec3;
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
-use surefoot_policy::noise::fill_gaussian;
+use surefoot_policy::noise::of_action;
 use surefoot_rollout::{FollowConfig, Follower};
 use surefoot_world::character::{ACTION_LEN, Ride, Support};
 use surefoot_world::sense::LastDecision;
 use surefoot_world::{Body, Episode};
-
-/// Words of a random stream that one action takes: a block.
-const WORDS_PER_ACTION: u128 = 16;
 
 /// The state of an agent that concerns nobody else.
 #[derive(Component, Debug, Default)]
@@ -68,10 +63,7 @@ impl Mind {
 
     /// Draws the noise of an action.
     pub fn draw(&mut self, seed: u64, share: f32, noise: &mut [f32; ACTION_LEN]) {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_word_pos(u128::from(self.drawn) * WORDS_PER_ACTION);
-        fill_gaussian(&mut rng, noise);
-        noise.iter_mut().for_each(|value| *value *= share);
+        *noise = of_action((seed, 0), self.drawn, share);
         self.drawn += 1;
     }
 }
