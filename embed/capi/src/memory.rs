@@ -1,8 +1,8 @@
 //! Converts pointers of callers to references, slices and handles, or to errors that name the argument.
 //!
-//! What a caller must guarantee for a pointer that is neither null nor misaligned is in the header: that it points to
-//! as many values as the call says, which nobody else writes meanwhile, and that a handle was made by this library and
-//! not destroyed.
+//! The header states what a caller guarantees for a pointer that is neither null nor misaligned: it points to as many
+//! values as the call says, no other thread writes them during the call, and a handle was made by this library and not
+//! destroyed.
 
 use crate::abi::{self, Growing};
 use crate::error::{Fault, Status};
