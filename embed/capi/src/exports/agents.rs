@@ -231,7 +231,10 @@ unsafe fn sensed<'a>(states: *const abi::State, idx: usize, agents: &Agents) -> 
     let state = unsafe { growing_at(states, idx, "states[]") }?;
     let count = state.other_count as usize;
     if count > abi::MAX_OTHERS {
-        return Err(Fault::argument(format!("state.other_count is {count}: pass the nearest {} only", abi::MAX_OTHERS)));
+        return Err(Fault::argument(format!(
+            "state.other_count is {count}: pass the nearest {} only",
+            abi::MAX_OTHERS
+        )));
     }
     // SAFETY: passed on.
     let others = unsafe { slice(state.others, count, "state.others") }?;
