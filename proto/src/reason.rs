@@ -7,7 +7,7 @@ use tonic_types::StatusExt;
 /// Domain of every `ErrorInfo`.
 pub const DOMAIN: &str = "surefoot";
 
-/// Declares the reasons: variant, code, meaning. The name on the wire is that of the variant, in upper case.
+/// Declares the reasons: variant, code, meaning. The name on the wire is the variant in upper case.
 macro_rules! reasons {
     ($($variant:ident $code:ident $meaning:literal,)*) => {
         /// Why a call failed.

@@ -82,7 +82,7 @@ pub enum WorldsError {
     #[error("world {0} runs on {1}")]
     Elsewhere(WorldId, String),
     /// The server may have lost its worlds to other servers.
-    #[error("world {0} may be moving to another server: call LocateWorld, and retry")]
+    #[error("world {0} is moving to another server: call LocateWorld, and retry")]
     Moving(WorldId),
     /// A change was applied, but may not be durable.
     #[error("world {0}: the change was applied but is not durable: the database does not answer")]

@@ -110,7 +110,7 @@ fn a_lockstep_world_waits_for_every_answer() {
     let npcs = [stage.spawn_at(5.0), stage.spawn_at(8.0)];
     assert!(!stage.world.is_ready(), "nobody to ask");
     let mut worker = stage.join(8, 16);
-    assert!(!stage.world.is_ready(), "nobody has answered");
+    assert!(!stage.world.is_ready(), "no worker has answered");
     let batch = worker.batches().pop().unwrap();
     assert_eq!(batch.npcs, npcs);
     stage.world.answer(worker.id, rest(&batch, npcs[0]));

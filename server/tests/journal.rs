@@ -1,4 +1,4 @@
-//! What a fleet knows of a world beyond its last save, applied to it.
+//! Journals of a world in a fleet, applied to its last save.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -49,7 +49,7 @@ fn journal(world: &HostedWorld) -> Journal {
     journal
 }
 
-/// What clients know of NPCs, their places aside.
+/// NPCs as clients see them, without their positions.
 fn known(world: &HostedWorld) -> Vec<(NpcId, NpcStatus, Option<Vec3>, u32, u32)> {
     world.npcs().map(|npc| (npc.id, npc.status, npc.goal, npc.attempts_begun, npc.attempts_ended)).collect()
 }
@@ -71,7 +71,7 @@ fn what_was_recorded_after_the_save_is_known_to_the_next_server() {
     (0..10).for_each(|_| world.step());
     let first = journal(&world);
     world.set_goal(new, places[12]).unwrap();
-    // It is sent again, with what happened since, if nobody knows whether it arrived.
+    // A journal whose answer was lost is sent again, with later changes.
     let second = journal(&world);
     let told = world.events().written();
     let next = restored(saved, vec![first, second], &quota);
@@ -99,7 +99,7 @@ fn readers_see_what_is_confirmed_and_resume_elsewhere_where_they_were() {
     let id = seen[0].npc;
     world.set_goal(id, places[12]).unwrap();
     let second = journal(&world);
-    // The server dies: its readers were told of the first eight events.
+    // The server dies after its readers got the first eight events.
     let mut next = restored(saved, vec![second], &quota);
     let more = next.events().after(seen[7].sequence, 100).unwrap();
     assert_eq!(more.iter().map(|event| event.sequence).collect::<Vec<_>>(), [9, 10]);

@@ -52,7 +52,7 @@ impl<T> Wire<T> {
     }
 }
 
-/// A worker as a process: it knows what it was told, and nothing else.
+/// A worker as a process: its state comes from messages only.
 struct Worker {
     queue: Receiver<ToWorker>,
     to_worker: Wire<ToWorker>,

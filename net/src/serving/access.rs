@@ -4,7 +4,7 @@ use Role::{Admin, Client, Designer, Worker};
 
 /// Role of a token. It determines the methods that may be called with the token.
 ///
-/// Its name in a file of tokens is that of the variant in lower case.
+/// In a file of tokens, its name is the variant in lower case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumString)]
 #[strum(serialize_all = "lowercase")]
 pub enum Role {

@@ -1,11 +1,8 @@
 //! `DirectoryService`: the servers of a fleet, and the server of each world.
 
-use super::errors::TAKEOVER_TIME;
 use crate::ids::WorldId;
 use crate::store::ServerInfo;
 use crate::worlds::{Worlds, WorldsError};
-use surefoot_net::status;
-use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::directory_service_server::DirectoryService;
 use tonic::{Request, Response, Status};
@@ -26,7 +23,7 @@ impl DirectoryService for DirectoryApi {
         let id = WorldId(request.into_inner().world_id);
         match self.worlds.locate(id).await? {
             None => Err(WorldsError::UnknownWorld(id).into()),
-            Some(server) if !server.is_alive => Err(moving(id)),
+            Some(server) if !server.is_alive => Err(WorldsError::Moving(id).into()),
             Some(server) => Ok(Response::new(wire::LocateWorldResponse { server: Some(server_to_wire(server)) })),
         }
     }
@@ -38,12 +35,6 @@ impl DirectoryService for DirectoryApi {
         let servers = self.worlds.servers().await?;
         Ok(Response::new(wire::ListServersResponse { servers: servers.into_iter().map(server_to_wire).collect() }))
     }
-}
-
-/// The status for a world whose server is gone.
-pub(super) fn moving(id: WorldId) -> Status {
-    let message = format!("the server of world {id} is gone, and another server takes it over: retry");
-    status::retry(Reason::WorldMoving, TAKEOVER_TIME, message)
 }
 
 fn server_to_wire(server: ServerInfo) -> wire::ServerInfo {

@@ -17,7 +17,7 @@ use tracing::warn;
 /// Retry delay for a busy world, which empties its inbox within a tick or two.
 const INBOX_TIME: Duration = Duration::from_millis(50);
 /// Retry delay for a world whose server is gone.
-pub(super) const TAKEOVER_TIME: Duration = Duration::from_secs(1);
+const TAKEOVER_TIME: Duration = Duration::from_secs(1);
 
 /// Logs an error of a database or file, whose text is for operators only; clients get `shown`.
 fn hidden(reason: Reason, shown: &str, error: &dyn Display) -> Status {

@@ -2,13 +2,11 @@
 //!
 //! Calls about worlds of other servers fail with NOT_FOUND. This layer looks such worlds up, and replaces the status.
 
-use super::directory::moving;
 use crate::ids::{NpcId, WorldId};
 use crate::worlds::Worlds;
 use std::convert::Infallible;
 use std::pin::Pin;
 use std::task::{Context, Poll};
-use surefoot_net::status;
 use surefoot_proto::reason::Reason;
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
@@ -51,7 +49,10 @@ where
         Box::pin(async move {
             let answer = answer.await?;
             match not_here(&answer) {
-                Some(id) => Ok(redirect(&worlds, id).await.map_or(answer, Status::into_http)),
+                Some(id) => {
+                    let found = worlds.whereabouts(id).await;
+                    Ok(found.map_or(answer, |found| Status::from(found.error(id)).into_http()))
+                }
                 None => Ok(answer),
             }
         })
@@ -66,19 +67,5 @@ fn not_here(answer: &http::Response<Body>) -> Option<WorldId> {
         Reason::WorldNotFound => Some(WorldId(id)),
         Reason::NpcNotFound => Some(NpcId(id).world()),
         _ => None,
-    }
-}
-
-/// The status for a world that is not here; `None`: the answer is correct.
-async fn redirect(worlds: &Worlds, id: WorldId) -> Option<Status> {
-    match worlds.locate(id).await {
-        Ok(Some(place)) if place.is_here => {
-            // It is being restored here, unless it runs and the NPC does not exist.
-            worlds.handle(id).is_err().then(|| moving(id))
-        }
-        Ok(Some(place)) if place.is_alive => Some(status::elsewhere(id.to_string(), &place.address)),
-        Ok(Some(_)) => Some(moving(id)),
-        Ok(None) => None,
-        Err(error) => Some(error.into()),
     }
 }

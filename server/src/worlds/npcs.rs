@@ -70,8 +70,9 @@ impl Worlds {
             let done = match self.handle_for(caller, world) {
                 Ok(handle) => on_world(handle, caller, access, items, call.clone()).await,
                 Err(error) => {
-                    let absence = self.absence(world, &error, &mut lookups).await;
-                    places.iter().map(|(_, npc)| Err(absence.of(*npc))).collect()
+                    let found = self.whereabouts_in_batch(world, &error, &mut lookups).await;
+                    let error = |npc| found.as_ref().map_or(NpcError::Unknown(npc).into(), |it| it.error(world));
+                    places.iter().map(|(_, npc)| Err(error(*npc))).collect()
                 }
             };
             for ((idx, _), result) in places.into_iter().zip(done) {
@@ -81,25 +82,33 @@ impl Worlds {
         results.into_iter().map(|result| result.expect("every item belongs to a world or has failed")).collect()
     }
 
-    /// The reason why a world is not here. Queries the store of the fleet at most `lookups` times, so that a batch
-    /// cannot flood it.
-    async fn absence(&self, world: WorldId, error: &WorldsError, lookups: &mut usize) -> Absence {
-        if matches!(error, WorldsError::Moving(_)) {
-            return Absence::Moving;
-        }
-        if self.shared_store().is_none() {
-            return Absence::Unknown;
-        }
-        let Some(left) = lookups.checked_sub(1) else { return Absence::Moving };
-        *lookups = left;
+    /// Where a world is that has not been found here; `None` if it does not exist. Queries the store of a fleet.
+    pub(crate) async fn whereabouts(&self, world: WorldId) -> Option<Whereabouts> {
         match self.locate(world).await {
-            Ok(None) => Absence::Unknown,
-            Ok(Some(place)) if place.is_alive && !place.is_here => Absence::Elsewhere(place.address),
+            Ok(None) => None,
+            Ok(Some(server)) if server.is_here && self.handle(world).is_ok() => None,
+            Ok(Some(server)) if server.is_alive && !server.is_here => Some(Whereabouts::Elsewhere(server.address)),
             // It will be restored, here or on another server.
-            Ok(Some(_)) => Absence::Moving,
-            Err(WorldsError::Store(StoreError::Busy)) => Absence::Busy,
-            Err(error) => Absence::Unanswered(error.to_string()),
+            Ok(Some(_)) => Some(Whereabouts::Moving),
+            Err(WorldsError::Store(StoreError::Busy)) => Some(Whereabouts::Busy),
+            Err(error) => Some(Whereabouts::Unanswered(error.to_string())),
         }
+    }
+
+    /// The same for a batch, which queries the store at most `lookups` times.
+    async fn whereabouts_in_batch(
+        &self,
+        world: WorldId,
+        error: &WorldsError,
+        lookups: &mut usize,
+    ) -> Option<Whereabouts> {
+        if matches!(error, WorldsError::Moving(_)) {
+            return Some(Whereabouts::Moving);
+        }
+        self.shared_store()?;
+        let Some(left) = lookups.checked_sub(1) else { return Some(Whereabouts::Moving) };
+        *lookups = left;
+        self.whereabouts(world).await
     }
 
     /// Runs `call` on the world of `npc`.
@@ -118,27 +127,24 @@ impl Worlds {
     }
 }
 
-/// Why a world is not here.
-enum Absence {
-    /// No server has it.
-    Unknown,
+/// Where a world is that is not here.
+pub(crate) enum Whereabouts {
     /// Its server may be gone, or this server may have lost it.
     Moving,
-    /// The server at this address runs it.
+    /// The server at this address has it.
     Elsewhere(String),
-    /// Too many look-ups wait.
+    /// Unknown: too many look-ups wait.
     Busy,
-    /// The store of the fleet does not answer; holds the reason.
+    /// Unknown: the store of the fleet does not answer; holds the reason.
     Unanswered(String),
 }
 
-impl Absence {
-    /// The error for an NPC of the world.
-    fn of(&self, npc: NpcId) -> WorldsError {
+impl Whereabouts {
+    /// The error for a call about the world.
+    pub fn error(&self, world: WorldId) -> WorldsError {
         match self {
-            Self::Unknown => NpcError::Unknown(npc).into(),
-            Self::Moving => WorldsError::Moving(npc.world()),
-            Self::Elsewhere(address) => WorldsError::Elsewhere(npc.world(), address.clone()),
+            Self::Moving => WorldsError::Moving(world),
+            Self::Elsewhere(address) => WorldsError::Elsewhere(world, address.clone()),
             Self::Busy => StoreError::Busy.into(),
             Self::Unanswered(why) => StoreError::Unavailable(why.clone()).into(),
         }
