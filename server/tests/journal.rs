@@ -30,13 +30,13 @@ fn spawn(world: &mut HostedWorld, quota: &Arc<Quota>, position: Vec3, goal: Opti
 
 fn kept(world: &HostedWorld) -> FleetSave {
     let source = SavedMap::of(world.map(), String::new());
-    let kept = FleetSave { world: world.save("game", source), log: world.save_log() };
+    let kept = FleetSave { token: 7, world: world.save("game", source), log: world.save_log() };
     let decoded = FleetSave::decode(&kept.encode(), Path::new("kept")).expect("just encoded");
     assert_eq!(decoded, kept);
     decoded
 }
 
-fn restored(FleetSave { world: saved, log }: FleetSave, journals: Vec<Journal>, quota: &Arc<Quota>) -> HostedWorld {
+fn restored(FleetSave { world: saved, log, .. }: FleetSave, journals: Vec<Journal>, quota: &Arc<Quota>) -> HostedWorld {
     let map = saved.maps().expect("the same map").map;
     let mut world = HostedWorld::restore(&saved, map, Arc::new(Registry::default()), quota);
     world.resume(log, journals, quota);

@@ -7,7 +7,8 @@
 pub mod blobs;
 pub mod database;
 pub mod error;
-pub mod member;
+pub mod membership;
+mod notifications;
 pub mod planners;
 pub mod work;
 pub mod worlds;

@@ -18,13 +18,15 @@ use surefoot_world::{CharacterProfile, End, Seconds, Tick, Vec3};
 
 const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
 /// Changed whenever [`FleetSave`] or anything inside it is.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Most events that are saved with a world, so that readers can resume on the server that takes it over.
 const SAVED_EVENTS: usize = 4096;
 
 /// The save of a world in a fleet, with its latest events.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FleetSave {
+    /// Fencing token of the server that saved it.
+    pub token: i64,
     /// The world.
     pub world: WorldSave,
     /// Its events.
@@ -76,7 +78,7 @@ struct Newcomer {
 impl FleetSave {
     /// Encodes the world as the content of a blob.
     pub fn encode(&self) -> Vec<u8> {
-        let content = postcard::to_stdvec(&(self.world.encode(), &self.log)).expect("plain data");
+        let content = postcard::to_stdvec(&(self.token, &self.world, &self.log)).expect("plain data");
         sealed::seal(MAGIC, VERSION, &content)
     }
 
@@ -87,13 +89,13 @@ impl FleetSave {
     pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
         let damaged = |_| SavedError::Damaged(place.to_owned());
         let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
-        let (world, log): (Vec<u8>, SavedLog) = postcard::from_bytes(content).map_err(damaged)?;
+        let (token, world, log): (i64, WorldSave, SavedLog) = postcard::from_bytes(content).map_err(damaged)?;
         let is_ascending = log.entries.is_sorted_by(|a, b| a.sequence < b.sequence);
         let ends = log.entries.last().map_or(0, |entry| entry.sequence);
-        if !is_ascending || ends > log.written || log.dropped > log.written {
+        if !world.is_consistent() || !is_ascending || ends > log.written || log.dropped > log.written {
             return Err(SavedError::Damaged(place.to_owned()));
         }
-        Ok(Self { world: WorldSave::decode(&world, place)?, log })
+        Ok(Self { token, world, log })
     }
 }
 

@@ -212,7 +212,7 @@ impl WorldSave {
     }
 
     /// Whether the content is consistent, which the checksum does not prove.
-    fn is_consistent(&self) -> bool {
+    pub(super) fn is_consistent(&self) -> bool {
         let slots: BTreeSet<NpcSlot> = self.npcs.iter().map(|npc| npc.slot).collect();
         let is_ours = |npc: &SavedNpc| npc.id.world() == self.id && npc.goal.is_none_or(|goal| goal.is_finite());
         self.npcs.iter().all(is_ours)

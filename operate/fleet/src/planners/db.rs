@@ -1,13 +1,14 @@
 //! What the parts of a planner's database have in common: connections, membership, and how a call that blocks waits for them.
 
-use super::membership::Membership;
 use crate::blobs::{BlobId, Blobs};
 use crate::database::Database;
 use crate::error::FleetError;
+use crate::membership::Membership;
+use crate::notifications;
+use parking_lot::Mutex;
 use sqlx::{PgConnection, Postgres, Transaction};
 use std::collections::BTreeSet;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 use surefoot_planner::GraphId;
 use surefoot_planner::store::{LevelId, StoreError, StoreErrorKind};
@@ -36,7 +37,6 @@ pub struct PlannerDb {
     pub building: Mutex<BTreeSet<[u8; 32]>>,
     /// Number of graphs that were built here but not published, because the claim had been lost.
     pub stale_publishes: AtomicU64,
-    has_left: AtomicBool,
     /// Where calls that block run what they wait for.
     runtime: Handle,
 }
@@ -44,25 +44,7 @@ pub struct PlannerDb {
 impl PlannerDb {
     /// A planner that builds nothing yet.
     pub fn new(database: Database, blobs: Blobs, membership: Membership, runtime: Handle) -> Self {
-        Self {
-            database,
-            blobs,
-            membership,
-            building: Mutex::default(),
-            stale_publishes: AtomicU64::new(0),
-            has_left: AtomicBool::new(false),
-            runtime,
-        }
-    }
-
-    /// The lease is not renewed any more.
-    pub fn leave(&self) {
-        self.has_left.store(true, Ordering::Relaxed);
-    }
-
-    /// Whether the planner has left the others.
-    pub fn has_left(&self) -> bool {
-        self.has_left.load(Ordering::Relaxed)
+        Self { database, blobs, membership, building: Mutex::default(), stale_publishes: AtomicU64::new(0), runtime }
     }
 
     /// Waits for a call of the database.
@@ -86,6 +68,19 @@ impl PlannerDb {
         FleetError { kind: kind_of(&error), ..self.database.failed(error) }
     }
 
+    /// Renews the lease, or joins again if it has expired.
+    ///
+    /// # Errors
+    /// If the database does not answer.
+    pub async fn renew_lease(&self) -> Result<(), FleetError> {
+        if !self.membership.renew().await? {
+            let expired = self.membership.id();
+            self.membership.rejoin().await?;
+            warn!(member = expired, now = self.membership.id(), "planner: its lease expired; it joined again");
+        }
+        Ok(())
+    }
+
     /// Begins a transaction.
     ///
     /// # Errors
@@ -99,8 +94,8 @@ impl PlannerDb {
     /// # Errors
     /// If the database is away.
     pub async fn notify(&self, connection: &mut PgConnection, note: &Note) -> Result<(), FleetError> {
-        let told = sqlx::query!("SELECT pg_notify($1, $2)", CHANNEL, note.encode(self.membership.id()));
-        told.execute(connection).await.map(drop).map_err(|error| self.failed(error))
+        let sent = notifications::notify(connection, CHANNEL, &note.encode(self.membership.id())).await;
+        sent.map_err(|error| self.failed(error))
     }
 }
 
@@ -140,8 +135,6 @@ pub enum Note {
     Evidence(GraphId),
     /// A planner has left.
     Left,
-    /// The notifications arrive.
-    Ping,
 }
 
 impl Note {
@@ -152,7 +145,6 @@ impl Note {
             Self::Layers(level) => format!("layers {member} {}", hex(level.0)),
             Self::Evidence(id) => format!("evidence {member} {}", hex(id.0)),
             Self::Left => format!("left {member}"),
-            Self::Ping => format!("ping {member}"),
         }
     }
 
@@ -166,7 +158,6 @@ impl Note {
             "layers" => Self::Layers(LevelId(hash()?)),
             "evidence" => Self::Evidence(GraphId(hash()?)),
             "left" => Self::Left,
-            "ping" => Self::Ping,
             _ => return None,
         };
         Some((note, member))
@@ -194,11 +185,10 @@ mod tests {
             Note::Layers(LevelId([2; 32])),
             Note::Evidence(GraphId([255; 32])),
             Note::Left,
-            Note::Ping,
         ] {
             assert_eq!(Note::decode(&note.encode(77)), Some((note, 77)));
         }
-        for text in ["", "graph", "graph 7", "graph 7 zz", "worlds 7", "ping me"] {
+        for text in ["", "graph", "graph 7", "graph 7 zz", "worlds 7", "ping 7"] {
             assert_eq!(Note::decode(text), None, "{text}");
         }
     }

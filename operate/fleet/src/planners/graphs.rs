@@ -12,8 +12,6 @@ use surefoot_planner_service::jobs::BuildId;
 use surefoot_planner_service::replicas::{BuildStatus, ClaimOutcome, Token};
 use tracing::warn;
 
-const POISON: &str = "no holder of this lock panics";
-
 /// See [`GraphStore::get`](surefoot_planner::store::GraphStore::get).
 pub fn get(db: &PlannerDb, id: &GraphId) -> Result<Option<Built>, StoreError> {
     db.block_for(BLOB_PATIENCE, async {
@@ -54,19 +52,19 @@ fn blob_id(bytes: &[u8]) -> BlobId {
 
 /// See [`Replicas::claim`](surefoot_planner_service::replicas::Replicas::claim).
 pub fn claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<ClaimOutcome, StoreError> {
-    db.building.lock().expect(POISON).insert(graph.0);
+    db.building.lock().insert(graph.0);
     let claimed = db.block(async {
         match try_claim(db, graph, build).await? {
             Some(claim) => Ok(claim),
             None => {
-                db.membership.renew().await?;
+                db.renew_lease().await?;
                 let dead = || FleetError::new(db.database.place(), "this planner counts as dead at the moment");
                 try_claim(db, graph, build).await?.ok_or_else(dead)
             }
         }
     });
     if !matches!(claimed, Ok(ClaimOutcome::Ours(_))) {
-        db.building.lock().expect(POISON).remove(&graph.0);
+        db.building.lock().remove(&graph.0);
     }
     claimed
 }
@@ -122,7 +120,7 @@ async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Op
 
 /// See [`Replicas::release`](surefoot_planner_service::replicas::Replicas::release). What cannot be released now is by [`sweep`].
 pub fn release(db: &PlannerDb, graph: &GraphId) {
-    db.building.lock().expect(POISON).remove(&graph.0);
+    db.building.lock().remove(&graph.0);
     let released = db.block(async {
         let fail = |error| db.failed(error);
         let mut transaction = db.begin().await?;
@@ -148,7 +146,7 @@ pub async fn sweep(db: &PlannerDb) -> Result<(), FleetError> {
         sqlx::query_scalar!(r#"SELECT CASE WHEN is_called THEN last_value ELSE 0 END AS "newest!" FROM tokens"#);
     let newest = newest.fetch_one(&db.database.pool).await.map_err(fail)?;
     // A build is noted before its claim gets its token: claims up to this token are noted by now, and later ones are left alone.
-    let building: Vec<Vec<u8>> = db.building.lock().expect(POISON).iter().map(|id| id.to_vec()).collect();
+    let building: Vec<Vec<u8>> = db.building.lock().iter().map(|id| id.to_vec()).collect();
     let gone = sqlx::query!(
         "DELETE FROM claims WHERE (member = $1 AND token <= $3 AND NOT graph = ANY($2))
             OR NOT EXISTS (SELECT FROM members WHERE members.id = claims.member AND expires_at > now())",

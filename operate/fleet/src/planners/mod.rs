@@ -9,7 +9,6 @@ mod evidence;
 mod graphs;
 mod layers;
 mod levels;
-mod membership;
 mod operations;
 mod receipts;
 mod upkeep;
@@ -17,11 +16,13 @@ mod upkeep;
 use crate::blobs::Blobs;
 use crate::database::Database;
 use crate::error::FleetError;
-use db::{Note, PlannerDb};
+use crate::membership::{MemberKind, Membership};
+use crate::notifications;
+use db::{CHANNEL, Note, PlannerDb};
 use levels::Levels;
-use membership::Membership;
+use parking_lot::Mutex;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::live::LiveEvidence;
@@ -34,6 +35,7 @@ use surefoot_planner_service::replicas::{
 };
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
+use tokio::task::JoinSet;
 use tracing::warn;
 
 /// Lease of a planner unless told otherwise.
@@ -46,6 +48,8 @@ const NEWS: usize = 256;
 pub struct FleetPlanner {
     db: Arc<PlannerDb>,
     news: Mutex<Option<mpsc::Receiver<News>>>,
+    /// Stopped when this is dropped.
+    upkeep: Mutex<JoinSet<()>>,
 }
 
 impl FleetPlanner {
@@ -54,12 +58,14 @@ impl FleetPlanner {
     /// # Errors
     /// If the database cannot be written.
     pub async fn join(database: Database, blobs: Blobs, address: String, lease: Duration) -> Result<Self, FleetError> {
-        let membership = Membership::join(&database, address, lease).await?;
+        let membership = Membership::join(&database, MemberKind::Planner, &address, lease).await?;
         let db = Arc::new(PlannerDb::new(database, blobs, membership, Handle::current()));
-        let (sender, news) = mpsc::channel(NEWS);
-        tokio::spawn(upkeep::keep(Arc::downgrade(&db), sender.clone(), lease));
-        tokio::spawn(upkeep::listen(Arc::downgrade(&db), sender));
-        Ok(Self { db, news: Mutex::new(Some(news)) })
+        let ((sender, news), (heard, notes)) = (mpsc::channel(NEWS), mpsc::channel(1));
+        let mut upkeep = JoinSet::new();
+        upkeep.spawn(upkeep::run(db.clone(), sender.clone()));
+        upkeep.spawn(notifications::listen(db.database.clone(), CHANNEL, heard));
+        upkeep.spawn(upkeep::pass_on(db.clone(), notes, sender));
+        Ok(Self { db, news: Mutex::new(Some(news)), upkeep: Mutex::new(upkeep) })
     }
 
     /// The stores of a planner service.
@@ -124,7 +130,7 @@ impl Replicas for FleetPlanner {
     }
 
     fn news(&self) -> Option<mpsc::Receiver<News>> {
-        self.news.lock().expect("no holder of this lock panics").take()
+        self.news.lock().take()
     }
 
     fn claim(&self, graph: &GraphId, build: BuildId) -> Result<ClaimOutcome, StoreError> {
@@ -176,14 +182,14 @@ impl Replicas for FleetPlanner {
     }
 
     fn leave(&self) {
-        self.db.leave();
+        self.upkeep.lock().abort_all();
         let left = self.db.block(async {
             self.db.membership.leave().await?;
             let mut connection = self.db.database.pool.acquire().await.map_err(|error| self.db.failed(error))?;
             self.db.notify(&mut connection, &Note::Left).await
         });
         if let Err(error) = left {
-            warn!(%error, "others take over only when the lease of this planner has expired");
+            warn!(%error, "planner: cannot end its lease; others take over when it expires");
         }
     }
 }

@@ -9,8 +9,9 @@ use super::feed::Feed;
 use super::job::{Answer, Job};
 use super::queue::{Queue, Scope};
 use crate::error::FleetError;
+use parking_lot::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use tracing::warn;
 
@@ -76,12 +77,12 @@ struct Known {
 
 impl Known {
     fn hear(&self) {
-        *self.heard.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+        *self.heard.lock() = Some(Instant::now());
     }
 
     /// Whether no prover answers to what was sent at `since`.
     fn is_silent(&self, since: Instant) -> bool {
-        let heard = *self.heard.lock().unwrap_or_else(PoisonError::into_inner);
+        let heard = *self.heard.lock();
         heard.is_none_or(|heard| heard.elapsed() > MEMORY || heard.max(since).elapsed() > SILENCE)
     }
 }

@@ -6,8 +6,9 @@ use super::compute_class::ComputeClass;
 use super::job::{Answer, Job, JobId, open_answer};
 use super::queue::{Queue, Scope};
 use crate::error::FleetError;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -89,7 +90,7 @@ impl Drop for Feed {
 
 impl Shared {
     fn sequences(&self) -> MutexGuard<'_, Vec<Option<u64>>> {
-        self.sequences.lock().unwrap_or_else(PoisonError::into_inner)
+        self.sequences.lock()
     }
 
     /// Sends all jobs that are open, and again when nobody has answered for long.

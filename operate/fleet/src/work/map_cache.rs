@@ -3,9 +3,10 @@
 use super::job::Refusal;
 use crate::blobs::{BlobId, Blobs};
 use crate::error::FleetError;
+use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 use surefoot_world::{Map, MapSpec, exchange};
 use tokio::runtime::Handle;
@@ -72,7 +73,7 @@ impl MapCache {
     /// # Errors
     /// If it cannot be made.
     pub fn map(&self, name: &MapRef) -> Result<Arc<Map>, Refusal> {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.kept.lock();
         if let Some(at) = kept.iter().position(|(known, _)| known == name) {
             let found = kept.remove(at).expect("just found");
             kept.push_back(found);

@@ -5,8 +5,8 @@ use super::dispatch::{Dispatcher, Threads, Work};
 use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
 use super::map_cache::{MapCache, MapRef};
 use crate::blobs::Blobs;
+use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
-use std::sync::{Mutex, PoisonError};
 use surefoot_net::levels::BaseMap;
 use surefoot_planner::needs::{Need, Needs};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
@@ -204,7 +204,7 @@ pub struct QueuedProbes {
 
 impl BuildProbes for QueuedProbes {
     fn failure(&self) -> Option<String> {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.failure.lock().clone()
     }
 }
 
@@ -218,7 +218,7 @@ impl ProbeExecutor for QueuedProbes {
         match self.dispatcher.run(jobs, &work, self.threads) {
             Ok(outcomes) => Some(in_order(&chunks, outcomes?)),
             Err(error) => {
-                *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error.to_string());
+                *self.failure.lock() = Some(error.to_string());
                 None
             }
         }

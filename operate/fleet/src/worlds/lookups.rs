@@ -5,14 +5,13 @@
 
 use super::rows;
 use crate::database::Database;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use surefoot_server::WorldId;
 use surefoot_server::store::{ServerInfo, StoreError};
 use tokio::sync::Semaphore;
 
-const POISON: &str = "no holder of this lock panics";
 /// Longest time for which an answer is given again.
 const FRESH: Duration = Duration::from_millis(200);
 /// Callers that wait; one more is refused.
@@ -74,11 +73,11 @@ impl Default for Lookups {
 
 impl Lookups {
     fn known(&self) -> MutexGuard<'_, Known> {
-        self.known.lock().expect(POISON)
+        self.known.lock()
     }
 
     fn waiting(&self) -> MutexGuard<'_, BTreeSet<WorldId>> {
-        self.waiting.lock().expect(POISON)
+        self.waiting.lock()
     }
 
     /// Where a world runs, as the member `own` sees it.

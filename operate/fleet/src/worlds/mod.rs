@@ -9,31 +9,30 @@ mod rows;
 use crate::blobs::{BlobId, Blobs};
 use crate::database::Database;
 use crate::error::FleetError;
-use crate::member::{Member, MemberKind};
+use crate::membership::{MemberKind, Membership};
+use crate::notifications;
 use lookups::Lookups;
+use parking_lot::Mutex;
 use rows::Ownership;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, Mutex, RwLock};
 use std::time::Duration;
 use surefoot_server::WorldId;
 use surefoot_server::hosted::{FleetSave, Journal, SavedError, SavedLog, WorldSave};
 use surefoot_server::store::{LeaseEpoch, LoadedWorld, ServerInfo, SharedStore, StoreCall, StoreError, WorldStore};
-use tokio::sync::Notify;
+use tokio::sync::{Notify, mpsc};
+use tokio::task::JoinSet;
 use tracing::warn;
-
-const POISON: &str = "no holder of this lock panics";
 
 /// The store of a fleet's worlds, for one of its servers.
 #[derive(Debug)]
 pub struct FleetWorlds {
     database: Database,
     blobs: Blobs,
-    address: String,
-    /// What this process is in the fleet; another member after its lease was over.
-    member: RwLock<Member>,
+    membership: Membership,
     /// The worlds of this server.
     held: Mutex<BTreeMap<WorldId, Held>>,
     lookups: Lookups,
@@ -42,6 +41,8 @@ pub struct FleetWorlds {
     horizon: AtomicI64,
     /// Notified when a server has left.
     left: Arc<Notify>,
+    /// Listens to other servers until this is dropped.
+    _listening: JoinSet<()>,
 }
 
 /// A world of this server.
@@ -72,20 +73,22 @@ impl FleetWorlds {
     /// # Errors
     /// If the database cannot be written.
     pub async fn join(database: Database, blobs: Blobs, address: &str, lease: Duration) -> Result<Self, FleetError> {
-        let member = Member::join(&database, MemberKind::Server, address, lease).await?;
-        let left = Arc::new(Notify::new());
-        tokio::spawn(rows::listen(database.clone(), left.clone()));
-        let (address, member) = (address.to_owned(), RwLock::new(member));
+        let membership = Membership::join(&database, MemberKind::Server, address, lease).await?;
+        let (left, mut listening) = (Arc::new(Notify::new()), JoinSet::new());
+        let (sender, mut heard) = mpsc::channel(1);
+        listening.spawn(notifications::listen(database.clone(), rows::CHANNEL, sender));
+        let notified = left.clone();
+        listening.spawn(async move {
+            while heard.recv().await.is_some() {
+                notified.notify_one();
+            }
+        });
         let (held, lookups, horizon) = (Mutex::default(), Lookups::default(), AtomicI64::new(0));
-        Ok(Self { database, blobs, address, member, held, lookups, horizon, left })
-    }
-
-    fn member(&self) -> Member {
-        self.member.read().expect(POISON).clone()
+        Ok(Self { database, blobs, membership, held, lookups, horizon, left, _listening: listening })
     }
 
     fn held(&self, id: WorldId) -> Option<Held> {
-        self.held.lock().expect(POISON).get(&id).copied()
+        self.held.lock().get(&id).copied()
     }
 
     async fn write_world(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> Result<(), StoreError> {
@@ -93,18 +96,14 @@ impl FleetWorlds {
         let held = self.held(id);
         let claim = match held {
             Some(held) => held.claim,
-            None => rows::new_claim(&self.database, &self.member()).await?,
+            None => rows::new_claim(&self.database, self.membership.id()).await?,
         };
         if claim.member != lease_epoch.0 {
             return Err(StoreError::Lost(id));
         }
-        let encode = move || {
-            // Saves of two lease epochs are two blobs, also of a world that stands still.
-            let mut bytes = claim.token.to_le_bytes().to_vec();
-            bytes.extend(FleetSave { world, log }.encode());
-            bytes
-        };
-        let bytes = tokio::task::spawn_blocking(encode).await;
+        // With the token, saves of two lease epochs are two blobs, even if the world has not changed.
+        let save = FleetSave { token: claim.token, world, log };
+        let bytes = tokio::task::spawn_blocking(move || save.encode()).await;
         let bytes = bytes.map_err(|error| StoreError::Unavailable(error.to_string()))?;
         let blob = self.blobs.put(bytes).await?;
         let is_ours = match held {
@@ -121,7 +120,7 @@ impl FleetWorlds {
 
     /// Takes in how a save ended, unless the world has been claimed anew meanwhile.
     fn note_save(&self, id: WorldId, saved: Held, is_ours: bool) {
-        let mut held = self.held.lock().expect(POISON);
+        let mut held = self.held.lock();
         if held.get(&id).is_some_and(|now| now.claim.token != saved.claim.token) {
             return;
         }
@@ -138,10 +137,10 @@ impl FleetWorlds {
         let damaged = || StoreError::Saved(SavedError::Damaged(place.clone()));
         let bytes = self.blobs.get(blob).await?.ok_or_else(damaged)?;
         let named = place.clone();
-        let decode = move || FleetSave::decode(bytes.get(8..).unwrap_or_default(), &named);
+        let decode = move || FleetSave::decode(&bytes, &named);
         let kept = tokio::task::spawn_blocking(decode).await;
         let kept = kept.map_err(|error| StoreError::Unavailable(error.to_string()))??;
-        let FleetSave { world, log } = Some(kept).filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
+        let FleetSave { world, log, .. } = Some(kept).filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
         let journals = rows::journals(&self.database, id).await?.into_iter();
         let journals = journals.map(|(through, bytes)| Journal::decode(through, &bytes));
         let journals = journals.collect::<Result<_, _>>().map_err(|_| damaged())?;
@@ -151,20 +150,20 @@ impl FleetWorlds {
     /// Removes a blob that no row refers to.
     async fn clear(&self, blob: BlobId) {
         if let Err(error) = self.blobs.remove(blob).await {
-            warn!(%error, %blob, "a blob that nobody needs stays");
+            warn!(%error, %blob, "server: cannot delete an unreferenced blob");
         }
     }
 
     async fn claim_worlds(&self, max_worlds: usize, held: &[WorldId]) -> Result<Vec<WorldId>, StoreError> {
         let horizon = self.horizon.load(Ordering::Relaxed);
-        let claimed = rows::claim(&self.database, &self.member(), max_worlds, (held, horizon)).await?;
+        let claimed = rows::claim(&self.database, &self.membership, max_worlds, (held, horizon)).await?;
         match rows::last_token(&self.database).await {
             Ok(last) => self.horizon.store(last, Ordering::Relaxed),
             Err(error) => {
                 warn!(%error, "cannot read the latest token: worlds that were left behind wait for the next look")
             }
         }
-        let mut held = self.held.lock().expect(POISON);
+        let mut held = self.held.lock();
         Ok(claimed
             .into_iter()
             .map(|(id, claim, blob)| {
@@ -179,7 +178,7 @@ impl FleetWorlds {
         if !rows::hand_back(&self.database, id, claim).await? {
             return Err(StoreError::Lost(id));
         }
-        self.held.lock().expect(POISON).remove(&id);
+        self.held.lock().remove(&id);
         Ok(rows::notify(&self.database).await?)
     }
 }
@@ -204,7 +203,7 @@ impl WorldStore for FleetWorlds {
             if !rows::forget(&self.database, id, claim).await? {
                 return Err(StoreError::Lost(id));
             }
-            self.held.lock().expect(POISON).remove(&id);
+            self.held.lock().remove(&id);
             self.clear(blob).await;
             Ok(())
         })
@@ -217,23 +216,23 @@ impl WorldStore for FleetWorlds {
 
 impl SharedStore for FleetWorlds {
     fn lease(&self) -> Duration {
-        self.member().lease()
+        self.membership.lease()
     }
 
     fn lease_epoch(&self) -> LeaseEpoch {
-        LeaseEpoch(self.member.read().expect(POISON).id)
+        LeaseEpoch(self.membership.id())
     }
 
     fn holds_lease(&self) -> bool {
-        self.member.read().expect(POISON).holds_lease()
+        self.membership.holds_lease()
     }
 
     fn renew(&self) -> StoreCall<'_, ()> {
         Box::pin(async {
-            let member = self.member();
-            match member.renew().await {
-                Ok(()) => Ok(()),
-                Err(_) if !member.holds_lease() => Err(StoreError::Expired),
+            match self.membership.renew().await {
+                Ok(true) => Ok(()),
+                Ok(false) => Err(StoreError::Expired),
+                Err(_) if !self.membership.holds_lease() => Err(StoreError::Expired),
                 Err(error) => Err(error.into()),
             }
         })
@@ -241,19 +240,18 @@ impl SharedStore for FleetWorlds {
 
     fn rejoin(&self) -> StoreCall<'_, ()> {
         Box::pin(async {
-            let former = self.member();
-            // Its lease may go on in the database, and with it the claim to worlds that are not served any more.
-            former.leave().await?;
-            self.held.lock().expect(POISON).clear();
-            let member = Member::join(&self.database, MemberKind::Server, &self.address, former.lease()).await?;
-            *self.member.write().expect(POISON) = member;
+            // In the database, the lease may still be valid, and with it the claims to worlds that this server has
+            // stopped.
+            self.membership.leave().await?;
+            self.held.lock().clear();
+            self.membership.rejoin().await?;
             Ok(rows::notify(&self.database).await?)
         })
     }
 
     fn leave(&self) -> StoreCall<'_, ()> {
         Box::pin(async {
-            self.member().leave().await?;
+            self.membership.leave().await?;
             Ok(rows::notify(&self.database).await?)
         })
     }
@@ -287,10 +285,10 @@ impl SharedStore for FleetWorlds {
     }
 
     fn locate(&self, id: WorldId) -> StoreCall<'_, Option<ServerInfo>> {
-        Box::pin(async move { self.lookups.locate(&self.database, id, self.member().id).await })
+        Box::pin(async move { self.lookups.locate(&self.database, id, self.membership.id()).await })
     }
 
     fn servers(&self) -> StoreCall<'_, Vec<ServerInfo>> {
-        Box::pin(async move { self.lookups.servers(&self.database, self.member().id).await })
+        Box::pin(async move { self.lookups.servers(&self.database, self.membership.id()).await })
     }
 }

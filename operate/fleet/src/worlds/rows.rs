@@ -3,21 +3,15 @@
 use crate::blobs::BlobId;
 use crate::database::Database;
 use crate::error::FleetError;
-use crate::member::Member;
-use sqlx::postgres::PgListener;
+use crate::membership::Membership;
+use crate::notifications;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
-use std::time::Duration;
 use surefoot_server::WorldId;
 use surefoot_server::hosted::Journal;
 use surefoot_server::store::ServerInfo;
-use tokio::sync::Notify;
-use tracing::warn;
 
-/// Where servers that leave say so.
-const CHANNEL: &str = "surefoot_servers";
-/// Pause before a lost connection that listens is made again.
-const LISTEN_PAUSE: Duration = Duration::from_secs(1);
+/// Channel on which servers that leave notify the others.
+pub const CHANNEL: &str = "surefoot_servers";
 
 /// Why a server has a world.
 #[derive(Debug, Clone, Copy)]
@@ -29,9 +23,9 @@ pub struct Ownership {
 }
 
 /// A claim to a world that nobody had before.
-pub async fn new_claim(database: &Database, member: &Member) -> Result<Ownership, FleetError> {
+pub async fn new_claim(database: &Database, member: i64) -> Result<Ownership, FleetError> {
     let token = sqlx::query_scalar!(r#"SELECT nextval('tokens') AS "token!""#).fetch_one(&database.pool).await;
-    Ok(Ownership { member: member.id, token: token.map_err(|error| database.failed(error))? })
+    Ok(Ownership { member, token: token.map_err(|error| database.failed(error))? })
 }
 
 /// Returns an id that no world has had.
@@ -112,11 +106,11 @@ pub async fn forget(database: &Database, id: WorldId, claim: Ownership) -> Resul
 /// are left out of all this.
 pub async fn claim(
     database: &Database,
-    member: &Member,
+    membership: &Membership,
     max_worlds: usize,
     (held, horizon): (&[WorldId], i64),
 ) -> Result<Vec<(WorldId, Ownership, BlobId)>, FleetError> {
-    let lease = member.lease().as_secs_f64();
+    let (member, lease) = (membership.id(), membership.lease().as_secs_f64());
     let held: Vec<i64> = held.iter().map(|id| id.0 as i64).collect();
     // All get new tokens: what is under way with an earlier one, such as a save, fails. A row that changes its owner meanwhile is left.
     let claimed = sqlx::query!(
@@ -145,7 +139,7 @@ pub async fn claim(
          WHERE worlds.id = picked.id AND worlds.owner = picked.owner
              AND EXISTS (SELECT FROM members WHERE id = $1 AND expires_at > now())
          RETURNING worlds.id, token, blob"#,
-        member.id,
+        member,
         i64::try_from(max_worlds).unwrap_or(i64::MAX),
         lease,
         &held,
@@ -153,7 +147,7 @@ pub async fn claim(
     );
     let claimed = claimed.fetch_all(&database.pool).await.map_err(|error| database.failed(error))?;
     let claim = |row: (i64, i64, Vec<u8>)| {
-        let claim = Ownership { member: member.id, token: row.1 };
+        let claim = Ownership { member, token: row.1 };
         Ok((WorldId(row.0 as u64), claim, blob_id(database, row.2)?))
     };
     claimed.into_iter().map(|row| claim((row.id, row.token, row.blob))).collect()
@@ -276,27 +270,9 @@ fn blob_id(database: &Database, name: Vec<u8>) -> Result<BlobId, FleetError> {
     Ok(BlobId(name))
 }
 
-/// Tells all servers to look for worlds.
+/// Notifies all servers to look for worlds.
 pub async fn notify(database: &Database) -> Result<(), FleetError> {
-    let notified = sqlx::query!("NOTIFY surefoot_servers").execute(&database.pool).await;
-    notified.map(drop).map_err(|error| database.failed(error))
-}
-
-/// Notifies `left` of what others tell, until nobody else waits for it.
-pub async fn listen(database: Database, left: Arc<Notify>) {
-    while Arc::strong_count(&left) > 1 {
-        if let Err(error) = listen_once(&database, &left).await {
-            warn!(%error, "LISTEN on surefoot_servers was lost; polling for worlds instead");
-        }
-        tokio::time::sleep(LISTEN_PAUSE).await;
-    }
-}
-
-async fn listen_once(database: &Database, left: &Notify) -> Result<(), sqlx::Error> {
-    let mut listener = PgListener::connect_with(&database.pool).await?;
-    listener.listen(CHANNEL).await?;
-    loop {
-        listener.recv().await?;
-        left.notify_one();
-    }
+    let fail = |error| database.failed(error);
+    let mut connection = database.pool.acquire().await.map_err(fail)?;
+    notifications::notify(&mut connection, CHANNEL, "").await.map_err(fail)
 }
