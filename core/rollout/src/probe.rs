@@ -274,7 +274,7 @@ impl<'a> Probes<'a> {
         let mut batch = DecisionBatch { worlds: &mut self.worlds, npcs: &npcs };
         let noise = Noise::Rows(noise);
         let Self { reliance, running, .. } = self;
-        let closed = if reliance.is_void() && watch.is_none() {
+        let closed = if reliance.has_no_movers() && watch.is_none() {
             self.decisions.decide(&mut batch, self.policy, noise)
         } else {
             let note_tick = |worlds: &[World]| {
@@ -320,7 +320,7 @@ impl Running {
     fn record_needs(&mut self, world: &World, reliance: &Reliance) {
         let Some(npc) = world.npc(self.slot) else { return };
         let needs = &mut self.probe.outcome.needs;
-        reliance.of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| {
+        reliance.find_needs(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| {
             needs.add(Need { mover, stops });
         });
     }

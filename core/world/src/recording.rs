@@ -19,7 +19,8 @@ pub const REPLAY_VERSION: u32 = 6;
 pub const CHECK_EVERY_TICKS: u64 = 600;
 
 /// A call that changes a world, other than a tick.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 pub enum Input {
     /// `World::spawn_as`.
     Spawn(ProfileIdx, Vec3, f32),
@@ -47,6 +48,20 @@ pub enum Input {
     Edit(Vec<Piece>),
     /// A profile that replaced one without NPCs, in `World::profile_idx`.
     Reprofile(ProfileIdx, Box<CharacterProfile>),
+}
+
+impl Input {
+    /// The NPC that must exist; recordings of version 0.2 also despawn NPCs that do not.
+    pub(crate) fn npc(&self) -> Option<NpcSlot> {
+        match self {
+            Self::Teleport(slot, ..)
+            | Self::SetWaypoint(slot, _)
+            | Self::ClearWaypoint(slot)
+            | Self::Decide(slot, _)
+            | Self::Close(slot) => Some(*slot),
+            _ => None,
+        }
+    }
 }
 
 /// A recorded run of one world.
@@ -101,38 +116,12 @@ pub enum ReplayError {
         /// Map given for the replay.
         found: MapHash,
     },
-    /// An input names an NPC that does not exist.
-    #[error("the recording is inconsistent at tick {tick}: {input} for NPC {slot}, which does not exist")]
+    /// An input does not fit the world.
+    #[error("the recording is inconsistent at tick {tick}: {why}")]
     Inconsistent {
         /// Tick of the input.
         tick: Tick,
-        /// Name of the input.
-        input: &'static str,
-        /// Slot of the missing NPC.
-        slot: u32,
-    },
-    /// An order is for a mover that does not exist or cannot follow it.
-    #[error("the recording is inconsistent at tick {tick}: mover {} is missing or cannot follow its order", .mover.0)]
-    NoSuchMover {
-        /// Tick of the order.
-        tick: Tick,
-        /// Index of the mover.
-        mover: MoverId,
-    },
-    /// An input moves or removes a player that does not exist.
-    #[error("the recording is inconsistent at tick {tick}: player {player} does not exist")]
-    NoSuchPlayer {
-        /// Tick of the input.
-        tick: Tick,
-        /// Slot of the player.
-        player: u32,
-    },
-    /// An edit of the map is not possible.
-    #[error("the recording is inconsistent at tick {tick}: {why}")]
-    NoSuchEdit {
-        /// Tick of the edit.
-        tick: Tick,
-        /// Why it is not possible.
+        /// Why the input does not fit.
         why: String,
     },
     /// The state differs from the recorded one.
@@ -214,39 +203,29 @@ impl Recording {
 
     /// Checks everything that a replay relies on, and that the state hashes cover all ticks.
     fn check(&self) -> Result<(), ReplayError> {
-        let invalid = |what| Err(ReplayError::Invalid(what));
         let profile_count = self.profiles.len();
-        if !(1..=MAX_PROFILES).contains(&profile_count) {
-            return invalid("it has no character profile or too many");
-        }
-        if !self.task.is_sound() {
-            return invalid("a constant of its task is out of range");
-        }
-        if !self.start.fits_some_map(profile_count) {
-            return invalid("its initial state is out of range");
-        }
-        let spawns_unknown =
-            |input: &Input| matches!(input, Input::Spawn(profile, ..) if usize::from(profile.0) >= profile_count);
-        if self.inputs.iter().any(|(_, input)| matches!(input, Input::SpawnPlayer(player) if !player.is_sound())) {
-            return invalid("a player has a size that is out of range");
-        }
-        if self.inputs.iter().any(|(_, input)| spawns_unknown(input)) {
-            return invalid("an NPC has a profile that does not exist");
-        }
+        let has_profile =
+            |input: &Input| !matches!(input, Input::Spawn(idx, ..) if usize::from(idx.0) >= profile_count);
+        let fits = |input: &Input| !matches!(input, Input::SpawnPlayer(player) if !player.is_sound());
+        let inputs = || self.inputs.iter().map(|(_, input)| input);
         let span = self.start.tick()..=self.end_tick;
-        let in_order = self.inputs.is_sorted_by_key(|(tick, _)| tick)
+        let mut ticks = self.inputs.iter().map(|(tick, _)| tick).chain(self.checks.iter().map(|check| &check.tick));
+        let are_in_order = !span.is_empty()
+            && self.inputs.is_sorted_by_key(|(tick, _)| tick)
             && self.checks.is_sorted_by_key(|check| (check.tick, check.input_count))
-            && self
-                .inputs
-                .iter()
-                .map(|(tick, _)| tick)
-                .chain(self.checks.iter().map(|check| &check.tick))
-                .all(|tick| span.contains(tick));
-        if span.is_empty() || !in_order {
-            return invalid("its ticks are not in order");
-        }
-        if self.end_tick.since(self.start.tick()) / CHECK_EVERY_TICKS >= self.checks.len() as u64 {
-            return invalid("it has too few state hashes for its length");
+            && ticks.all(|tick| span.contains(tick));
+        let check_count = self.tick_count() / CHECK_EVERY_TICKS + 1;
+        let rules = [
+            ((1..=MAX_PROFILES).contains(&profile_count), "it has no character profile or too many"),
+            (self.task.is_sound(), "a constant of its task is out of range"),
+            (self.start.fits_some_map(profile_count), "its initial state is out of range"),
+            (inputs().all(fits), "a player has a size that is out of range"),
+            (inputs().all(has_profile), "an NPC has a profile that does not exist"),
+            (are_in_order, "its ticks are not in order"),
+            (self.checks.len() as u64 >= check_count, "it has too few state hashes for its length"),
+        ];
+        if let Some((_, why)) = rules.into_iter().find(|(holds, _)| !holds) {
+            return Err(ReplayError::Invalid(why));
         }
         Ok(())
     }

@@ -2,10 +2,9 @@
 
 use crate::character::{Body, CharacterProfile};
 use crate::map::{Map, Mover};
-use crate::mesh::Triangle;
 use crate::movers::MoverState;
 use crate::navigable::DOWN;
-use crate::posed::{MoversNearby, REACH_M};
+use crate::posed::{MoversNearby, Posed, REACH_M};
 use crate::{MoverId, StopIdx, StopSet, Vec3};
 
 /// Overlap from which a mover obstructs a body, m.
@@ -16,19 +15,11 @@ const STEP_ON_M: f32 = 0.15;
 const KNEE_M: f32 = 0.3;
 const GAP_M: f32 = 0.12;
 
-/// A mover at one of its stops.
-#[derive(Debug, Clone)]
-struct Shape {
-    triangles: Vec<Triangle>,
-    low: Vec3,
-    high: Vec3,
-}
-
 /// The movers of a map at all of their stops.
 #[derive(Debug, Clone)]
 pub struct Reliance {
-    /// Shape of each mover at each stop; `None` if the mover is not there.
-    shapes: Vec<Vec<Option<Shape>>>,
+    /// Each mover at each of its stops.
+    posed: Vec<Vec<Posed>>,
     /// Boxes around the journeys of each mover between neighbouring stops; around the mover itself if it has one stop.
     swept: Vec<Vec<(Vec3, Vec3)>>,
     /// Movers by the places of all their stops.
@@ -38,32 +29,27 @@ pub struct Reliance {
 impl Reliance {
     /// Prepares the movers of a map.
     pub fn on(map: &Map) -> Self {
-        let shape = |mover: &Mover, stop: usize| {
-            let (low, high) = mover.bounds_at(stop);
-            let at = mover.stops[stop];
-            at.is_there.then(|| Shape { triangles: mover.triangles_at(at), low, high })
-        };
-        let of = |mover: &Mover| (0..mover.stops.len()).map(|stop| shape(mover, stop)).collect();
+        let posed = |mover: &Mover| mover.stops.iter().map(|stop| Posed::new(mover, *stop)).collect();
         let journeys = |mover: &Mover| {
             let stops: Vec<(Vec3, Vec3)> = (0..mover.stops.len()).map(|stop| mover.bounds_at(stop)).collect();
             let around = |pair: &[(Vec3, Vec3)]| (pair[0].0.min(pair[1].0), pair[0].1.max(pair[1].1));
             if stops.len() == 1 { stops } else { stops.windows(2).map(around).collect() }
         };
         Self {
-            shapes: map.movers().iter().map(of).collect(),
+            posed: map.movers().iter().map(posed).collect(),
             swept: map.movers().iter().map(journeys).collect(),
             nearby: MoversNearby::new(map),
         }
     }
 
     /// Whether the map has no movers.
-    pub fn is_void(&self) -> bool {
-        self.shapes.is_empty()
+    pub fn has_no_movers(&self) -> bool {
+        self.posed.is_empty()
     }
 
     /// Calls `note` with each mover on which `body` relies, and the set of its stops that allow the body to be where it
     /// is.
-    pub fn of(
+    pub fn find_needs(
         &self,
         map: &Map,
         states: &[MoverState],
@@ -76,18 +62,14 @@ impl Reliance {
         let (least, most) = (body.feet - reach, body.feet + reach + Vec3::new(0.0, profile.height, 0.0));
         for &id in self.nearby.at(body.feet) {
             let at = id.idx();
-            let (mover, shapes, state) = (&map.movers()[at], &self.shapes[at], &states[at]);
+            let (mover, state) = (&map.movers()[at], &states[at]);
             let mut possible = mover.all_stops();
-            for (stop, shape) in (0..).map(StopIdx).zip(shapes) {
-                let Some(shape) = shape.as_ref().filter(|it| it.low.cmple(most).all() && it.high.cmpge(least).all())
-                else {
-                    continue;
-                };
+            for (stop, posed) in (0..).map(StopIdx).zip(&self.posed[at]).filter(|(_, it)| it.touches(least, most)) {
                 if state.at() == Some(stop) {
-                    if body.is_grounded() && shape.carries(body.feet) && !has_ground(map, profile, body.feet) {
+                    if body.is_grounded() && carries(posed, body.feet) && !has_ground(map, profile, body.feet) {
                         possible = possible.intersection(StopSet::only(stop));
                     }
-                } else if shape.is_in_the_way(low, height, profile.radius) {
+                } else if is_obstructed(posed, low, height, profile.radius) {
                     possible = possible.difference(StopSet::only(stop));
                 }
             }
@@ -109,18 +91,16 @@ impl Reliance {
     }
 }
 
-impl Shape {
-    fn carries(&self, feet: Vec3) -> bool {
-        let knee = feet + Vec3::Y * KNEE_M;
-        self.triangles.iter().any(|triangle| triangle.ray(knee, DOWN, 0.0, KNEE_M + GAP_M).is_some())
-    }
+/// Whether a mover carries a body at `feet`.
+fn carries(mover: &Posed, feet: Vec3) -> bool {
+    let knee = feet + Vec3::Y * KNEE_M;
+    mover.triangles.iter().any(|triangle| triangle.ray(knee, DOWN, 0.0, KNEE_M + GAP_M).is_some())
+}
 
-    fn is_in_the_way(&self, low: Vec3, height: f32, radius: f32) -> bool {
-        let reaches = |triangle: &Triangle| {
-            triangle.capsule_contact(low, height, radius).is_some_and(|contact| contact.depth > IN_THE_WAY_M)
-        };
-        self.triangles.iter().any(reaches)
-    }
+/// Whether a mover obstructs the capsule around the segment of length `height` above `low`.
+fn is_obstructed(mover: &Posed, low: Vec3, height: f32, radius: f32) -> bool {
+    let mut contacts = mover.triangles.iter().filter_map(|triangle| triangle.capsule_contact(low, height, radius));
+    contacts.any(|contact| contact.depth > IN_THE_WAY_M)
 }
 
 /// Whether the map itself has ground close below the feet.

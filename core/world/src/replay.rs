@@ -2,7 +2,7 @@
 
 use crate::Tick;
 use crate::map::{Map, Piece};
-use crate::npc::{NpcSlot, WorldConfig, WorldState};
+use crate::npc::{WorldConfig, WorldState};
 pub use crate::recording::{CHECK_EVERY_TICKS, Input, REPLAY_VERSION, Recording, ReplayError};
 use crate::world::World;
 use std::sync::Arc;
@@ -17,7 +17,8 @@ impl Recording {
         if map.built_hash() != self.map {
             return Err(ReplayError::OtherMap { expected: self.map, found: map.built_hash() });
         }
-        let map = holding(&map, Tick(0), &self.pieces)?;
+        let inconsistent = |tick: Tick| move |why: String| ReplayError::Inconsistent { tick, why };
+        let map = with_pieces(&map, &self.pieces).map_err(inconsistent(Tick(0)))?;
         if !self.start.fits(self.profiles.len(), &map) {
             return Err(ReplayError::Invalid("it needs zip lines or movers that the map does not have"));
         }
@@ -38,7 +39,7 @@ impl Recording {
                     agreed = tick;
                 }
                 let Some((_, (_, input))) = inputs.next_if(|(_, (at, _))| *at == tick) else { break };
-                apply(&mut world, tick, input)?;
+                apply(&mut world, input).map_err(inconsistent(tick))?;
             }
             if tick >= self.end_tick {
                 // Remaining inputs belong to a past tick; remaining checks, to inputs that do not exist.
@@ -55,61 +56,44 @@ impl Recording {
     }
 }
 
-fn holding(map: &Arc<Map>, tick: Tick, pieces: &[Piece]) -> Result<Arc<Map>, ReplayError> {
-    map.holding(pieces).map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })
+fn with_pieces(map: &Arc<Map>, pieces: &[Piece]) -> Result<Arc<Map>, String> {
+    map.holding(pieces).map_err(|error| error.to_string())
 }
 
-fn apply(world: &mut World, tick: Tick, input: &Input) -> Result<(), ReplayError> {
+fn apply(world: &mut World, input: &Input) -> Result<(), String> {
+    if let Some(slot) = input.npc().filter(|slot| world.npc(*slot).is_none()) {
+        let name: &'static str = input.into();
+        return Err(format!("{name} for NPC {}, which does not exist", slot.0));
+    }
+    let require = |holds: bool, why: &dyn Fn() -> String| if holds { Ok(()) } else { Err(why()) };
     match input {
         Input::Spawn(profile, feet, yaw) => _ = world.spawn_as(*profile, *feet, *yaw),
+        Input::Despawn(slot) => _ = world.despawn(*slot),
+        Input::Teleport(slot, feet, yaw) => world.teleport(*slot, *feet, *yaw),
+        Input::SetWaypoint(slot, waypoint) => world.set_waypoint(*slot, *waypoint),
+        Input::ClearWaypoint(slot) => world.clear_waypoint(*slot),
+        Input::Decide(slot, action) => world.decide(*slot, *action),
+        Input::Close(slot) => _ = world.close_decision(*slot),
         Input::Order(mover, order) => {
-            let obeyed = world.order(*mover, *order);
-            return if obeyed { Ok(()) } else { Err(ReplayError::NoSuchMover { tick, mover: *mover }) };
+            let obeys = world.order(*mover, *order);
+            return require(obeys, &|| format!("mover {} is missing or cannot follow its order", mover.0));
         }
         Input::SpawnPlayer(player) => _ = world.spawn_player(*player),
         Input::MovePlayer(player, feet, velocity) => {
-            let moved = world.move_player(*player, *feet, *velocity);
-            return if moved { Ok(()) } else { Err(ReplayError::NoSuchPlayer { tick, player: player.0 }) };
+            let moves = world.move_player(*player, *feet, *velocity);
+            return require(moves, &|| format!("player {} does not exist", player.0));
         }
         Input::RemovePlayer(player) => {
-            let removed = world.remove_player(*player);
-            return if removed { Ok(()) } else { Err(ReplayError::NoSuchPlayer { tick, player: player.0 }) };
+            return require(world.remove_player(*player), &|| format!("player {} does not exist", player.0));
         }
         Input::Edit(pieces) => {
-            let map = holding(world.map(), tick, pieces)?;
-            let edited = world.edit(map);
-            edited.map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })?;
+            let map = with_pieces(world.map(), pieces)?;
+            world.edit(map).map_err(|error| error.to_string())?;
         }
-        // Recordings of version 0.2 contain calls that removed nothing.
-        Input::Despawn(slot) => _ = world.despawn(*slot),
         Input::Reprofile(idx, profile) => {
-            let changed = world.reprofile(*idx, profile.as_ref().clone());
-            return if changed { Ok(()) } else { Err(ReplayError::Invalid("a profile changes that NPCs have")) };
-        }
-        Input::Teleport(slot, feet, yaw) => {
-            check_npc(world, tick, *slot, "teleport")?;
-            world.teleport(*slot, *feet, *yaw);
-        }
-        Input::SetWaypoint(slot, goal) => {
-            check_npc(world, tick, *slot, "set waypoint")?;
-            world.set_waypoint(*slot, *goal);
-        }
-        Input::ClearWaypoint(slot) => {
-            check_npc(world, tick, *slot, "clear waypoint")?;
-            world.clear_waypoint(*slot);
-        }
-        Input::Decide(slot, action) => {
-            check_npc(world, tick, *slot, "decide")?;
-            world.decide(*slot, *action);
-        }
-        Input::Close(slot) => {
-            check_npc(world, tick, *slot, "close decision")?;
-            world.close_decision(*slot);
+            let changes = world.reprofile(*idx, profile.as_ref().clone());
+            return require(changes, &|| "a profile changes that NPCs have".to_owned());
         }
     }
     Ok(())
-}
-
-fn check_npc(world: &World, tick: Tick, slot: NpcSlot, input: &'static str) -> Result<(), ReplayError> {
-    world.npc(slot).map(|_| ()).ok_or(ReplayError::Inconsistent { tick, input, slot: slot.0 })
 }

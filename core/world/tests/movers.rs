@@ -468,7 +468,7 @@ fn a_lift_may_have_sixteen_stops() {
     let mut needs = Vec::new();
     let reliance = surefoot_world::reliance::Reliance::on(world.map());
     reliance
-        .of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| needs.push((mover, stops)));
+        .find_needs(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| needs.push((mover, stops)));
     assert_eq!(needs, [(MoverId(0), StopSet::only(StopIdx(15)))]);
 }
 
@@ -487,7 +487,7 @@ fn a_body_relies_on_the_lift_beneath_it_among_a_hundred() {
         let mut noted = Vec::new();
         let mut body = Body::at(aboard, 0.0);
         body.support = Support::Ground;
-        reliance.of(world.map(), world.movers(), &profile, &body, |mover, stops| noted.push((mover, stops)));
+        reliance.find_needs(world.map(), world.movers(), &profile, &body, |mover, stops| noted.push((mover, stops)));
         assert_eq!(noted, [(MoverId(idx as u16), StopSet::only(StopIdx(0)))]);
         let is_swept = |feet: Vec3| reliance.is_swept(&profile, feet, 0.4);
         assert!(is_swept(aboard + Vec3::Y * 4.0) && is_swept(aboard + Vec3::new(1.6, 4.0, 0.0)), "lift {idx}");
