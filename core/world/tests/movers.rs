@@ -467,8 +467,9 @@ fn a_lift_may_have_sixteen_stops() {
     let npc = world.npc(NPC).unwrap();
     let mut needs = Vec::new();
     let reliance = surefoot_world::reliance::Reliance::on(world.map());
-    reliance
-        .find_needs(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| needs.push((mover, stops)));
+    reliance.find_needs(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| {
+        needs.push((mover, stops))
+    });
     assert_eq!(needs, [(MoverId(0), StopSet::only(StopIdx(15)))]);
 }
 
