@@ -2,9 +2,9 @@
 
     python bench.py [SUREFOOT]    the program, such as target/release/surefoot, for the figures over loopback
 
-Every figure is a median of rounds in which all that is compared takes turns, on one thread each. Ratios are given of wall time, and of the time
-that the process was running, which other work on the machine disturbs less; of a server in another process that says nothing. `gymnasium[mujoco]` and `envpool` are measured
-if they are installed.
+Every figure is a median of rounds in which all packages take turns, on one thread each. Ratios are given of wall time,
+and of the time that the process was running, which other work on the machine disturbs less. The latter is meaningless
+for a server in another process. `gymnasium[mujoco]` and `envpool` are measured if they are installed.
 """
 
 from __future__ import annotations
@@ -114,7 +114,8 @@ def serve(program: str) -> tuple[subprocess.Popen[bytes], str]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{free.getsockname()[1]}"
-    process = subprocess.Popen([program, "serve", "--listen", address], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    process = subprocess.Popen([program, "serve", "--listen", address], **quiet)
     while subprocess.run([program, "health", f"http://{address}"], capture_output=True).returncode != 0:
         if process.poll() is not None:
             raise SystemExit(f"{program} does not serve")

@@ -1,4 +1,5 @@
-//! Rayon's threads. Its parallel iterators keep the order of their items, so results do not depend on the number of threads.
+//! Rayon's threads. Its parallel iterators keep the order of their items, so results do not depend on the number of
+//! threads.
 
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;

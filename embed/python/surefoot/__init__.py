@@ -1,9 +1,10 @@
-"""Surefoot for Python: environments, plans and policies of NPCs that get there.
+"""Surefoot for Python: environments, plans and policies of NPCs that reach their goals.
 
     import gymnasium, surefoot
     envs = gymnasium.make_vec("surefoot/PointGoal-v0", num_envs=64)
 
-`VectorEnv` and `PointGoalEnv` are environments of Gymnasium, `ParallelEnv` is one of PettingZoo, and `BufferEnv` writes into your arrays.
+`VectorEnv` and `PointGoalEnv` are environments of Gymnasium, `ParallelEnv` is one of PettingZoo, and `BufferEnv` writes
+into your arrays.
 """
 
 from __future__ import annotations

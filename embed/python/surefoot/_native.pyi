@@ -21,7 +21,10 @@ ACTION_LEN: int
 def body_names() -> list[str]: ...
 @final
 class Level:
-    """A level: the static geometry on which NPCs move, with its devices and movers. It never changes; copies share it."""
+    """A level: the static geometry on which NPCs move, with its devices and movers.
+
+    It never changes; copies share it.
+    """
 
     @staticmethod
     def generate(
@@ -35,13 +38,15 @@ class Level:
     ) -> Level:
         """Generates a map. The same arguments give the same bits, here and on a server.
 
-        `size` is a side in m, 50 to 1000, of a square map 80 m high, or width, height (40 to 200) and depth. `features` and `movers` are
-        densities, 0 to 4: a text as the command line has it (`"all,lava=0"`), or a dict of changes (`{"lava": 0}`).
+        `size` is a side in m, 50 to 1000, of a square map 80 m high, or width, height (40 to 200) and depth. `features`
+        and `movers` are densities, 0 to 4: a text as the command line has it (`"all,lava=0"`), or a dict of changes
+        (`{"lava": 0}`).
         """
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Level:
-        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`), with its `.surefoot.json` if there is one."""
+        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`), with its `.surefoot.json` if there
+        is one."""
 
     @staticmethod
     def from_bytes(data: bytes) -> Level:
@@ -136,13 +141,16 @@ class Graph:
     ) -> Graph:
         """Builds the graph of a level, by default on all cores and with the policy `general-reactive`.
 
-        `progress` is called with the numbers of probes that were made and are known to be needed. Ctrl-C, or an exception that `progress`
+        `progress` gets the numbers of finished and of known probes. Ctrl-C, or an exception that `progress`
         raises, ends the build.
         """
 
     @staticmethod
     def load(path: str | PathLike[str], level: Level | None = None) -> Graph:
-        """Loads a file of `save` or of `surefoot graph export --format json`. With its level, the graph can be drawn."""
+        """Loads a file of `save` or of `surefoot graph export --format json`.
+
+        With its level, the graph can be drawn.
+        """
 
     def save(self, path: str | PathLike[str]) -> None:
         """Saves the graph as JSON of nodes and links."""
@@ -152,8 +160,8 @@ class Graph:
     ) -> Plan:
         """Finds the cheapest plan from one place to another, m.
 
-        `without` names abilities that it must do without (jump, double_jump, pad, zip_line, teleporter, jetpack). `caution` is 0 to 1: with 0
-        dying costs no more than any failure.
+        `without` names abilities that the plan must not use (jump, double_jump, pad, zip_line, teleporter, jetpack).
+        `caution` is 0 to 1: with 0 dying costs no more than any failure.
         """
 
     @property
@@ -167,8 +175,8 @@ class Graph:
     def to_networkx(self) -> Any:
         """A `networkx.DiGraph`.
 
-        Nodes have `position` and `island`; edges `ability`, `chance`, `death_chance`, `seconds` and `cost`, by which plans are the shortest
-        paths.
+        Nodes have `position` and `island`; edges `ability`, `chance`, `death_chance`, `seconds` and `cost`, by which
+        plans are the shortest paths.
         """
 
     def reach(self) -> dict[str, Any]:
@@ -251,13 +259,14 @@ class Policy:
 
     @staticmethod
     def load(name: str | PathLike[str] = "general-reactive", *, seed: int = 0) -> Policy:
-        """Loads a shipped policy (`general-reactive`, `general-lstm`) or a model's folder; `seed` is the seed of the noise."""
+        """Loads a shipped policy (`general-reactive`, `general-lstm`) or a model's folder; `seed` is the seed of the
+        noise."""
 
     def act(self, observations: _Floats, *, reset: _Flags | None = None, noise: float = 0.5) -> _Floats:
         """Actions for observations, an array of 369 or 461 values for each.
 
-        `reset` names the rows whose episodes have just begun: recurrent policies forget what they remember of them. `noise` is the share of
-        the exploration noise, 0 to 1; with half of it the policies do best.
+        `reset` names the rows whose episodes have just begun: recurrent policies clear their memory. `noise` is the
+        share of the exploration noise, 0 to 1; with half of it the policies do best.
         """
 
     def reset(self, *, seed: int | None = None) -> None:
@@ -291,7 +300,8 @@ class Server:
         """Its address."""
 
 def state_fields() -> list[tuple[int, str, str, float, bool]]:
-    """The values of the state vector in an observation: index, name, meaning, scale, and whether mirroring left to right flips the sign."""
+    """The values of the state vector in an observation: index, name, meaning, scale, and whether mirroring left to
+    right flips the sign."""
 
 def connect(
     uri: str,
@@ -305,6 +315,7 @@ def connect(
 ) -> Server:
     """Connects to a world server at `grpc://host:port`, or with TLS at `grpcs://host:port`.
 
-    `token` is the secret of a token. The files are in PEM format: the authority of the server's certificate (by default one that the system
-    trusts), and the certificate and key of the client. If the connection is lost, the client tries to connect again for `patience` s.
+    `token` is the secret of a token. The files are in PEM format: the authority of the server's certificate (by default
+    one that the system trusts), and the certificate and key of the client. If the connection is lost, the client tries
+    to connect again for `patience` s.
     """

@@ -28,17 +28,19 @@ from ._setup import (
 
 
 class BufferEnv:
-    """Environments whose observations, actions, rewards, terminals and truncations are arrays of the caller, such as shared memory.
+    """Environments that read and write arrays of the caller, such as shared memory.
 
-    A step reads `actions` and writes the others in place; nothing is copied and nothing is allocated for environments whose episodes go on.
-    An environment is reset in the step that ends its episode. It has the attributes and methods of PufferLib's `PufferEnv`, which need not be
-    installed; PufferLib's own vectorisation wants a subclass of both: `class Env(surefoot.BufferEnv, pufferlib.PufferEnv): pass`.
+    A step reads `actions` and writes the others in place; it copies nothing, and allocates nothing unless an episode
+    ends. An environment is reset in the step that ends its episode. It has the attributes and methods of PufferLib's
+    `PufferEnv`, which need not be installed; PufferLib's own vectorisation needs a subclass of both:
+    `class Env(surefoot.BufferEnv, pufferlib.PufferEnv): pass`.
 
     Args:
         num_agents: Number of environments.
-        buf: Arrays `observations` (n, 369 or 461; float32), `actions` (n, 4; float32), `rewards` (n; float32), `terminals` and `truncations`
-            (n; bool), each contiguous; they are made if it is left out.
-        log_interval: A step returns one info with the share of each outcome after this many steps in which episodes ended.
+        buf: Arrays `observations` (n, 369 or 461; float32), `actions` (n, 4; float32), `rewards` (n; float32),
+            `terminals` and `truncations` (n; bool), each contiguous; they are made if it is left out.
+        log_interval: A step returns one info with the share of each outcome after this many steps in which episodes
+            ended.
 
     All others are those of `VectorEnv`.
     """

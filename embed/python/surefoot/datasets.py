@@ -1,6 +1,7 @@
 """Recorded episodes: as Parquet files in the layout of Minari, as datasets of Minari, and back.
 
-`record` needs nothing else; the Parquet files need pyarrow (`surefoot[datasets]`), datasets of Minari `surefoot[minari]`.
+`record` needs nothing else; the Parquet files need pyarrow (`surefoot[datasets]`), datasets of Minari
+`surefoot[minari]`.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ def record(
 ) -> list[Episode]:
     """Runs `envs` until this many episodes have ended, and returns these in the order in which they ended.
 
-    `act` gets the observations, and which environments have just begun an episode, and returns actions. The environments must reset by
-    themselves. Of those that end in the last step, as many are left out as are too many: long episodes are rarer in what is recorded than
-    among all that begin, unless `episodes` is far more than the number of environments.
+    `act` gets the observations, and which environments have just begun an episode, and returns actions. The
+    environments must reset by themselves. If too many end in the last step, the surplus is left out: long episodes are
+    rarer in the result than among all that begin, unless `episodes` is far more than the number of environments.
     """
     if envs.autoreset_mode is AutoresetMode.DISABLED:
         raise ValueError("record needs environments that reset by themselves: use SAME_STEP or NEXT_STEP")
@@ -117,7 +118,7 @@ def _space_text(space: Box) -> str:
 def save_parquet(
     episodes: Sequence[Episode], folder: str | os.PathLike[str], *, dataset_id: str = "surefoot/point-goal-v0"
 ) -> None:
-    """Writes episodes as Parquet files, which `minari.MinariDataset(folder)` reads too: one file and its metadata for each episode.
+    """Writes episodes as Parquet files, which `minari.MinariDataset(folder)` also reads: a file and metadata per episode.
 
     Raises FileExistsError if the folder holds something already.
     """

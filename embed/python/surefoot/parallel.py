@@ -18,8 +18,8 @@ from .vector import VectorEnv
 class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
     """NPCs that share a world, `npc_0`, `npc_1` and so on, each with its own goal.
 
-    The arguments are those of `VectorEnv`. By default NPCs get in each other's way. One whose episode has ended stays where it is until
-    `reset`.
+    The arguments are those of `VectorEnv`. By default NPCs collide with each other. An NPC whose episode has ended
+    stays where it is until `reset`.
     """
 
     metadata: dict[str, Any] = {"name": "surefoot_point_goal_v0", "render_modes": [], "is_parallelizable": True}

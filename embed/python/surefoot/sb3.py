@@ -16,7 +16,8 @@ from .vector import VectorEnv
 class SB3VecEnv(VecEnv):
     """A `VectorEnv` for Stable-Baselines3, which resets environments in the step that ends their episodes.
 
-    The arguments are those of `VectorEnv` except `autoreset_mode` and `copy`. `infos[i]["outcome"]` says how an episode ended.
+    The arguments are those of `VectorEnv` except `autoreset_mode` and `copy`. `infos[i]["outcome"]` says how an episode
+    ended.
     """
 
     def __init__(self, num_envs: int = 1, level: Any = 0, **arguments: Any) -> None:

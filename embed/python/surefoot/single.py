@@ -19,7 +19,8 @@ from .vector import VectorEnv
 class PointGoalEnv(gymnasium.Env[Floats, Floats]):
     """One NPC that must reach goals on a level: `gymnasium.make("surefoot/PointGoal-v0")`.
 
-    The arguments are those of `VectorEnv` that make sense for one environment. Stepping many together is several times as fast.
+    The arguments are those of `VectorEnv` that apply to one environment. Many environments together are several times
+    as fast.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}

@@ -33,25 +33,29 @@ from ._setup import (
 class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
     """NPCs that must reach goals on a level, one for each environment.
 
-    An action is forward, strafe, turn and jump, each in [-1, 1]; it holds for a decision, a sixth of a second. An episode terminates when its
-    NPC reaches the goal, falls out of the level, burns or drowns (`infos["outcome"]` says which), and is truncated after 300 decisions
-    without progress.
+    An action is forward, strafe, turn and jump, each in [-1, 1]; it holds for a decision, a sixth of a second. An
+    episode terminates when its NPC reaches the goal, falls out of the level, burns or drowns (`infos["outcome"]` says
+    which), and is truncated after 300 decisions without progress.
 
     Args:
         num_envs: Number of environments, 1 to 65536.
-        level: A level, the seed of a generated map, a file, a dict of arguments of `Level.generate`, or several of these in a list.
-        body: Name of a body (`surefoot.body_names()`), or a dict with the fields of its profile that differ from the default.
-        others: Whether the NPCs of a world collide with and see each other; observations then have 461 values instead of 369.
+        level: A level, the seed of a generated map, a file, a dict of arguments of `Level.generate`, or several of
+            these in a list.
+        body: Name of a body (`surefoot.body_names()`), or a dict with the fields of its profile that differ from the
+            default.
+        others: Whether the NPCs of a world collide with and see each other; observations then have 461 values instead
+            of 369.
         goal_distance: Least and greatest distance of goals from starts, m, 0 to 1500.
         seed: Seed of starts and goals until `reset` gets one; random by default.
-        worlds: Number of worlds among which the environments are divided; the worlds are on the levels in turn. By default one for each
-            level. World k draws its starts and goals with seed + k. Results depend on it.
+        worlds: Number of worlds among which the environments are divided; the worlds are on the levels in turn. By
+            default one for each level. World k draws its starts and goals with seed + k. Results depend on it.
         threads: Number of threads that step the worlds, at most one for each. Results do not depend on it.
         autoreset_mode: What happens to an environment after its episode has ended.
         copy: Whether `reset` and `step` return arrays of their own; otherwise those that the next call overwrites.
-        server: A server that runs the environments instead of this process: its address, or what `surefoot.connect` returned. The same
-            arguments give the same bits there. If the connection is lost, the environments are created again as soon as the server is
-            back, and the episodes that ran are truncated with the outcome "lost".
+        server: A server that runs the environments instead of this process: its address, or what `surefoot.connect`
+            returned. The same arguments give the same bits there. If the connection is lost, the environments are
+            created again as soon as the server is back, and the episodes that ran are truncated with the outcome
+            "lost".
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -149,7 +153,8 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         done = self._needs_reset()
         if done.any():
             raise ResetNeeded(
-                f"the episode of environment {done.argmax()} has ended: reset it with options={{'reset_mask': ...}} first"
+                f"the episode of environment {done.argmax()} has ended: "
+                "reset it with options={'reset_mask': ...} first"
             )
         values = np.ascontiguousarray(actions, dtype=np.float32)
         ends = self._worlds.step(values, self._observations, self._rewards, self._terminated, self._truncated)
@@ -216,8 +221,8 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
     ) -> Floats:
         """Gives an environment a route of waypoints, m, and returns its observation.
 
-        The observation points at the next waypoint as soon as the NPC has come within 1 m of the current one. The episode ends at the last
-        waypoint. `start` first moves the NPC there, with the heading `yaw`, rad.
+        The observation points at the next waypoint as soon as the NPC has come within 1 m of the current one. The
+        episode ends at the last waypoint. `start` first moves the NPC there, with the heading `yaw`, rad.
         """
         if not self._was_reset:
             raise ResetNeeded("call reset first")
