@@ -8,7 +8,7 @@ use surefoot_net::client::Link;
 use surefoot_net::levels::{BaseMap, MapPool, SharedMap};
 use surefoot_net::memory::Reservation;
 use surefoot_world::map::Piece;
-use surefoot_world::{Map, MapSpec, exchange};
+use surefoot_world::{Map, MapSpec};
 use tokio::sync::watch;
 use tracing::warn;
 
@@ -129,7 +129,7 @@ impl Maps {
         }
         let bytes = tokio::time::timeout(LEVEL_LIMIT, key.download(server));
         let bytes = bytes.await.map_err(|_| "the server did not send the level in time")??;
-        let decoded = tokio::task::spawn_blocking(move || exchange::decode(&bytes));
+        let decoded = tokio::task::spawn_blocking(move || surefoot_levels::decode(&bytes));
         let map = decoded.await.map_err(|error| error.to_string())?.map_err(|error| error.to_string())?;
         let memory = self.pool.memory().reserve("levels", map.memory_bytes() as u64).map_err(|it| it.to_string())?;
         let level = Arc::new(Level { map: Arc::new(map), _memory: memory });

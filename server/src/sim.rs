@@ -369,7 +369,7 @@ mod tests {
     use crate::messages::Hello;
     use crate::quota::Quota;
     use crate::registry::Registry;
-    use surefoot_world::{Map, MapSpec, Vec3};
+    use surefoot_world::{MapSpec, Vec3};
     use tokio::sync::mpsc::channel;
 
     #[test]
@@ -398,7 +398,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_call_that_does_not_begin_in_time_is_not_run() {
-        let map = Arc::new(Map::generate(&MapSpec::with_side(1, 50).unwrap()));
+        let map = Arc::new(surefoot_generate::generate(&MapSpec::with_side(1, 50).unwrap()));
         let world = HostedWorld::new(WorldId(1), map, TimeMode::Lockstep, Arc::default());
         let schedule = Schedule { epoch: Instant::now(), phase: 0.0 };
         let sim = SimHandle::start("test".to_owned(), world, schedule, || {}).unwrap();
@@ -420,7 +420,7 @@ mod tests {
         let registry = Arc::new(Registry::default());
         let (queue, _messages) = channel(64);
         registry.join(Hello::new("test", "none", 8), queue);
-        let map = Arc::new(Map::generate(&MapSpec::with_side(1, 50).unwrap()));
+        let map = Arc::new(surefoot_generate::generate(&MapSpec::with_side(1, 50).unwrap()));
         let world = HostedWorld::new(WorldId(1), map, TimeMode::Realtime, registry.clone());
         let (failed, has_failed) = oneshot::channel();
         let schedule = Schedule { epoch: Instant::now(), phase: 0.0 };

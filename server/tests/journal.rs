@@ -7,11 +7,11 @@ use surefoot_server::hosted::{FleetSave, HostedWorld, Journal, NpcStatus, SavedM
 use surefoot_server::ids::NpcId;
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
-use surefoot_world::{CharacterProfile, Map, MapSpec, Seed, Vec3};
+use surefoot_world::{CharacterProfile, MapSpec, Seed, Vec3};
 
 /// A world whose NPCs stand on its ground, and further places there.
 fn world() -> (HostedWorld, Arc<Quota>, Vec<Vec3>) {
-    let map = Arc::new(Map::generate(&MapSpec::with_side(5, 60).expect("an allowed size")));
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::with_side(5, 60).expect("an allowed size")));
     let body = CharacterProfile::default();
     let places = HostedWorld::sample_ground(&map, &body, 16, Seed(1)).expect("ground");
     let mut world = HostedWorld::new(WorldId(7), map, TimeMode::Realtime, Arc::new(Registry::default()));

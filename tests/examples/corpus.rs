@@ -32,7 +32,7 @@ use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, 
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::sense::OBSERVATION_VERSION;
 use surefoot_world::{
-    Action, CharacterProfile, Decisions, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig, exchange,
+    Action, CharacterProfile, Decisions, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig,
 };
 use untrusted::{FIRST_NPC, FLOOR, NETWORK};
 
@@ -43,7 +43,10 @@ fn main() {
     let kept = [
         ("world_messages", world_messages()),
         ("planner_messages", planner_messages()),
-        ("map_file", vec![("floor", exchange::encode(&FLOOR)), ("devices", exchange::encode(&devices()))]),
+        (
+            "map_file",
+            vec![("floor", surefoot_levels::encode(&FLOOR)), ("devices", surefoot_levels::encode(&devices()))],
+        ),
         ("gltf", gltf()),
         ("obj", obj()),
         ("recording", vec![("walk", recording())]),
@@ -218,8 +221,8 @@ fn gltf() -> Vec<(&'static str, Vec<u8>)> {
 "zip_lines":[{"from":[1,1,15],"to":[15,1,15]}],"teleporters":[{"from":[5,1,12],"to":[12,1,5],"two_way":true}],
 "jetpacks":[{"at":[17,1,17],"fuel":2}]}"#;
     vec![
-        ("floor", exchange::export_glb(&FLOOR)),
-        ("devices", exchange::export_glb(&devices())),
+        ("floor", surefoot_levels::export_glb(&FLOOR)),
+        ("devices", surefoot_levels::export_glb(&devices())),
         ("embedded", embedded.as_bytes().to_vec()),
         ("sidecar", sidecar.as_bytes().to_vec()),
     ]
@@ -257,7 +260,7 @@ fn recording() -> Vec<u8> {
 /// A world with one seeking and one idle NPC, on a level or on a generated map.
 fn saved_world(level: Option<&Arc<Map>>) -> Vec<u8> {
     let small = MapSpec::new(7).with(|it| it.size = MapSize { width: 50, height: 40, depth: 50 }).unwrap();
-    let generated = || Arc::new(Map::generate(&small));
+    let generated = || Arc::new(surefoot_generate::generate(&small));
     let map = level.cloned().unwrap_or_else(generated);
     let quota = Quota::new(2, "NPCs");
     let mut world = HostedWorld::new(WorldId(1), map.clone(), TimeMode::Lockstep, Arc::new(Registry::default()));

@@ -11,7 +11,6 @@ use surefoot_proto::planner::v1::{self as wire, BuildStage};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_proto::world::v1::{BlockPiece, ImportMapRequest, MapFormat, MapSize, MapSpec, Piece, Vec3, piece};
-use surefoot_world::{Map, exchange};
 use tokio::sync::{Mutex, MutexGuard};
 use tonic::transport::Channel;
 use tonic::{Code, Status};
@@ -303,7 +302,7 @@ async fn graphs_and_levels_are_loaded_on_a_miss() {
     let (mut builds, mut loads) = (client(&first).await, client(&second).await);
     let plain = build(&mut builds, &request(40)).await.unwrap();
     let spec = request(41).map.unwrap();
-    let file = exchange::export_glb(&Map::generate(&map_spec(Some(&spec)).unwrap()));
+    let file = surefoot_levels::export_glb(&surefoot_generate::generate(&map_spec(Some(&spec)).unwrap()));
     let import =
         ImportMapRequest { name: "arena".to_owned(), format: MapFormat::Gltf.into(), file, ..Default::default() };
     let kept = MapServiceClient::new(first.connect().await).import_map(import).await.unwrap().into_inner();

@@ -6,14 +6,27 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
-const ALLOWED: [(&str, &str, &[&str]); 20] = [
+const ALLOWED: [(&str, &str, &[&str]); 22] = [
     ("core/world", "surefoot-world", &[]),
+    ("core/generate", "surefoot-generate", &["surefoot-world"]),
+    ("core/levels", "surefoot-levels", &["surefoot-world"]),
     ("core/policy", "surefoot-policy", &["surefoot-world"]),
     ("core/planner", "surefoot-planner", &["surefoot-world"]),
     ("core/rollout", "surefoot-rollout", &["surefoot-world", "surefoot-policy", "surefoot-planner"]),
     ("proto", "surefoot-proto", &["surefoot-world", "surefoot-planner"]),
-    ("net", "surefoot-net", &["surefoot-world", "surefoot-proto"]),
-    ("server", "surefoot-server", &["surefoot-world", "surefoot-rollout", "surefoot-proto", "surefoot-net"]),
+    ("net", "surefoot-net", &["surefoot-world", "surefoot-generate", "surefoot-levels", "surefoot-proto"]),
+    (
+        "server",
+        "surefoot-server",
+        &[
+            "surefoot-world",
+            "surefoot-generate",
+            "surefoot-levels",
+            "surefoot-rollout",
+            "surefoot-proto",
+            "surefoot-net",
+        ],
+    ),
     (
         "planner-service",
         "surefoot-planner-service",
@@ -31,6 +44,7 @@ const ALLOWED: [(&str, &str, &[&str]); 20] = [
         "surefoot-agent",
         &[
             "surefoot-world",
+            "surefoot-levels",
             "surefoot-policy",
             "surefoot-planner",
             "surefoot-rollout",
@@ -43,6 +57,7 @@ const ALLOWED: [(&str, &str, &[&str]); 20] = [
         "surefoot-game-client",
         &[
             "surefoot-world",
+            "surefoot-levels",
             "surefoot-policy",
             "surefoot-planner",
             "surefoot-rollout",
@@ -56,6 +71,8 @@ const ALLOWED: [(&str, &str, &[&str]); 20] = [
         "surefoot-train",
         &[
             "surefoot-world",
+            "surefoot-generate",
+            "surefoot-levels",
             "surefoot-policy",
             "surefoot-planner",
             "surefoot-rollout",
@@ -69,6 +86,8 @@ const ALLOWED: [(&str, &str, &[&str]); 20] = [
         "surefoot-eval",
         &[
             "surefoot-world",
+            "surefoot-generate",
+            "surefoot-levels",
             "surefoot-policy",
             "surefoot-planner",
             "surefoot-rollout",
@@ -77,13 +96,19 @@ const ALLOWED: [(&str, &str, &[&str]); 20] = [
             "surefoot-game-client",
         ],
     ),
-    ("embed/capi", "surefoot-capi", &["surefoot-world", "surefoot-policy", "surefoot-planner", "surefoot-rollout"]),
+    (
+        "embed/capi",
+        "surefoot-capi",
+        &["surefoot-world", "surefoot-levels", "surefoot-policy", "surefoot-planner", "surefoot-rollout"],
+    ),
     ("embed/game", "surefoot-game", &["surefoot-world", "surefoot-rollout", "surefoot-net", "surefoot-server"]),
     (
         "embed/python",
         "surefoot-python",
         &[
             "surefoot-world",
+            "surefoot-generate",
+            "surefoot-levels",
             "surefoot-policy",
             "surefoot-planner",
             "surefoot-rollout",
@@ -98,6 +123,8 @@ const ALLOWED: [(&str, &str, &[&str]); 20] = [
         "surefoot-fleet",
         &[
             "surefoot-world",
+            "surefoot-generate",
+            "surefoot-levels",
             "surefoot-policy",
             "surefoot-planner",
             "surefoot-rollout",
@@ -114,8 +141,10 @@ const ALLOWED: [(&str, &str, &[&str]); 20] = [
 const OUTERMOST: [&str; 4] = ["surefoot-cli", "surefoot-lab", "surefoot-processes", "e2e"];
 
 /// Crates that some of ours must not depend on.
-const FOREIGN: [(&str, &[&str]); 6] = [
-    ("surefoot-world", &["burn", "tonic", "tokio", "prost", "tracing", "surefoot-policy"]),
+const FOREIGN: [(&str, &[&str]); 8] = [
+    ("surefoot-world", &["burn", "tonic", "tokio", "prost", "tracing", "surefoot-policy", "gltf", "noise"]),
+    ("surefoot-generate", &["tonic", "tokio", "prost", "tracing", "gltf"]),
+    ("surefoot-levels", &["tonic", "tokio", "prost", "tracing", "noise"]),
     ("surefoot-planner", &["burn", "tonic", "tokio", "prost", "tracing", "redb"]),
     ("surefoot-policy", &["burn", "tonic", "tokio", "prost"]),
     ("surefoot-rollout", &["tonic", "tokio", "prost"]),
@@ -251,9 +280,17 @@ fn wire_types_and_statuses_are_known_at_the_rim_only() {
 
 #[test]
 fn simulation_and_search_never_await() {
-    for folder in
-        ["core/world", "core/policy", "core/planner", "core/rollout", "tools/report", "embed/capi", "embed/python"]
-    {
+    for folder in [
+        "core/world",
+        "core/generate",
+        "core/levels",
+        "core/policy",
+        "core/planner",
+        "core/rollout",
+        "tools/report",
+        "embed/capi",
+        "embed/python",
+    ] {
         for (path, code) in Crate::read(folder).files() {
             assert!(!code.contains("async ") && !awaits(code), "{path} awaits");
         }

@@ -15,7 +15,7 @@ use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
 use surefoot_world::character::bodies::BODIES;
-use surefoot_world::{Map, MapSpec, OBSERVATION_LEN, exchange};
+use surefoot_world::{MapSpec, OBSERVATION_LEN};
 use tonic::transport::Channel;
 
 fn preset(name: &str) -> wire::Body {
@@ -220,7 +220,7 @@ async fn ground_is_sampled_for_the_body_that_is_to_stand_there() {
 #[tokio::test(flavor = "multi_thread")]
 async fn environments_take_bodies_and_imported_levels() {
     let server = start_server(ServerConfig::default());
-    let file = exchange::encode(&Map::generate(&MapSpec::with_side(3, 60).unwrap()));
+    let file = surefoot_levels::encode(&surefoot_generate::generate(&MapSpec::with_side(3, 60).unwrap()));
     let mut maps = MapServiceClient::connect(server.uri.clone()).await.unwrap();
     let upload_id = "level".to_owned();
     let chunk = wire::UploadChunkRequest { upload_id: upload_id.clone(), offset: 0, data: file };

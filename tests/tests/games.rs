@@ -34,7 +34,7 @@ fn points(map: &Map, count: usize) -> Vec<Vec3> {
 }
 
 fn context() -> ProbeContext {
-    ProbeContext::new(Arc::new(Map::generate(&spec())), Policy::shipped().expect("shipped weights"))
+    ProbeContext::new(Arc::new(surefoot_generate::generate(&spec())), Policy::shipped().expect("shipped weights"))
 }
 
 /// Runs `work`, which blocks, beside the services of the test.
@@ -59,7 +59,7 @@ async fn step(
 /// An environment of two NPCs that stand apart and have far goals.
 async fn two_npcs(server: &Running) -> (EnvServiceClient<Channel>, wire::CreateEnvResponse, [Vec3; 3]) {
     let mut client = EnvServiceClient::connect(server.uri.clone()).await.expect("the server accepts");
-    let points = points(&Map::generate(&spec()), 60);
+    let points = points(&surefoot_generate::generate(&spec()), 60);
     let far = |from: Vec3| points.iter().copied().find(|to| to.distance(from) > 40.0).expect("a far point");
     let (one, other) = (points[0], far(points[0]));
     let goal = |start: Vec3, goal: Vec3| wire::EnvGoal {
@@ -325,7 +325,7 @@ async fn serve(game: Broken) -> String {
 
 /// Opens an environment of one NPC and takes three steps.
 fn try_out(uri: &str) -> Result<(), GameError> {
-    let map = Arc::new(Map::generate(&spec()));
+    let map = Arc::new(surefoot_generate::generate(&spec()));
     let level = Level { map, body: CharacterProfile::default(), solid_npcs: false };
     let goal = Goal { start: Vec3::ZERO, yaw: 0.0, goal: Vec3::splat(50.0) };
     let mut env = connect(uri)?.open(&level, &[goal])?;

@@ -6,11 +6,11 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::sync::Arc;
 use surefoot_policy::{Batch, Policy, Scratch};
-use surefoot_world::{Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, navigable};
+use surefoot_world::{Action, CharacterProfile, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, navigable};
 
 /// A world on a map of 120 m with 16 NPCs that act at random, after 3,600 ticks: one minute.
 fn after_a_minute() -> World {
-    let map = Arc::new(Map::generate(&MapSpec::with_side(77, 120).unwrap()));
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::with_side(77, 120).unwrap()));
     let profile = CharacterProfile::default();
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let points = navigable::sample_many(&map, &profile, 32, &mut rng).unwrap();

@@ -13,13 +13,12 @@ use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_server::ServerConfig;
-use surefoot_world::{Map, exchange};
 use tonic::Code;
 use tonic::transport::Channel;
 
 /// The file of a map without a spec.
 fn level() -> Vec<u8> {
-    exchange::export_glb(&Map::generate(&map_spec(Some(&small_map(1000))).unwrap()))
+    surefoot_levels::export_glb(&surefoot_generate::generate(&map_spec(Some(&small_map(1000))).unwrap()))
 }
 
 async fn maps(uri: &str) -> MapServiceClient<Channel> {
@@ -161,8 +160,8 @@ async fn edits_of_a_level_outlive_its_changes() {
     let mut graphs = Vec::new();
     for seed in [7, 8] {
         // Two versions of a level are two maps of one name.
-        let map = Map::generate(&map_spec(Some(&small_map(seed))).unwrap());
-        let request = import(wire::MapFormat::Saved, exchange::encode(&map));
+        let map = surefoot_generate::generate(&map_spec(Some(&small_map(seed))).unwrap());
+        let request = import(wire::MapFormat::Saved, surefoot_levels::encode(&map));
         let kept = maps(&planner.uri).await.import_map(request).await;
         let map_hash = kept.unwrap().into_inner().map.unwrap().map_hash;
         let request = plan::StartBuildRequest { map_hash, settings: Some(small_graph()), ..Default::default() };
@@ -223,7 +222,7 @@ async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
         assert!(refusal.code() == code && refusal.message().contains(words), "{refusal}");
     }
     let back = download(&mut client, &kept.map_hash).await;
-    assert_eq!(exchange::decode(&back).unwrap().hash().to_hex(), kept.map_hash);
+    assert_eq!(surefoot_levels::decode(&back).unwrap().hash().to_hex(), kept.map_hash);
     let unknown = client.get_map(wire::GetMapRequest { map_hash: "0".repeat(64) }).await.unwrap_err();
     assert!(unknown.code() == Code::NotFound && unknown.message().contains("ImportMap"), "{unknown}");
 
@@ -235,7 +234,7 @@ async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
     assert!(graphs.start_build(neither).await.unwrap_err().message().contains("map is missing"));
 
     // There is room for one map. No world uses the first, so it is evicted.
-    let other = exchange::encode(&Map::generate(&map_spec(Some(&small_map(3))).unwrap()));
+    let other = surefoot_levels::encode(&surefoot_generate::generate(&map_spec(Some(&small_map(3))).unwrap()));
     client.import_map(import(wire::MapFormat::Saved, other)).await.unwrap();
     assert_eq!(client.list_maps(wire::ListMapsRequest::default()).await.unwrap().into_inner().maps.len(), 1);
     planner.stop().await;
@@ -285,8 +284,8 @@ async fn a_level_larger_than_a_message_arrives_in_chunks_and_leaves_in_chunks() 
     let limits = Limits { max_import_bytes: 64 << 10, ..Limits::default() };
     let server = start_server_at(EndpointConfig { limits, ..EndpointConfig::default() }, ServerConfig::default());
     let mut client = maps(&server.uri).await;
-    let map = Map::generate(&map_spec(Some(&small_map(1000))).unwrap());
-    let file = exchange::encode(&map);
+    let map = surefoot_generate::generate(&map_spec(Some(&small_map(1000))).unwrap());
+    let file = surefoot_levels::encode(&map);
     assert!(file.len() > 4 * limits.max_import_bytes, "{} bytes", file.len());
     let too_large = client.import_map(import(wire::MapFormat::Saved, file.clone())).await.unwrap_err();
     assert_eq!(too_large.code(), Code::OutOfRange);

@@ -25,7 +25,7 @@ use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
 use surefoot_world::{
     Ability, Action, Chance, CharacterProfile, Decisions, Map, MapSpec, MoverId, RawMapSpec, Seconds, StopIdx, StopSet,
-    TaskConfig, Vec3, World, WorldConfig, exchange,
+    TaskConfig, Vec3, World, WorldConfig,
 };
 
 fn config(cases: u32) -> ProptestConfig {
@@ -99,10 +99,10 @@ proptest! {
         let size = MapSize { width: 20, height: 10, depth: 20 };
         let triangles = corners.into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
         let map = Map::from_parts(size, triangles, placed);
-        let back = exchange::decode(&exchange::encode(&map)).unwrap();
+        let back = surefoot_levels::decode(&surefoot_levels::encode(&map)).unwrap();
         prop_assert_eq!(back.hash(), map.hash());
         prop_assert_eq!(back.placed(), map.placed());
-        prop_assert_eq!(exchange::encode(&back), exchange::encode(&map));
+        prop_assert_eq!(surefoot_levels::encode(&back), surefoot_levels::encode(&map));
     }
 }
 

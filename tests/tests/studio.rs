@@ -11,7 +11,7 @@ use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
-use surefoot_world::{Map, Vec3};
+use surefoot_world::Vec3;
 use tokio_stream::StreamExt;
 use tonic::Code;
 use tonic::transport::Channel;
@@ -49,7 +49,7 @@ async fn the_mesh_of_a_world_is_its_map_in_tiles_whole_or_coarse() {
     let server = start_server(ServerConfig::default());
     let mut client = world_client(&server).await;
     let world_id = create_world(&mut client, 21, wire::TimeMode::Realtime).await.world_id;
-    let map = Map::generate(&map_spec(Some(&small_map(21))).unwrap());
+    let map = surefoot_generate::generate(&map_spec(Some(&small_map(21))).unwrap());
     let whole = tiles(&mut client, world_id, 0.0, None).await;
     assert_eq!(whole.len(), 4, "a map of 100 m has two tiles each way");
     let area = |[a, b, c]: [Vec3; 3]| f64::from((b - a).cross(c - a).length() / 2.0);
@@ -110,7 +110,7 @@ async fn whoever_follows_an_npc_sees_its_rays_and_how_its_attempts_ended() {
     assert!(first.rays.len() == 64 && first.history.is_empty());
     let eyes = point(first.eyes.as_ref(), "eyes").unwrap();
     assert!((1.0..2.0).contains(&(eyes.y - first.npc.unwrap().position.unwrap().y)));
-    let map = Map::generate(&map_spec(Some(&small_map(10))).unwrap());
+    let map = surefoot_generate::generate(&map_spec(Some(&small_map(10))).unwrap());
     for ray in &first.rays {
         let end = point(ray.end.as_ref(), "end").unwrap();
         let hit = map.mesh().cast_ray(eyes, (end - eyes).normalize(), 30.0);

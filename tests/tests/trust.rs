@@ -23,7 +23,7 @@ use surefoot_proto::world::v1::work_response::Message as Response;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
 use surefoot_world::sense::OBSERVATION_VERSION;
-use surefoot_world::{Map, MapSpec, OBSERVATION_LEN, exchange};
+use surefoot_world::{MapSpec, OBSERVATION_LEN};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt;
@@ -450,7 +450,7 @@ async fn worlds_npcs_environments_and_levels_belong_to_who_made_them() {
     assert_eq!(reason(&refused), Some(Reason::NotOwner));
     ann_envs.close_env(wire::CloseEnvRequest { env_id }).await.unwrap();
 
-    let file = exchange::encode(&Map::generate(&MapSpec::with_side(3, 50).unwrap()));
+    let file = surefoot_levels::encode(&surefoot_generate::generate(&MapSpec::with_side(3, 50).unwrap()));
     let import = |name: &str| wire::ImportMapRequest {
         name: name.to_owned(),
         format: wire::MapFormat::Saved.into(),
@@ -731,7 +731,7 @@ async fn one_clients_flood_takes_no_answers_and_no_levels_from_another() {
     }
     assert_eq!(bob.create_world(create("bob's")).await.unwrap().into_inner(), first, "the first answer is kept");
 
-    let file = |seed| exchange::encode(&Map::generate(&MapSpec::with_side(seed, 50).unwrap()));
+    let file = |seed| surefoot_levels::encode(&surefoot_generate::generate(&MapSpec::with_side(seed, 50).unwrap()));
     let import = |seed: u64| wire::ImportMapRequest {
         name: format!("level {seed}"),
         format: wire::MapFormat::Saved.into(),

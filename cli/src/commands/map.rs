@@ -7,11 +7,11 @@ use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+use surefoot_generate::Stage;
+use surefoot_levels::{ImportOptions, Imported, UpAxis};
 use surefoot_policy::Policy;
 use surefoot_report::render::{self, Picture, View};
 use surefoot_world::character::bodies::{BODIES, NamedBody};
-use surefoot_world::exchange::{self, ImportOptions, Imported, UpAxis};
-use surefoot_world::map::stage::Stage;
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
 use surefoot_world::reach::{Means, Reach};
 use surefoot_world::replay::Recording;
@@ -150,7 +150,7 @@ fn load_with_origin(path: &Path) -> anyhow::Result<(Map, Option<Vec3>)> {
         let imported = import_level(path, None, &options)?;
         return Ok((imported.map, Some(imported.origin)));
     }
-    let map = exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?;
+    let map = surefoot_levels::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?;
     let origin = map.spec().map(|_| Vec3::ZERO);
     Ok((map, origin))
 }
@@ -168,8 +168,8 @@ fn import_level(level: &Path, sidecar: Option<&Path>, options: &ImportOptions) -
         .transpose()?;
     let extension = level.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
     let imported = match extension.as_deref() {
-        Some("glb" | "gltf") => exchange::import_gltf(&bytes, sidecar.as_deref(), options),
-        Some("obj") => exchange::import_obj(&bytes, sidecar.as_deref(), options),
+        Some("glb" | "gltf") => surefoot_levels::import_gltf(&bytes, sidecar.as_deref(), options),
+        Some("obj") => surefoot_levels::import_obj(&bytes, sidecar.as_deref(), options),
         _ => bail!("{} is not a .glb, .gltf or .obj file", level.display()),
     }
     .with_context(|| format!("cannot import {}", level.display()))?;
@@ -193,7 +193,7 @@ impl Source {
         };
         let spec = self.generated.apply(&MapSpec::new(seed))?;
         let bar = progress_bar(Stage::ALL.len() as u64 - 1, "map");
-        let map = Map::generate_with(&spec, core_count(), |stage| {
+        let map = surefoot_generate::generate_with(&spec, core_count(), |stage| {
             bar.set_position(Stage::ALL.iter().position(|&other| other == stage).unwrap_or(0) as u64);
             bar.set_message(stage.name());
         });
@@ -337,7 +337,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Generate(args) => generate(args),
         Command::Show(args) => show(args),
         Command::Import(args) => import(args),
-        Command::Export(args) => write(&args.out, &exchange::export_glb(&args.source.load()?)),
+        Command::Export(args) => write(&args.out, &surefoot_levels::export_glb(&args.source.load()?)),
         Command::Record(args) => record(args),
         Command::Replay(args) => replay(args),
     }
@@ -361,7 +361,7 @@ fn generate(args: &GenerateArgs) -> anyhow::Result<()> {
     }
     let map = args.source.load()?;
     println!("hash {}", map.hash());
-    write(&args.out, &exchange::encode(&map))
+    write(&args.out, &surefoot_levels::encode(&map))
 }
 
 /// Maps that are generated together; their bytes are in memory at the same time.
@@ -380,7 +380,7 @@ fn generate_all(args: &GenerateArgs, seeds: &[u64]) -> anyhow::Result<()> {
             Some(maps) => specs.iter().zip(maps).try_for_each(|(spec, bytes)| write(&path(spec), &bytes))?,
             None => {
                 for spec in specs {
-                    write(&path(spec), &exchange::encode(&Map::generate(spec)))?;
+                    write(&path(spec), &surefoot_levels::encode(&surefoot_generate::generate(spec)))?;
                     bar.inc(1);
                 }
             }
@@ -567,7 +567,7 @@ fn import(args: &ImportArgs) -> anyhow::Result<()> {
     println!("map of {} x {} x {} m, hash {}", size.width, size.height, size.depth, imported.map.hash());
     // Plans and graphs are in the map's frame, which begins at 0.
     println!("the level's origin is at {x} {y} {z} on the map");
-    write(&args.out, &exchange::encode(&imported.map))
+    write(&args.out, &surefoot_levels::encode(&imported.map))
 }
 
 fn record(args: &RecordArgs) -> anyhow::Result<()> {
@@ -587,8 +587,10 @@ fn replay(args: &ReplayArgs) -> anyhow::Result<()> {
         return Ok(());
     }
     let map = match (&args.map, recording.spec) {
-        (Some(path), _) => exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?,
-        (None, Some(spec)) => Map::generate(&spec),
+        (Some(path), _) => {
+            surefoot_levels::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?
+        }
+        (None, Some(spec)) => surefoot_generate::generate(&spec),
         (None, None) => bail!("the recording was made on an imported map: give its file with --map"),
     };
     let started = Instant::now();

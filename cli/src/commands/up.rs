@@ -20,7 +20,7 @@ use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, WatchStatsResponse, WorldStats};
 use surefoot_studio::PlannerAddress;
-use surefoot_world::{CharacterProfile, MapSpec, exchange};
+use surefoot_world::{CharacterProfile, MapSpec};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
@@ -115,7 +115,7 @@ enum SceneMap {
 impl Args {
     fn maps(&self) -> anyhow::Result<Vec<SceneMap>> {
         if let Some(files) = level_files(&self.maps) {
-            let level = |file: &Path| Ok(SceneMap::Level(file_name(file), exchange::encode(&load_level(file)?)));
+            let level = |file: &Path| Ok(SceneMap::Level(file_name(file), surefoot_levels::encode(&load_level(file)?)));
             return files.into_iter().map(level).collect();
         }
         let count = self.maps.parse().ok().filter(|count| (1..=MAX_SCENE_MAPS).contains(count));

@@ -20,7 +20,7 @@ use surefoot_world::{CharacterProfile, Map, MapSpec, MoverId, StopIdx, Vec3, nav
 
 fn context() -> ProbeContext {
     ProbeContext {
-        map: Arc::new(Map::generate(&MapSpec::with_side(31, 80).unwrap())),
+        map: Arc::new(surefoot_generate::generate(&MapSpec::with_side(31, 80).unwrap())),
         profile: CharacterProfile::default(),
         policy: Policy::shipped().unwrap(),
     }
@@ -240,7 +240,10 @@ fn the_id_of_a_graph_changes_with_everything_that_decides_it() {
             &settings(),
         ),
         graphs::id_of(
-            &ProbeContext { map: Arc::new(Map::generate(&MapSpec::with_side(32, 80).unwrap())), ..context.clone() },
+            &ProbeContext {
+                map: Arc::new(surefoot_generate::generate(&MapSpec::with_side(32, 80).unwrap())),
+                ..context.clone()
+            },
             &settings(),
         ),
     ];

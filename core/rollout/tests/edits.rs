@@ -23,7 +23,7 @@ fn context(map: Map) -> ProbeContext {
 }
 
 fn small() -> ProbeContext {
-    context(Map::generate(&MapSpec::with_side(31, 80).unwrap()))
+    context(surefoot_generate::generate(&MapSpec::with_side(31, 80).unwrap()))
 }
 
 fn settings(vertices: usize, neighbours: usize) -> BuildSettings {
@@ -153,7 +153,7 @@ fn block(at: Vec3, half: f32, height: f32) -> Vec<Triangle> {
 
 #[test]
 fn after_a_local_change_only_what_it_touches_is_probed_again() {
-    let generated = Map::generate(&MapSpec::with_side(31, 120).unwrap());
+    let generated = surefoot_generate::generate(&MapSpec::with_side(31, 120).unwrap());
     let before = context(ground_of(&generated, Vec::new()));
     let settings = settings(150, 10)
         .with(|it| {

@@ -10,7 +10,7 @@ const BAND: (f32, f32) = (2.0, 8.0);
 
 fn map() -> Arc<Map> {
     let spec = MapSpec::with_side(3, 60).unwrap().with(|spec| spec.kind = MapKind::Islands).unwrap();
-    Arc::new(Map::generate(&spec))
+    Arc::new(surefoot_generate::generate(&spec))
 }
 
 fn env(map: &Arc<Map>, renewal: Renewal) -> Env {

@@ -15,7 +15,7 @@ use surefoot_world::{
 };
 
 fn map(side: u32) -> Arc<Map> {
-    Arc::new(Map::generate(&MapSpec::with_side(1000, side).unwrap()))
+    Arc::new(surefoot_generate::generate(&MapSpec::with_side(1000, side).unwrap()))
 }
 
 #[test]

@@ -19,7 +19,7 @@ use surefoot_world::{CharacterProfile, End, Map, MapSpec, RawMapSpec, TaskConfig
 fn islands() -> Arc<Map> {
     let mut spec = RawMapSpec::new(1000);
     (spec.kind, spec.size.width, spec.size.depth) = (MapKind::Islands, 120, 120);
-    Arc::new(Map::generate(&MapSpec::try_from(spec).unwrap()))
+    Arc::new(surefoot_generate::generate(&MapSpec::try_from(spec).unwrap()))
 }
 
 fn goals(map: &Map, count: usize) -> Vec<Goal> {

@@ -1,13 +1,13 @@
 //! Shapes of edges, measured on platforms over a void.
 
 use std::sync::Arc;
+use surefoot_levels::ImportOptions;
 use surefoot_planner::assets::{AssetFormat, LinkSet, Shape, ShapedEdge};
 use surefoot_planner::links::NavMesh;
 use surefoot_planner::{BuildSettings, Edge, NavGraph, Progress};
 use surefoot_policy::Policy;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{ProbeContext, shape};
-use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::reach::Reach;
 use surefoot_world::{Ability, CharacterProfile, Vec3};
 
@@ -27,7 +27,7 @@ fn platforms() -> ProbeContext {
             text += &format!("f {}\n", corners.join(" "));
         }
     }
-    let map = exchange::import_obj(text.as_bytes(), None, &ImportOptions::default()).expect("a valid level").map;
+    let map = surefoot_levels::import_obj(text.as_bytes(), None, &ImportOptions::default()).expect("a valid level").map;
     ProbeContext { map: Arc::new(map), profile: CharacterProfile::default(), policy: Policy::shipped().unwrap() }
 }
 

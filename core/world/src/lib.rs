@@ -5,7 +5,7 @@
 //! probing, serving, evaluation) calls the same [`World`] and therefore sees the same physics.
 //!
 //! Start reading at [`World`] (many NPCs on one map), then [`character`] (one body, one tick),
-//! [`sense`] (what an NPC sees) and [`map::generate`] (where the ground comes from).
+//! [`sense`] (what an NPC sees) and [`map`] (the ground).
 //!
 //! Conventions: right-handed, y up, metres, seconds, radians. Yaw 0 faces +z and grows counter-clockwise
 //! seen from above, so +x is to the *left* of an NPC with yaw 0.
@@ -16,7 +16,6 @@ pub mod character;
 mod crates;
 mod crowd;
 mod editing;
-pub mod exchange;
 pub mod float;
 pub mod map;
 pub mod mesh;

@@ -5,7 +5,7 @@
 //! count in the success rate.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, is_clear};
-use crate::map::Map;
+use crate::map::CollisionMap;
 use crate::mesh::Surface;
 use crate::{TICKS_PER_SECOND, Vec3};
 use rand::{Rng, RngExt};
@@ -29,7 +29,7 @@ pub struct NoGround;
 /// # Errors
 /// [`NoGround`] after ten thousand draws without success.
 pub fn sample(
-    map: &Map,
+    map: &CollisionMap,
     profile: &CharacterProfile,
     rng: &mut impl Rng,
     scratch: &mut MoveScratch,
@@ -43,7 +43,7 @@ pub fn sample(
 /// # Errors
 /// Same as [`sample`].
 pub fn sample_where(
-    map: &Map,
+    map: &CollisionMap,
     profile: &CharacterProfile,
     rng: &mut impl Rng,
     scratch: &mut MoveScratch,
@@ -79,7 +79,7 @@ pub fn sample_where(
 /// # Errors
 /// Same as [`sample`].
 pub fn sample_many(
-    map: &Map,
+    map: &CollisionMap,
     profile: &CharacterProfile,
     count: usize,
     rng: &mut impl Rng,
@@ -91,7 +91,7 @@ pub fn sample_many(
 /// The place where the character stands on the floor nearest to `point`; `None` if it cannot stand there, or the floor
 /// is more than `rise` metres higher or lower.
 pub fn stand_at(
-    map: &Map,
+    map: &CollisionMap,
     profile: &CharacterProfile,
     point: Vec3,
     rise: f32,
@@ -111,7 +111,7 @@ pub fn stand_at(
 /// The nearest place to stand among sixteen candidates around `point`: `reach` or half of `reach` metres away
 /// horizontally, and at most `rise` metres higher or lower.
 pub fn stand_near(
-    map: &Map,
+    map: &CollisionMap,
     profile: &CharacterProfile,
     point: Vec3,
     reach: f32,
@@ -146,7 +146,7 @@ pub fn stand_near(
 pub const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
 
 /// Points on the walkable floors at (`x`, `z`) with their normals, from top to bottom, and their number.
-pub(crate) fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([(Vec3, Vec3); MAX_FLOORS], usize) {
+pub fn floors(map: &CollisionMap, profile: &CharacterProfile, x: f32, z: f32) -> ([(Vec3, Vec3); MAX_FLOORS], usize) {
     let mut found = [(Vec3::ZERO, Vec3::Y); MAX_FLOORS];
     let mut count = 0;
     let limit = libm::cosf(profile.max_slope);
@@ -170,7 +170,7 @@ pub(crate) fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> (
 }
 
 /// Simulates a body until it rests on the floor at `floor`; `None` if it cannot stand there.
-fn rest_on(map: &Map, profile: &CharacterProfile, floor: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
+fn rest_on(map: &CollisionMap, profile: &CharacterProfile, floor: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
     // A capsule on a slope touches beside its lowest point, so it starts a little higher than the floor.
     let clearance = profile.radius * (1.0 / libm::cosf(profile.max_slope) - 1.0) + 0.02;
     let start = floor + Vec3::new(0.0, clearance, 0.0);

@@ -36,14 +36,14 @@ fn step(world: &mut World, rng: &mut ChaCha8Rng) {
 #[test]
 fn a_spec_always_generates_the_same_map_and_another_seed_another() {
     let spec = MapSpec::with_side(11, 100).unwrap();
-    let first = Map::generate(&spec);
-    assert_eq!(first.hash(), Map::generate(&spec).hash());
-    assert_ne!(first.hash(), Map::generate(&MapSpec::with_side(12, 100).unwrap()).hash());
+    let first = surefoot_generate::generate(&spec);
+    assert_eq!(first.hash(), surefoot_generate::generate(&spec).hash());
+    assert_ne!(first.hash(), surefoot_generate::generate(&MapSpec::with_side(12, 100).unwrap()).hash());
 }
 
 #[test]
 fn equal_actions_give_equal_worlds_also_after_a_restore_in_the_middle() {
-    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 100).unwrap()));
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::with_side(4, 100).unwrap()));
     let (mut one, mut other) = (crowd(&map, 24), crowd(&map, 24));
     let (mut rng_one, mut rng_other) = (ChaCha8Rng::seed_from_u64(9), ChaCha8Rng::seed_from_u64(9));
     for round in 0..120 {
@@ -113,8 +113,9 @@ fn recorded(map: &Arc<Map>, seed: u64) -> Recording {
 
 #[test]
 fn recordings_of_ten_minutes_replay_to_the_same_state_on_any_thread_and_over_a_restore() {
-    let map =
-        Arc::new(Map::generate(&MapSpec::with_side(4, 100).unwrap().with(|it| it.features = Features::all()).unwrap()));
+    let map = Arc::new(surefoot_generate::generate(
+        &MapSpec::with_side(4, 100).unwrap().with(|it| it.features = Features::all()).unwrap(),
+    ));
     let check = |seeds: std::ops::Range<u64>| {
         for seed in seeds {
             let recording = recorded(&map, seed);
@@ -135,7 +136,7 @@ fn recordings_of_ten_minutes_replay_to_the_same_state_on_any_thread_and_over_a_r
 
 #[test]
 fn a_recording_says_where_a_replay_differs_and_what_is_wrong_with_a_file() {
-    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 60).unwrap()));
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::with_side(4, 60).unwrap()));
     let mut world = crowd(&map, 3);
     world.start_recording();
     let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -143,7 +144,7 @@ fn a_recording_says_where_a_replay_differs_and_what_is_wrong_with_a_file() {
         step(&mut world, &mut rng);
     }
     let recording = world.finish_recording().unwrap();
-    let other = Arc::new(Map::generate(&MapSpec::with_side(5, 60).unwrap()));
+    let other = Arc::new(surefoot_generate::generate(&MapSpec::with_side(5, 60).unwrap()));
     assert!(matches!(recording.replay(other, None), Err(ReplayError::OtherMap { .. })));
     let bytes = recording.encode();
     assert_eq!(Recording::decode(b"something else"), Err(ReplayError::Magic));
@@ -162,7 +163,7 @@ fn a_recording_says_where_a_replay_differs_and_what_is_wrong_with_a_file() {
 
 #[test]
 fn a_changed_input_is_found_by_the_replay() {
-    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 60).unwrap()));
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::with_side(4, 60).unwrap()));
     let run = |turn: f32| {
         let mut world = crowd(&map, 1);
         world.start_recording();

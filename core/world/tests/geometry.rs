@@ -16,7 +16,7 @@ use surefoot_world::{Action, Body, CharacterProfile, Map, MapSpec, NpcSlot, Task
 fn map() -> &'static (Map, TriMesh) {
     static MAP: OnceLock<(Map, TriMesh)> = OnceLock::new();
     MAP.get_or_init(|| {
-        let map = Map::generate(&MapSpec::with_side(21, 80).unwrap());
+        let map = surefoot_generate::generate(&MapSpec::with_side(21, 80).unwrap());
         let corners: Vec<Vec3> = map.mesh().triangles().iter().flat_map(Triangle::corners).collect();
         let indices = (0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let mesh = TriMesh::new(corners, indices).unwrap();
@@ -181,7 +181,7 @@ fn the_uppermost_surface_faces_up() {
 
 #[test]
 fn sampled_ground_holds_the_body_clear_of_all_geometry() {
-    let map = Map::generate(&MapSpec::with_side(5, 120).unwrap());
+    let map = surefoot_generate::generate(&MapSpec::with_side(5, 120).unwrap());
     let profile = CharacterProfile::default();
     let points = navigable::sample_many(&map, &profile, 1500, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
     let slack = 0.02;
@@ -214,7 +214,7 @@ fn solid_map() -> &'static (Arc<Map>, TriMesh) {
     static MAP: OnceLock<(Arc<Map>, TriMesh)> = OnceLock::new();
     MAP.get_or_init(|| {
         let spec = MapSpec::with_side(8, 120).unwrap().with(|it| it.features = Features::all()).unwrap();
-        let map = Arc::new(Map::generate(&spec));
+        let map = Arc::new(surefoot_generate::generate(&spec));
         let mesh = parry_mesh(&map);
         (map, mesh)
     })
@@ -350,7 +350,7 @@ fn of_a_million_spawns_none_is_off_the_ground_or_inside_geometry() {
                         return;
                     }
                     let features = if idx.is_multiple_of(2) { Features::all() } else { Features::default() };
-                    let map = Map::generate(
+                    let map = surefoot_generate::generate(
                         &MapSpec::with_side(40 + idx as u64, 150).unwrap().with(|it| it.features = features).unwrap(),
                     );
                     check_spawns(&map, SPAWNS / MAPS, idx as u64);

@@ -3,10 +3,8 @@
 mod character;
 mod crates;
 mod determinism;
-mod exchange;
 mod geometry;
 mod hostile;
-mod maps;
 mod movers;
 mod others;
 mod pieces;

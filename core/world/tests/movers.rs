@@ -2,8 +2,8 @@
 //! and rays.
 
 use std::sync::Arc;
+use surefoot_levels::ImportOptions;
 use surefoot_world::character::{Body, Support};
-use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -310,7 +310,7 @@ fn a_map_with_movers_is_another_map_and_comes_back_from_a_file() {
     let moving = plain().with_movers(vec![door()]).unwrap();
     assert_ne!(moving.hash(), plain().hash());
     assert_eq!(plain().with_movers(Vec::new()).unwrap().hash(), plain().hash());
-    let back = exchange::decode(&exchange::encode(&moving)).expect("what was just saved");
+    let back = surefoot_levels::decode(&surefoot_levels::encode(&moving)).expect("what was just saved");
     assert_eq!((back.hash(), back.movers()), (moving.hash(), moving.movers()));
 }
 
@@ -346,7 +346,8 @@ fn names_of_nodes_and_the_sidecar_make_movers() {
         {"name": "belt", "kind": "conveyor", "min": [-5, 0, 0], "max": [-3, 0.2, 6], "velocity": [0, 0, 2]},
         {"name": "gate", "kind": "door", "min": [2, 0, 8], "max": [4, 3, 8.2], "path": [[0, 3, 0]], "seconds": 2, "open": true}
     ]}"#;
-    let imported = exchange::import_obj(text.as_bytes(), Some(sidecar), &ImportOptions::default()).expect("a level");
+    let imported =
+        surefoot_levels::import_obj(text.as_bytes(), Some(sidecar), &ImportOptions::default()).expect("a level");
     let map = imported.map;
     let found: Vec<_> = map.movers().iter().map(|it| (it.name.as_str(), it.kind, it.stops.len(), it.start.0)).collect();
     assert_eq!(
@@ -381,7 +382,9 @@ fn bad_movers_of_a_level_name_what_to_change() {
     let (mut text, mut count) = (String::new(), 0);
     obj_box(&mut text, &mut count, "floor", [-15.0, -1.0, -15.0], [15.0, 0.0, 15.0]);
     let import = |sidecar: &str| {
-        exchange::import_obj(text.as_bytes(), Some(sidecar), &ImportOptions::default()).err().map(|it| it.to_string())
+        surefoot_levels::import_obj(text.as_bytes(), Some(sidecar), &ImportOptions::default())
+            .err()
+            .map(|it| it.to_string())
     };
     let flat =
         r#"{"movers": [{"name": "a", "kind": "lift", "min": [0, 0, 0], "max": [2, 0, 2], "path": [[0, 3, 0]]}]}"#;
@@ -424,8 +427,8 @@ fn an_exported_map_is_imported_with_the_same_movers() {
     let mut movers = vec![swing, lift, belt, floor, gate];
     (0..).zip(&mut movers).for_each(|(idx, mover): (u8, _)| mover.name = format!("it {idx}"));
     let map = world(movers).map().clone();
-    let glb = exchange::export_glb(&map);
-    let imported = exchange::import_gltf(&glb, None, &ImportOptions::default()).expect("what was just exported");
+    let glb = surefoot_levels::export_glb(&map);
+    let imported = surefoot_levels::import_gltf(&glb, None, &ImportOptions::default()).expect("what was just exported");
     assert_eq!((imported.origin, imported.map.movers().len()), (Vec3::ZERO, map.movers().len()));
     for (one, other) in map.movers().iter().zip(imported.map.movers()) {
         assert_eq!(

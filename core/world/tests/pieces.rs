@@ -6,7 +6,6 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::collections::BTreeSet;
 use std::sync::{Arc, LazyLock};
-use surefoot_world::exchange;
 use surefoot_world::map::{Features, Liquid, MapSize, Outline, Piece, PieceShape, Placed, Pool};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::Reach;
@@ -21,7 +20,7 @@ const GROUND: f32 = 1.0;
 
 fn terrain() -> Map {
     let spec = MapSpec::with_side(5, 100).unwrap().with(|spec| spec.features = Features::all()).unwrap();
-    Map::generate(&spec)
+    surefoot_generate::generate(&spec)
 }
 
 /// Two floors of 18 x 40 m with a gap of 4 m between them, over a void.
@@ -132,7 +131,7 @@ fn an_edited_map_is_that_of_all_its_triangles() {
 /// The maps of the properties, from two triangles to thousands.
 static MAPS: LazyLock<[Map; 4]> = LazyLock::new(|| {
     let small = MapSpec::with_side(8, 60).unwrap().with(|spec| spec.features = Features::all()).unwrap();
-    [floor(), floors(), Map::generate(&small), terrain()]
+    [floor(), floors(), surefoot_generate::generate(&small), terrain()]
 });
 
 /// A place in or just outside of a map, as shares of its extent.
@@ -280,7 +279,7 @@ fn pieces_come_and_go_and_the_hash_tells() {
     let restored = edited.with_pieces(Vec::new()).unwrap();
     assert_eq!((restored.hash(), restored.mesh().triangles().len()), (plain.hash(), plain.mesh().triangles().len()));
 
-    let decoded = exchange::decode(&exchange::encode(&edited)).unwrap();
+    let decoded = surefoot_levels::decode(&surefoot_levels::encode(&edited)).unwrap();
     assert_eq!((decoded.hash(), decoded.pieces()), (edited.hash(), edited.pieces()));
 }
 

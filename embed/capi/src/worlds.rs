@@ -3,7 +3,6 @@
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::error::{Fault, Status, chain};
 use std::sync::Arc;
-use surefoot_world::exchange;
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{RAY_RANGE_M, RayCone, observation_len};
 use surefoot_world::{Action, CharacterProfile, End, Npc, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, WorldState};
@@ -22,7 +21,7 @@ pub struct Map {
 impl Map {
     /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, or an OBJ, by its first bytes.
     pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
-        let imported = exchange::read_level(bytes, None).map_err(|error| Fault::file(chain(&error)))?;
+        let imported = surefoot_levels::read_level(bytes, None).map_err(|error| Fault::file(chain(&error)))?;
         Ok(Self { map: Arc::new(imported.map), origin: imported.origin })
     }
 

@@ -9,8 +9,8 @@ use std::ptr::{null, null_mut};
 use surefoot::abi::{self, Action, Hit, RAY_COUNT, Ray, State, Vec3};
 use surefoot::exports::*;
 use surefoot::{Agents, Map as LevelMap, World};
+use surefoot_levels::encode;
 use surefoot_world::character::MoveScratch;
-use surefoot_world::exchange::encode;
 use surefoot_world::navigable::sample;
 use surefoot_world::{CharacterProfile, Map, TICKS_PER_DECISION};
 

@@ -67,7 +67,7 @@ fn what_is_wrong_with_a_call_is_said() {
         sf_map_destroy(map);
         status
     };
-    fails(4, "cut off", |error| load(&surefoot_world::exchange::encode(&map())[..100], error));
+    fails(4, "cut off", |error| load(&surefoot_levels::encode(&map())[..100], error));
     fails(4, "", |error| load(b"glTF and so on", error));
     fails(4, "", |error| load(b"", error));
     fails(1, "bytes is NULL", |error| unsafe { sf_map_load_memory(null(), 3, &mut null_mut(), error) });

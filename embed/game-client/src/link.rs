@@ -11,7 +11,6 @@ use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_rollout::Goal;
 use surefoot_rollout::env::Route;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::exchange;
 use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use surefoot_world::{Ability, Action, CharacterProfile, End, Map, Vec3};
 use tokio::runtime::{Handle, Runtime};
@@ -177,7 +176,7 @@ impl Game {
     /// # Errors
     /// If the server refuses, does not answer, or stores another level.
     pub fn keep(&self, map: &Map) -> Result<(), GameError> {
-        let (file, hash) = (exchange::encode(map), map.built_hash().to_hex());
+        let (file, hash) = (surefoot_levels::encode(map), map.built_hash().to_hex());
         let mut client = self.maps.clone();
         let kept = self.runtime.block_on(async {
             for (idx, part) in file.chunks(UPLOAD_BYTES).enumerate() {

@@ -7,8 +7,8 @@ use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use surefoot_levels::Imported;
 use surefoot_report::render::View;
-use surefoot_world::exchange::{self, Imported};
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
 use surefoot_world::{Map, MapSpec, RawMapSpec};
 
@@ -35,7 +35,7 @@ fn load(path: &Path) -> PyResult<Level> {
     } else {
         None
     };
-    let level = exchange::read_level(&bytes, sidecar.as_deref());
+    let level = surefoot_levels::read_level(&bytes, sidecar.as_deref());
     level.map(Level::of).map_err(|error| value(format!("{}: {}", path.display(), chain(&error))))
 }
 
@@ -94,7 +94,7 @@ impl Level {
             repair,
         };
         let spec = MapSpec::try_from(raw).map_err(value)?;
-        let map = py.detach(|| Map::generate(&spec));
+        let map = py.detach(|| surefoot_generate::generate(&spec));
         Ok(Self { map: Arc::new(map), warnings: Vec::new() })
     }
 
@@ -105,16 +105,16 @@ impl Level {
 
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let level = py.detach(|| exchange::read_level(data, None));
+        let level = py.detach(|| surefoot_levels::read_level(data, None));
         level.map(Self::of).map_err(|error| value(chain(&error)))
     }
 
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &py.detach(|| exchange::encode(&self.map)))
+        PyBytes::new(py, &py.detach(|| surefoot_levels::encode(&self.map)))
     }
 
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| std::fs::write(&path, exchange::encode(&self.map))).map_err(|error| file(&path, &error))
+        py.detach(|| std::fs::write(&path, surefoot_levels::encode(&self.map))).map_err(|error| file(&path, &error))
     }
 
     #[getter]

@@ -63,7 +63,7 @@ impl EvalMap {
     /// The map; a generated one takes a while.
     pub(crate) fn load(&self) -> Arc<Map> {
         match self {
-            Self::Generated(spec) => Arc::new(Map::generate(spec)),
+            Self::Generated(spec) => Arc::new(surefoot_generate::generate(spec)),
             Self::Level { map, .. } => map.clone(),
         }
     }

@@ -7,7 +7,7 @@ use surefoot_planner::{Attach, BuildSettings, EdgeKey, Leg, NoPath, Plan};
 use surefoot_policy::Policy;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::{DEFAULT_NOISE_SHARE, Goal};
-use surefoot_world::{Ability, Chance, CharacterProfile, End, Map, MapSpec, Seconds, Vec3, navigable};
+use surefoot_world::{Ability, Chance, CharacterProfile, End, MapSpec, Seconds, Vec3, navigable};
 
 const REACHED: Option<End> = Some(End::Reached);
 
@@ -118,7 +118,7 @@ fn intervals_contain_the_rate_and_shrink_with_more_attempts() {
 
 #[test]
 fn drawn_goals_have_the_requested_distance() {
-    let map = Map::generate(&MapSpec::with_side(1001, 100).unwrap());
+    let map = surefoot_generate::generate(&MapSpec::with_side(1001, 100).unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let points = navigable::sample_many(&map, &CharacterProfile::default(), 200, &mut rng).unwrap();
     let goals = Goal::draw(&points, 10.0..20.0, 50, &mut rng);

@@ -8,8 +8,8 @@ use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
+use surefoot_levels::FileError;
 use surefoot_policy::ActorConfig;
-use surefoot_world::exchange::{self, FileError};
 use surefoot_world::map::{Features, MapKind, MoverDensities};
 use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, SpecError, navigable};
 
@@ -445,12 +445,12 @@ impl CollectorConfig {
     /// If its spec is out of range, or its file cannot be read or used.
     pub(super) fn map(&self, seed: u64) -> Result<Map, TrainError> {
         if self.levels.is_empty() {
-            return self.spec(seed).map(|spec| Map::generate(&spec)).map_err(|_| map_refusal());
+            return self.spec(seed).map(|spec| surefoot_generate::generate(&spec)).map_err(|_| map_refusal());
         }
         let path = &self.levels[(seed % self.levels.len() as u64) as usize];
         let bytes = std::fs::read(path).map_err(|source| TrainError::Io { path: path.clone(), source })?;
         let damaged = |error: FileError| TrainError::Damaged { path: path.clone(), reason: error.to_string() };
-        exchange::decode(&bytes).map_err(damaged)
+        surefoot_levels::decode(&bytes).map_err(damaged)
     }
 
     /// The spec of the generated training map of a seed.

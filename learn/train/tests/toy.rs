@@ -12,7 +12,7 @@ use surefoot_train::TrainConfig;
 use surefoot_train::replay::Batch;
 use surefoot_train::{Learner, SacConfig};
 use surefoot_world::map::Features;
-use surefoot_world::{CharacterProfile, End, Map, OBSERVATION_LEN, TaskConfig, navigable};
+use surefoot_world::{CharacterProfile, End, OBSERVATION_LEN, TaskConfig, navigable};
 
 /// Near goals on small maps without features.
 fn field(network: ActorConfig) -> TrainConfig {
@@ -45,7 +45,7 @@ fn field(network: ActorConfig) -> TrainConfig {
 
 /// Share of goals reached on a map outside the training set.
 fn success(policy: &Policy, config: &CollectorConfig) -> f64 {
-    let map = Arc::new(Map::generate(&config.spec(1000).unwrap()));
+    let map = Arc::new(surefoot_generate::generate(&config.spec(1000).unwrap()));
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let points = navigable::sample_many(&map, &CharacterProfile::default(), 400, &mut rng).unwrap();
     let goals = Goal::draw(&points, 2.0..10.0, 100, &mut rng);

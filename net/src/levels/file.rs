@@ -1,7 +1,7 @@
 //! Levels as files for readers: a level is encoded once for all clients that read it at the same time.
 
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
-use surefoot_world::{Map, exchange};
+use surefoot_world::Map;
 
 /// Bytes that encoding a map takes at most for each byte of the map.
 const ENCODE_FACTOR: u64 = 2;
@@ -24,7 +24,7 @@ impl LevelFile {
 
     /// Encodes a map with the memory that is reserved for it.
     pub fn encode(map: &Map, mut memory: Reservation) -> Self {
-        let bytes = exchange::encode(map);
+        let bytes = surefoot_levels::encode(map);
         // Less than the estimate: it always fits.
         let _ = memory.resize(bytes.capacity() as u64);
         Self { bytes, _memory: memory }

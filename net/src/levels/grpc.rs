@@ -10,11 +10,11 @@ use crate::serving::Caller;
 use crate::status;
 use std::sync::Arc;
 use std::time::Duration;
+use surefoot_levels::{ImportOptions, UpAxis};
 use surefoot_proto::convert;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_server::MapService;
-use surefoot_world::exchange::{ImportOptions, UpAxis};
 use surefoot_world::map::PieceError;
 use tonic::{Request, Response, Status};
 

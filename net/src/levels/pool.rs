@@ -112,7 +112,7 @@ impl MapPool {
 }
 
 fn generate(spec: &MapSpec, mut memory: Reservation, mut slot: OwnedMutexGuard<Weak<SharedMap>>) -> Arc<SharedMap> {
-    let map = Arc::new(Map::generate(spec));
+    let map = Arc::new(surefoot_generate::generate(spec));
     // Less than the estimate: it always fits.
     let _ = memory.resize(map.memory_bytes() as u64);
     let shared = Arc::new(SharedMap { map, _memory: Some(memory) });

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
-use surefoot_world::exchange::{self, ImportOptions};
+use surefoot_levels::ImportOptions;
 use surefoot_world::map::piece::{self, Piece, PieceError};
 use surefoot_world::{Map, MapHash, MapSpec, Vec3};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -101,7 +101,7 @@ impl MapSource {
     /// Generates the map if needed. Blocks: do not call it from async code.
     pub fn map(&self) -> Arc<Map> {
         let base = match &self.base {
-            BaseMap::Spec(spec) => Arc::new(Map::generate(spec)),
+            BaseMap::Spec(spec) => Arc::new(surefoot_generate::generate(spec)),
             BaseMap::Level(level) => level.map.clone(),
         };
         self.finish(&base)
@@ -151,7 +151,7 @@ pub struct SavedLevel {
     pub name: String,
     /// The client that imported it.
     pub owner: String,
-    /// The map, as `surefoot_world::exchange::encode` encodes it.
+    /// The map, as `surefoot_levels::encode` encodes it.
     pub file: Vec<u8>,
 }
 
@@ -232,7 +232,7 @@ impl LevelStore {
             map_hash: level.map.hash().to_hex(),
             name: level.name.clone(),
             owner: level.owner.to_string(),
-            file: exchange::encode(&level.map),
+            file: surefoot_levels::encode(&level.map),
         };
         archive.save(saved).map_err(LevelError::Unavailable)
     }
@@ -256,7 +256,7 @@ impl LevelStore {
                 return Err(LevelError::Unknown(hash));
             };
             let _memory = levels.reserve(&saved.owner, saved.file.len())?;
-            let map = exchange::decode(&saved.file).map_err(|error| LevelError::File(error.to_string()))?;
+            let map = surefoot_levels::decode(&saved.file).map_err(|error| LevelError::File(error.to_string()))?;
             if map.hash().to_hex() != hash {
                 return Err(LevelError::File(format!("the archive has another map under the hash {hash}")));
             }
@@ -437,11 +437,11 @@ pub(super) fn read(
 ) -> Result<Read, LevelError> {
     let imported = match format {
         LevelFormat::Saved => {
-            let map = exchange::decode(file).map_err(|error| LevelError::File(error.to_string()))?;
+            let map = surefoot_levels::decode(file).map_err(|error| LevelError::File(error.to_string()))?;
             return Ok(Read { map, origin: Vec3::ZERO, warnings: Vec::new() });
         }
-        LevelFormat::Gltf => exchange::import_gltf(file, sidecar, options),
-        LevelFormat::Obj => exchange::import_obj(file, sidecar, options),
+        LevelFormat::Gltf => surefoot_levels::import_gltf(file, sidecar, options),
+        LevelFormat::Obj => surefoot_levels::import_obj(file, sidecar, options),
     };
     let imported = imported.map_err(|error| LevelError::File(error.to_string()))?;
     let warnings = imported.warnings.iter().map(ToString::to_string).collect();

@@ -13,7 +13,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::durable;
-use surefoot_world::exchange;
 use surefoot_world::map::{Piece, PieceError};
 use surefoot_world::sealed::{self, SealError};
 use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
@@ -65,7 +64,7 @@ impl SavedMap {
     /// The source of `map` without its pieces; `level` is the level's name if the map was imported. Encoding an
     /// imported map takes a while.
     pub fn of(map: &Map, level: String) -> Self {
-        let encode = || exchange::encode(&map.with_pieces(Vec::new()).expect("no piece is not valid"));
+        let encode = || surefoot_levels::encode(&map.with_pieces(Vec::new()).expect("no piece is not valid"));
         map.spec().map_or_else(|| SavedMap::File(level, encode()), |spec| SavedMap::Spec(*spec))
     }
 }
@@ -120,7 +119,7 @@ pub enum SavedError {
     OtherMap(WorldId),
     /// The imported map of the world cannot be read.
     #[error("world {0}: {1}")]
-    File(WorldId, surefoot_world::exchange::FileError),
+    File(WorldId, surefoot_levels::FileError),
     /// A piece on the map is not valid.
     #[error("world {0}: {1}")]
     Pieces(WorldId, PieceError),
@@ -162,8 +161,10 @@ impl WorldSave {
     /// If the map cannot be decoded, or it is not the one that the world was saved with.
     pub fn maps(&self) -> Result<RestoredMap, SavedError> {
         let base = Arc::new(match &self.source {
-            SavedMap::Spec(spec) => Map::generate(spec),
-            SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
+            SavedMap::Spec(spec) => surefoot_generate::generate(spec),
+            SavedMap::File(_, bytes) => {
+                surefoot_levels::decode(bytes).map_err(|error| SavedError::File(self.id, error))?
+            }
         });
         self.maps_on(base)
     }

@@ -9,6 +9,7 @@ use prost::Message;
 use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
 use surefoot_exchange::{from_safetensors, to_safetensors};
+use surefoot_levels::{ImportError, ImportOptions, Imported};
 use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
@@ -23,7 +24,6 @@ use surefoot_server::messages::{Answer, Decision, Hello, ToWorker};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_server::{NpcId, WorldId, wire as server_wire};
-use surefoot_world::exchange::{self, ImportError, ImportOptions, Imported};
 use surefoot_world::map::{MapSize, Outline, Placed, Pool};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
@@ -218,7 +218,7 @@ pub fn map_file(bytes: &[u8]) {
     const CHECKSUM_AT: usize = 8 + 4 + 8;
     const HEADER_LEN: usize = CHECKSUM_AT + 32;
     let decode = |bytes: &[u8]| {
-        if let Some(map) = accepted(exchange::decode(bytes)) {
+        if let Some(map) = accepted(surefoot_levels::decode(bytes)) {
             map_round_trips(&map);
         }
     };
@@ -241,25 +241,25 @@ fn volume(MapSize { width, height, depth }: MapSize) -> u64 {
 }
 
 fn map_round_trips(map: &Map) {
-    let again = exchange::decode(&exchange::encode(map)).expect("just written");
+    let again = surefoot_levels::decode(&surefoot_levels::encode(map)).expect("just written");
     assert_eq!(again.hash(), map.hash());
     assert_eq!((again.spec(), again.size(), again.placed()), (map.spec(), map.size(), map.placed()));
 }
 
 /// Levels as glTF, and sidecars.
 pub fn gltf(bytes: &[u8]) {
-    import_round_trips(exchange::import_gltf(bytes, None, &ImportOptions::default()));
+    import_round_trips(surefoot_levels::import_gltf(bytes, None, &ImportOptions::default()));
     if let Ok(sidecar) = std::str::from_utf8(bytes) {
-        static LEVEL: LazyLock<Vec<u8>> = LazyLock::new(|| exchange::export_glb(&FLOOR));
-        import_round_trips(exchange::import_gltf(&LEVEL, Some(sidecar), &ImportOptions::default()));
+        static LEVEL: LazyLock<Vec<u8>> = LazyLock::new(|| surefoot_levels::export_glb(&FLOOR));
+        import_round_trips(surefoot_levels::import_gltf(&LEVEL, Some(sidecar), &ImportOptions::default()));
     }
 }
 
 /// Levels as OBJ, with y up in metres and with other options.
 pub fn obj(bytes: &[u8]) {
-    import_round_trips(exchange::import_obj(bytes, None, &ImportOptions::default()));
-    let options = ImportOptions { scale: 0.01, up: exchange::UpAxis::Z, keep_sides: false };
-    import_round_trips(exchange::import_obj(bytes, None, &options));
+    import_round_trips(surefoot_levels::import_obj(bytes, None, &ImportOptions::default()));
+    let options = ImportOptions { scale: 0.01, up: surefoot_levels::UpAxis::Z, keep_sides: false };
+    import_round_trips(surefoot_levels::import_obj(bytes, None, &options));
 }
 
 fn import_round_trips(result: Result<Imported, ImportError>) {

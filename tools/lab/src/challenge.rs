@@ -20,7 +20,6 @@ use surefoot_eval::EvalMap;
 use surefoot_eval::challenge::host::{Hosting, Stats, host};
 use surefoot_eval::challenge::record::{Entry, record};
 use surefoot_eval::challenge::{GoalSet, Run, SETS, Score, score, score_hosted};
-use surefoot_world::exchange;
 
 /// File of a set in its folder.
 const SET_FILE: &str = "set.json";
@@ -171,8 +170,8 @@ fn write_set(args: &SetArgs) -> anyhow::Result<()> {
         let bar = progress_bar(set.maps.len() as u64, "writing maps");
         for map in &set.maps {
             let made = map.load(&args.out)?;
-            write(&args.out.join(format!("{}.glb", map.name)), &exchange::export_glb(&made))?;
-            write(&args.out.join(format!("{}.sfmap", map.name)), &exchange::encode(&made))?;
+            write(&args.out.join(format!("{}.glb", map.name)), &surefoot_levels::export_glb(&made))?;
+            write(&args.out.join(format!("{}.sfmap", map.name)), &surefoot_levels::encode(&made))?;
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -192,7 +191,7 @@ fn custom(args: &SetArgs, maps: &str) -> anyhow::Result<GoalSet> {
         let map = Arc::new(load_level(file)?);
         let name = Path::new(&file_name(file)).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let saved = PathBuf::from(format!("{name}.sfmap"));
-        write(&args.out.join(&saved), &exchange::encode(&map))?;
+        write(&args.out.join(&saved), &surefoot_levels::encode(&map))?;
         levels.push((EvalMap::Level { name, map }, Some(saved)));
     }
     Ok(GoalSet::draw(&args.name, levels, args.body.profile()?, args.goals as usize, 0)?)

@@ -8,7 +8,7 @@ use surefoot_cli::terminal::print_json;
 use surefoot_exchange::{from_safetensors, to_onnx, to_safetensors};
 use surefoot_policy::{Manifest, Policy, Weights, checkpoint};
 use surefoot_rollout::crowd::{Sample, sample_decisions};
-use surefoot_world::{Map, MapSpec};
+use surefoot_world::MapSpec;
 
 /// Write a model for other programs: ONNX for the runtimes of game engines, safetensors for Python.
 #[derive(clap::Args)]
@@ -72,7 +72,7 @@ fn check(policy: &Policy, count: usize) -> anyhow::Result<()> {
     if !(1..=10_000).contains(&rows) {
         bail!("--check is {count}, allowed are 1 to 100000");
     }
-    let map = Arc::new(Map::generate(&MapSpec::new(0)));
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::new(0)));
     let samples = sample_decisions(map, policy, rows, STEPS)?;
     let step = |sample: &Sample| serde_json::json!({ "observations": sample.observations, "actions": sample.actions });
     let steps: Vec<_> = samples.iter().map(step).collect();

@@ -18,7 +18,6 @@ use surefoot_net::serving::Endpoint;
 use surefoot_train::actors::Listener;
 use surefoot_train::worlds::Connect;
 use surefoot_train::{self, Launch, Processor, TrainConfig};
-use surefoot_world::exchange;
 use surefoot_world::map::{Features, MapKind, MoverDensities};
 
 /// Default number of actors that can connect.
@@ -227,7 +226,7 @@ pub fn copy_levels(files: &[&Path], run: &Path) -> anyhow::Result<Vec<PathBuf>> 
         let map = load_level(file)?;
         // Files of different folders may have one name.
         let to = folder.join(format!("{idx}-{}", file_name(file))).with_extension("sfmap");
-        std::fs::write(&to, exchange::encode(&map)).with_context(|| format!("cannot write {}", to.display()))?;
+        std::fs::write(&to, surefoot_levels::encode(&map)).with_context(|| format!("cannot write {}", to.display()))?;
         Ok(to)
     };
     files.iter().enumerate().map(copy).collect()

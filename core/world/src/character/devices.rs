@@ -3,14 +3,14 @@
 use super::body::{Body, Ride, Support};
 use super::profile::CharacterProfile;
 use crate::map::features::ZIP_LIFT_M;
-use crate::map::{Map, Zone};
+use crate::map::{CollisionMap, Zone};
 use crate::{Ability, AbilitySet, TICK_SECONDS, Vec3};
 
 /// Share of the speed that a body keeps when it lets go of a zip line.
 const ZIP_RELEASE_SHARE: f32 = 0.4;
 
 impl Body {
-    pub(super) fn enter_devices(&mut self, map: &Map, profile: &CharacterProfile, used: &mut AbilitySet) {
+    pub(super) fn enter_devices(&mut self, map: &CollisionMap, profile: &CharacterProfile, used: &mut AbilitySet) {
         let device = map.device_at(self.feet);
         if !matches!(device, Some(Zone::Teleporter(_) | Zone::TeleporterBack(_))) {
             self.teleport_locked = false;
@@ -48,7 +48,7 @@ impl Body {
 
     /// Rides a zip line for one tick. The cable determines the motion until its end, or until the body lets go by a
     /// jump.
-    pub(super) fn ride_on(&mut self, map: &Map, profile: &CharacterProfile, ride: Ride) {
+    pub(super) fn ride_on(&mut self, map: &CollisionMap, profile: &CharacterProfile, ride: Ride) {
         let line = &map.placed().zip_lines[ride.line_idx as usize];
         let distance = ride.distance + profile.zip_line_speed * TICK_SECONDS;
         let (feet, direction) = line.at(distance.min(line.length()));

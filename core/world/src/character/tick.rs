@@ -5,7 +5,7 @@ use super::body::{Body, Support};
 use super::profile::CharacterProfile;
 use super::surroundings::MoveScratch;
 use crate::float::wrapped;
-use crate::map::Map;
+use crate::map::CollisionMap;
 use crate::{Ability, AbilitySet, TICK_SECONDS, Vec3};
 
 /// Terminal speed of a fall, m/s.
@@ -21,7 +21,7 @@ impl Body {
     /// Advances the body by one tick under `action`. Returns the abilities that it used.
     pub fn tick(
         &mut self,
-        map: &Map,
+        map: &CollisionMap,
         profile: &CharacterProfile,
         action: &Action,
         scratch: &mut MoveScratch,

@@ -22,7 +22,7 @@ pub const MAX_MOVER_SPEED: f32 = 10.0;
 /// Largest coordinate of a mover, m.
 pub(crate) const FARTHEST_M: f32 = 10_000.0;
 /// Longest time of a journey or a stay at a stop, s.
-pub(crate) const LONGEST_S: f32 = 600.0;
+pub const LONGEST_S: f32 = 600.0;
 
 /// What a mover is to those who use it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -202,7 +202,7 @@ impl Mover {
     }
 
     /// Fastest that any part of it moves at the usual pace, m/s.
-    pub(crate) fn speed(&self) -> f32 {
+    pub fn speed(&self) -> f32 {
         let arm = self.arm();
         let metres =
             |pair: &[MoverStop]| pair[0].offset.distance(pair[1].offset) + (pair[0].yaw - pair[1].yaw).abs() * arm;

@@ -1,7 +1,7 @@
 //! Pieces: blocks, ramps, bridges and pools that are put onto a map while worlds run on it, and taken away again.
 
+use super::block::Block;
 use super::features::{Liquid, Outline, Pool};
-use super::structures::Block;
 use crate::Vec3;
 use crate::float::hypot;
 use crate::mesh::{Surface, Triangle};

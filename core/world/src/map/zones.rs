@@ -4,7 +4,7 @@ use super::features::{DISC_RADIUS_M, Placed};
 use crate::Vec3;
 
 /// Side of a cell of the grid, m.
-pub(crate) const CELL_M: f32 = 5.0;
+pub const CELL_M: f32 = 5.0;
 
 /// A pool or device, by its index among those of its kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,6 +1,5 @@
 //! The triangles that edits add to a map. They are few, and every change rebuilds their index.
 
-use super::columns::Columns;
 use super::ray::{RayHit, stretch_within};
 use super::triangle::Triangle;
 use crate::Vec3;
@@ -14,12 +13,11 @@ const SLACK_M: f32 = 0.01;
 #[derive(Debug)]
 pub(super) struct Added {
     pub triangles: Vec<Triangle>,
-    low: Vec3,
-    high: Vec3,
+    /// Bounds of all triangles, slightly widened, m.
+    pub low: Vec3,
+    pub high: Vec3,
     /// Indices of the triangles that touch each cell, ascending.
     lists: CellLists<u32>,
-    /// The index for cones of rays.
-    pub cones: Columns,
 }
 
 impl Added {
@@ -30,18 +28,11 @@ impl Added {
         let (low, high) = (low - Vec3::splat(SLACK_M), high + Vec3::splat(SLACK_M));
         let cells = Cells::over(low, high, CELL_M);
         let lists = CellLists::new(cells, triangles.iter().map(Triangle::bounds).zip(0..));
-        let cones = Columns::new(&triangles);
-        Some(Self { triangles, low, high, lists, cones })
+        Some(Self { triangles, low, high, lists })
     }
 
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(self.triangles.as_slice()) + self.lists.memory_bytes() + self.cones.memory_bytes()
-    }
-
-    /// Whether a triangle may be within `reach` metres of `point`.
-    pub fn is_near(&self, point: Vec3, reach: f32) -> bool {
-        let reach = Vec3::splat(reach);
-        (point + reach).cmpge(self.low).all() && (point - reach).cmple(self.high).all()
+        size_of_val(self.triangles.as_slice()) + self.lists.memory_bytes()
     }
 
     /// Finds the first triangle along the ray within `most` metres.

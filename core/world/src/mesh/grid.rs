@@ -1,6 +1,5 @@
 //! The grid: sorts triangles into cells and finds those that touch a box.
 
-use super::columns::Columns;
 use super::triangle::Triangle;
 use crate::Vec3;
 use rayon::prelude::*;
@@ -42,7 +41,7 @@ pub(super) struct Occupied {
 }
 
 /// Triangles indexed by a uniform grid.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Grid {
     pub(super) triangles: Vec<Triangle>,
     pub(super) counts: [i32; 3],
@@ -52,22 +51,15 @@ pub(super) struct Grid {
     pub(super) occupied: Vec<Occupied>,
     /// Indices of the triangles of each occupied cell, in the order of the cells.
     items: Vec<u32>,
-    /// The index for cones of rays; `None` in a draft.
-    columns: Option<Columns>,
 }
 
 impl Grid {
-    /// Makes a draft ready for cones of rays.
-    pub fn complete(self) -> Self {
-        Self { columns: Some(Columns::new(&self.triangles)), ..self }
-    }
-
-    /// Indexes `triangles` inside the box from the origin to `extent`, for everything but cones of rays.
-    pub fn draft(triangles: Vec<Triangle>, extent: Vec3) -> Self {
+    /// Indexes `triangles` inside the box from the origin to `extent`.
+    pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
         let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
         let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
         let (cells, occupied, items) = Default::default();
-        let mut mesh = Self { triangles, counts, cells, occupied, items, columns: None };
+        let mut mesh = Self { triangles, counts, cells, occupied, items };
         let mut cells = vec![0u32; cell_count];
         mesh.for_each_cell_of_triangles(|cell, _| cells[cell] += 1);
         let skips = mesh.empty_space_skips(&cells);
@@ -97,23 +89,12 @@ impl Grid {
         mesh
     }
 
-    /// Returns the triangles and drops the grid.
-    pub fn into_triangles(self) -> Vec<Triangle> {
-        self.triangles
-    }
-
     /// Memory of the triangles and the grid, in bytes.
     pub fn memory_bytes(&self) -> usize {
         std::mem::size_of_val(self.triangles.as_slice())
             + std::mem::size_of_val(self.cells.as_slice())
             + std::mem::size_of_val(self.occupied.as_slice())
             + std::mem::size_of_val(self.items.as_slice())
-            + self.columns.as_ref().map_or(0, Columns::memory_bytes)
-    }
-
-    /// The index for cones of rays.
-    pub fn columns(&self) -> &Columns {
-        self.columns.as_ref().expect("no cone is cast through a draft")
     }
 
     /// Triangles of an occupied cell.

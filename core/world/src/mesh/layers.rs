@@ -1,9 +1,7 @@
 //! All triangles of a map: the built ones, whose index edited maps share, and the added ones.
 
 use super::added::Added;
-use super::fan::{ConeHits, Elevations};
 use super::grid::Grid;
-use super::lanes::LANES;
 use super::ray::RayHit;
 use super::triangle::Triangle;
 use crate::Vec3;
@@ -68,22 +66,11 @@ impl Index<usize> for Triangles<'_> {
 impl Mesh {
     /// Indexes `triangles` inside the box from the origin to `extent`.
     pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
-        Self::draft(triangles, extent).complete()
-    }
-
-    /// Indexes `triangles` for everything but cones of rays.
-    pub(crate) fn draft(triangles: Vec<Triangle>, extent: Vec3) -> Self {
-        Self::of(Arc::new(Grid::draft(triangles, extent)), None)
+        Self::of(Arc::new(Grid::new(triangles, extent)), None)
     }
 
     fn of(built: Arc<Grid>, added: Option<Added>) -> Self {
         Self { built, added, id: NEXT_ID.fetch_add(1, Ordering::Relaxed) }
-    }
-
-    /// Makes a draft ready for cones of rays.
-    pub(crate) fn complete(self) -> Self {
-        let draft = Arc::into_inner(self.built).expect("a draft has one owner");
-        Self { built: Arc::new(draft.complete()), ..self }
     }
 
     /// The built triangles of this mesh with others added. The time does not depend on the size of the mesh.
@@ -107,33 +94,19 @@ impl Mesh {
         &self.built.triangles
     }
 
-    #[cfg(test)]
-    pub(super) fn built_columns(&self) -> &super::columns::Columns {
-        self.built.columns()
+    /// The triangles that were added since.
+    pub(super) fn added(&self) -> Option<&Added> {
+        self.added.as_ref()
     }
 
-    /// Returns the triangles of a draft and drops its index.
-    pub(crate) fn into_triangles(self) -> Vec<Triangle> {
-        Arc::into_inner(self.built).expect("a draft has one owner").into_triangles()
+    /// Returns the triangles that it was built of.
+    pub(crate) fn into_built_triangles(self) -> Vec<Triangle> {
+        Arc::unwrap_or_clone(self.built).triangles
     }
 
     /// Memory of the triangles and their index, in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.built.memory_bytes() + self.added.as_ref().map_or(0, Added::memory_bytes)
-    }
-
-    /// Casts a cone of rays from `eye`: at each heading, a horizontal unit vector (x, z), a ray at each elevation.
-    pub fn cast_cone(&self, elevations: &Elevations, eye: Vec3, headings: &[(f32, f32); LANES]) -> ConeHits {
-        let mut hits = self.built.columns().cast_cone(elevations, eye, headings);
-        if let Some(added) = self.added.as_ref().filter(|added| added.is_near(eye, elevations.range())) {
-            let others = added.cones.cast_cone(elevations, eye, headings);
-            for (hit, other) in hits.as_flattened_mut().iter_mut().zip(others.as_flattened()) {
-                if other.is_some_and(|other| hit.is_none_or(|hit| other.distance < hit.distance)) {
-                    *hit = *other;
-                }
-            }
-        }
-        hits
     }
 
     /// Finds the first triangle along the ray within `max_distance` metres; `direction` must have unit length.

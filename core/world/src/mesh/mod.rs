@@ -9,6 +9,7 @@
 
 mod added;
 mod columns;
+mod cones;
 mod fan;
 mod grid;
 mod lanes;
@@ -16,6 +17,7 @@ mod layers;
 mod ray;
 mod triangle;
 
+pub use cones::Cones;
 pub use fan::{ConeHit, ConeHits, Elevations};
 pub use lanes::LANES;
 pub(crate) use lanes::bits;

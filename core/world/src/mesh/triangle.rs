@@ -87,7 +87,7 @@ impl Triangle {
     }
 
     /// Least and greatest coordinates of the corners, m.
-    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
+    pub fn bounds(&self) -> (Vec3, Vec3) {
         let [a, b, c] = self.corners();
         (a.min(b).min(c), a.max(b).max(c))
     }
@@ -111,7 +111,7 @@ impl Triangle {
     /// Distance of the two-sided intersection within `near..=far` along the ray. The plane decides most cases; the
     /// barycentric coordinates are slightly widened so that seams do not leak.
     #[inline]
-    pub(crate) fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
+    pub fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
         let offset = origin - self.a;
         let distance = -self.normal.dot(offset) / self.normal.dot(direction);
         // Also rejects the NaN of a ray inside the plane.

@@ -2,7 +2,7 @@
 
 use crate::character::{CharacterProfile, MoveScratch, is_clear};
 use crate::float::horizontal;
-use crate::map::Map;
+use crate::map::CollisionMap;
 use crate::mesh::Surface;
 use crate::{Vec3, navigable};
 use petgraph::unionfind::UnionFind;
@@ -53,7 +53,7 @@ pub const NEIGHBOURS: [(i32, i32); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0
 
 impl Ground {
     /// Finds all places and islands.
-    pub(super) fn survey(map: &Map, profile: &CharacterProfile) -> Self {
+    pub(super) fn survey(map: &CollisionMap, profile: &CharacterProfile) -> Self {
         let extent = map.extent();
         let (columns, rows) = ((extent.x / SPACING_M) as i32, (extent.z / SPACING_M) as i32);
         let find = |scratch: &mut MoveScratch, row: i32| find_row(map, profile, columns, row, scratch);
@@ -166,7 +166,7 @@ impl Ground {
         false
     }
 
-    fn join_on_foot(&mut self, map: &Map, profile: &CharacterProfile) {
+    fn join_on_foot(&mut self, map: &CollisionMap, profile: &CharacterProfile) {
         let joins: Vec<Vec<(u32, u32, u8)>> =
             (0..self.rows).into_par_iter().map(|row| self.joins_of_row(map, profile, row)).collect();
         let mut joined = UnionFind::<u32>::new(self.cells.len());
@@ -180,7 +180,7 @@ impl Ground {
     }
 
     /// The pairs of neighbouring cells between which a walk leads, for one row of the grid, with the direction.
-    fn joins_of_row(&self, map: &Map, profile: &CharacterProfile, row: i32) -> Vec<(u32, u32, u8)> {
+    fn joins_of_row(&self, map: &CollisionMap, profile: &CharacterProfile, row: i32) -> Vec<(u32, u32, u8)> {
         let mut joins = Vec::new();
         for (column, cell) in (0..self.columns).flat_map(|column| self.column(column, row).map(move |it| (column, it)))
         {
@@ -214,7 +214,7 @@ impl Ground {
 
 /// Places of one row of the grid, and the number of places in each column.
 fn find_row(
-    map: &Map,
+    map: &CollisionMap,
     profile: &CharacterProfile,
     columns: i32,
     row: i32,
@@ -240,7 +240,7 @@ fn find_row(
 
 /// Whether the character can walk between two neighbouring places in both directions: the ground is continuous, dry,
 /// nowhere too steep, and free of obstacles.
-fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
+fn can_walk(map: &CollisionMap, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
     let offset = b - a;
     let run = horizontal(offset);
     let slope = libm::tanf(profile.max_slope);
@@ -267,7 +267,7 @@ fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
 }
 
 /// Whether there is no obstacle between two places.
-pub(super) fn is_open_between(map: &Map, a: Vec3, b: Vec3) -> bool {
+pub(super) fn is_open_between(map: &CollisionMap, a: Vec3, b: Vec3) -> bool {
     let offset = b - a;
     let length = offset.length().max(1.0e-3);
     CLEAR_HEIGHTS_M.iter().all(|&height| {

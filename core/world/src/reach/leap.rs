@@ -1,7 +1,7 @@
 //! Scripted leaps: the landing of a character that runs off a ledge, jumps, or is thrown.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
-use crate::map::Map;
+use crate::map::CollisionMap;
 use crate::{Ability, TICK_SECONDS, Vec3};
 
 /// The beginning of a leap and the controls in the air.
@@ -33,7 +33,7 @@ const BRAKE: f32 = 18.0;
 /// Simulates a leap from `from` towards `target` and returns the place where the body lands, m. `None` if it does not
 /// land in time, lands in a liquid or outside the map, or triggers a device on the way.
 pub fn land(
-    map: &Map,
+    map: &CollisionMap,
     profile: &CharacterProfile,
     from: Vec3,
     target: Vec3,

@@ -6,7 +6,7 @@ use super::limits::JumpLimits;
 use super::{Link, Means};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::float::horizontal;
-use crate::map::Map;
+use crate::map::CollisionMap;
 use crate::{Vec3, navigable};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ pub(crate) const THROW_REACH_M: f32 = 17.0;
 const MAX_DROP_M: f32 = 60.0;
 
 /// Finds all links of `ground`, sorted.
-pub(super) fn find(map: &Map, profile: &CharacterProfile, ground: &Ground, limits: &JumpLimits) -> Vec<Link> {
+pub(super) fn find(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, limits: &JumpLimits) -> Vec<Link> {
     let of_island = |scratch: &mut MoveScratch, (island, cells): (usize, &Vec<u32>)| {
         let (island, known) = (island as u32, BTreeMap::new());
         let mut search = IslandSearch { map, profile, ground, limits, island, known, scratch };
@@ -58,7 +58,7 @@ struct Known {
 
 /// The search for links out of one island.
 struct IslandSearch<'a> {
-    map: &'a Map,
+    map: &'a CollisionMap,
     profile: &'a CharacterProfile,
     ground: &'a Ground,
     limits: &'a JumpLimits,
@@ -164,7 +164,7 @@ impl IslandSearch<'_> {
 }
 
 /// For each island from which a character can step onto a device at `centre`, the nearest cell, by island.
-pub(crate) fn cells_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
+pub fn cells_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
     let (column, row) = ground.column_of(centre);
     let mut nearest: BTreeMap<u32, (f32, u32)> = BTreeMap::new();
     for z in row - 2..=row + 2 {
@@ -184,7 +184,7 @@ pub(crate) fn cells_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
 }
 
 /// Links by `means` from the cells `takeoffs` to the cell `landing`, except from its own island.
-pub(crate) fn between<'a>(
+pub fn between<'a>(
     ground: &'a Ground,
     takeoffs: &'a [u32],
     landing: u32,
@@ -223,7 +223,7 @@ pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f3
         .collect()
 }
 
-fn device_links(map: &Map, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
+fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
     let mut scratch = MoveScratch::default();
     let island = |cell: u32| ground.cells()[cell as usize].island;
     let mut throw = |centre: Vec3, leap: Leap, rise: f32, means: Means, scratch: &mut MoveScratch| {
@@ -269,7 +269,7 @@ fn device_links(map: &Map, profile: &CharacterProfile, ground: &Ground, links: &
 }
 
 /// Simulates a ride on the zip line with a station at `from`. Returns the place where the body lands, m.
-fn ride(map: &Map, profile: &CharacterProfile, from: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
+fn ride(map: &CollisionMap, profile: &CharacterProfile, from: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
     const MAX_RIDE_TICKS: u32 = 1800;
     let mut body = Body::at(from, 0.0);
     for tick in 0..MAX_RIDE_TICKS {

@@ -9,11 +9,11 @@
 pub mod ground;
 pub mod leap;
 mod limits;
-pub(crate) mod links;
+pub mod links;
 mod rides;
 
 use crate::character::CharacterProfile;
-use crate::map::Map;
+use crate::map::CollisionMap;
 use crate::parallel::with_threads;
 use ground::Ground;
 use limits::JumpLimits;
@@ -105,16 +105,16 @@ const START_COUNT: usize = 1000;
 impl Reach {
     /// Surveys `map` for characters of `profile`, with jumps of up to 10 m; the result does not depend on
     /// `thread_count`.
-    pub fn survey(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
+    pub fn survey(map: &CollisionMap, profile: &CharacterProfile, thread_count: usize) -> Self {
         Self::survey_with(map, profile, thread_count, &JumpLimits::usual())
     }
 
     /// Like [`survey`](Self::survey), but tries more jumps, as far and as high as the body can jump. Takes longer.
-    pub fn survey_far(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
+    pub fn survey_far(map: &CollisionMap, profile: &CharacterProfile, thread_count: usize) -> Self {
         Self::survey_with(map, profile, thread_count, &JumpLimits::far(profile))
     }
 
-    fn survey_with(map: &Map, profile: &CharacterProfile, thread_count: usize, limits: &JumpLimits) -> Self {
+    fn survey_with(map: &CollisionMap, profile: &CharacterProfile, thread_count: usize, limits: &JumpLimits) -> Self {
         let (ground, mut links) = with_threads(thread_count, || {
             let ground = Ground::survey(map, profile);
             let links = links::find(map, profile, &ground, limits);

@@ -8,7 +8,7 @@ use super::{Link, Means};
 use crate::Vec3;
 use crate::character::CharacterProfile;
 use crate::float::horizontal;
-use crate::map::Map;
+use crate::map::CollisionMap;
 use crate::map::mover::{Mover, MoverKind};
 use crate::navigable::DOWN;
 use petgraph::unionfind::UnionFind;
@@ -24,7 +24,7 @@ const STRIDE_M: f32 = 0.71 * SPACING_M + 0.5;
 const SLACK_M: f32 = 0.1;
 
 /// The links over all movers of `map`.
-pub(super) fn links(map: &Map, profile: &CharacterProfile, ground: &Ground) -> Vec<Link> {
+pub(super) fn links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground) -> Vec<Link> {
     let movers: Vec<&Mover> = map.movers().iter().filter(|mover| mover.kind != MoverKind::Door).collect();
     let tops: Vec<Vec<Vec3>> = movers.iter().map(|mover| tops(mover, profile)).collect();
     let mut links = Vec::new();
@@ -78,7 +78,7 @@ fn is_step(profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
 }
 
 /// The cells from which a character steps onto a mover at `top`, and to which it steps back.
-fn cells_beside(map: &Map, profile: &CharacterProfile, ground: &Ground, top: Vec3) -> Vec<u32> {
+fn cells_beside(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, top: Vec3) -> Vec<u32> {
     let (column, row) = ground.column_of(top);
     let around = (-1..=1).flat_map(|x| (-1..=1).map(move |z| (x, z)));
     let cells = around.flat_map(|(x, z)| ground.column(column + x, row + z));

@@ -66,7 +66,7 @@ impl RayCone {
 
     /// Casts the cone from `body` and calls `found` with the index, distance (m) and surface of each ray that hits.
     pub fn cast(&self, map: &Map, profile: &CharacterProfile, body: &Body, mut found: impl FnMut(usize, f32, Surface)) {
-        let hits = map.mesh().cast_cone(&self.elevations, Self::eye(profile, body), &self.headings(body));
+        let hits = map.cones().cast(&self.elevations, Self::eye(profile, body), &self.headings(body));
         for (idx, hit) in hits.as_flattened().iter().enumerate() {
             if let Some(ConeHit { distance, surface }) = *hit {
                 found(idx, distance, surface);

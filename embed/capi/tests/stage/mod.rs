@@ -6,12 +6,12 @@ use std::mem::zeroed;
 use surefoot::abi::{self, Vec3};
 use surefoot::exports::*;
 use surefoot::{Agents, Graph, Map as LevelMap, Policy, World};
+use surefoot_levels::encode;
 use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{Format, export};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::{Edge, EdgeKey, NavGraph};
-use surefoot_world::exchange::encode;
 use surefoot_world::map::MapSize;
 use surefoot_world::{Ability, Map, MapSpec, RawMapSpec};
 
@@ -60,7 +60,7 @@ pub fn agents(count: u32) -> *mut Handle<Agents> {
 pub fn map() -> Map {
     let size = MapSize { width: 100, height: 80, depth: 100 };
     let spec = RawMapSpec { size, ..RawMapSpec::new(7) };
-    Map::generate(&MapSpec::try_from(spec).expect("a spec"))
+    surefoot_generate::generate(&MapSpec::try_from(spec).expect("a spec"))
 }
 
 /// A world on that map.

@@ -6,7 +6,7 @@ use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 use surefoot_world::Map;
-use surefoot_world::exchange::{self, ImportOptions, UpAxis};
+use surefoot_levels::{ImportOptions, UpAxis};
 use surefoot_world::mesh::Surface;
 
 /// A level's file, for apps that want its geometry as colliders, or a graph aligned to it.
@@ -50,11 +50,11 @@ impl SurefootLevel {
         let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
         let imported = match format {
             LevelFormat::Map => {
-                let map = exchange::decode(bytes).map_err(|error| rejected(&error))?;
+                let map = surefoot_levels::decode(bytes).map_err(|error| rejected(&error))?;
                 return Ok(Self { map: Arc::new(map), origin: Vec3::ZERO });
             }
-            LevelFormat::Gltf => exchange::import_gltf(bytes, None, &options),
-            LevelFormat::Obj => exchange::import_obj(bytes, None, &options),
+            LevelFormat::Gltf => surefoot_levels::import_gltf(bytes, None, &options),
+            LevelFormat::Obj => surefoot_levels::import_obj(bytes, None, &options),
         };
         let imported = imported.map_err(|error| rejected(&error))?;
         Ok(Self { map: Arc::new(imported.map), origin: imported.origin })

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use surefoot_rollout::Goal;
-use surefoot_world::exchange;
 use surefoot_world::map::MapKind;
 use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3};
 
@@ -225,7 +224,7 @@ impl SetMap {
     /// If the file cannot be read, or the map is not the one that the goals were drawn on.
     pub fn load(&self, folder: &Path) -> Result<Arc<Map>, SetError> {
         let map = match (&self.spec, &self.file) {
-            (Some(spec), _) => Map::generate(spec),
+            (Some(spec), _) => surefoot_generate::generate(spec),
             (None, Some(file)) => read(&folder.join(file))?,
             (None, None) => return Err(SetError::OtherMap(self.name.clone())),
         };
@@ -236,5 +235,5 @@ impl SetMap {
 fn read(path: &Path) -> Result<Map, SetError> {
     let wrong = |reason: String| SetError::File { path: path.to_owned(), reason };
     let bytes = std::fs::read(path).map_err(|error| wrong(error.to_string()))?;
-    exchange::decode(&bytes).map_err(|error| wrong(error.to_string()))
+    surefoot_levels::decode(&bytes).map_err(|error| wrong(error.to_string()))
 }

@@ -234,7 +234,8 @@ impl Suite<'_> {
     }
 
     fn crowd(&self) -> Result<SceneReport, EvalError> {
-        let level = self.level(Map::generate(&MapSpec::with_side(CROWD_MAP, 250).expect("a valid side")))?;
+        let level =
+            self.level(surefoot_generate::generate(&MapSpec::with_side(CROWD_MAP, 250).expect("a valid side")))?;
         let mut rng = ChaCha8Rng::seed_from_u64(CROWD_MAP);
         let points = navigable::sample_many(&level.map, &CharacterProfile::default(), 4 * CROWD, &mut rng)?;
         let goals = Goal::draw(&points, 2.0..f32::INFINITY, CROWD, &mut rng);

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
-use surefoot_world::{Map, MapSpec, exchange};
+use surefoot_world::{Map, MapSpec};
 use tokio::runtime::Handle;
 
 /// Maps that a prover keeps: its jobs come build by build.
@@ -39,7 +39,7 @@ impl MapRef {
     /// If there is no store, or it does not take the map.
     pub async fn save(map: &Map, blobs: Option<&Blobs>) -> Result<Self, FleetError> {
         let blobs = blobs.ok_or_else(|| FleetError::new("--blobs", "imported levels need a store"))?;
-        let blob = blobs.put(exchange::encode(map)).await?;
+        let blob = blobs.put(surefoot_levels::encode(map)).await?;
         Ok(Self::Saved { map: map.hash().0, blob: blob.0 })
     }
 }
@@ -83,7 +83,7 @@ impl MapCache {
                 kept.pop_front();
             }
             let map = match name {
-                MapRef::Spec(spec) => Arc::new(Map::generate(spec)),
+                MapRef::Spec(spec) => Arc::new(surefoot_generate::generate(spec)),
                 MapRef::Saved { map, blob } => Arc::new(self.load(*map, BlobId(*blob))?),
             };
             kept.push_back((name.clone(), map));
@@ -93,7 +93,8 @@ impl MapCache {
 
     fn load(&self, map: [u8; 32], blob: BlobId) -> Result<Map, Refusal> {
         let bytes = self.fetch(blob)?;
-        let found = exchange::decode(&bytes).map_err(|error| Refusal::impossible(format!("blob {blob}: {error}")))?;
+        let found =
+            surefoot_levels::decode(&bytes).map_err(|error| Refusal::impossible(format!("blob {blob}: {error}")))?;
         if found.hash().0 != map {
             return Err(Refusal::impossible(format!("blob {blob} is another map than its job says")));
         }

@@ -5,7 +5,7 @@ use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
 use super::map_cache::MapCache;
 use crate::blobs::BlobId;
 use crate::error::FleetError;
-use surefoot_world::{Map, MapSpec, exchange};
+use surefoot_world::MapSpec;
 
 /// Does a job: generates the map, saves it, and returns the name of the blob.
 ///
@@ -14,8 +14,8 @@ use surefoot_world::{Map, MapSpec, exchange};
 pub fn generate(job: &Opened, maps: &MapCache) -> Result<Vec<u8>, Refusal> {
     let spec: MapSpec = job.body().map_err(Refusal::impossible)?;
     let blobs = maps.blobs().ok_or_else(|| Refusal::unable("this process has no --blobs"))?;
-    let map = Map::generate_with(&spec, 1, |_| {});
-    let saved = maps.runtime().block_on(blobs.put(exchange::encode(&map))).map_err(Refusal::unable)?;
+    let map = surefoot_generate::generate_with(&spec, 1, |_| {});
+    let saved = maps.runtime().block_on(blobs.put(surefoot_levels::encode(&map))).map_err(Refusal::unable)?;
     Ok(encode(&saved.0))
 }
 
@@ -31,13 +31,13 @@ impl Work for Maps<'_> {
     type Output = Vec<u8>;
 
     fn run_locally(&self, idx: usize, _: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<u8>, String>> {
-        Some(Ok(exchange::encode(&Map::generate_with(&self.specs[idx], 1, |_| {}))))
+        Some(Ok(surefoot_levels::encode(&surefoot_generate::generate_with(&self.specs[idx], 1, |_| {}))))
     }
 
     fn read(&self, idx: usize, result: &[u8]) -> Result<Vec<u8>, String> {
         let blob: [u8; 32] = decode(result).map_err(|damage| damage.to_string())?;
         let bytes = self.maps.fetch(BlobId(blob)).map_err(|refusal| refusal.reason)?;
-        let map = exchange::decode(&bytes).map_err(|error| error.to_string())?;
+        let map = surefoot_levels::decode(&bytes).map_err(|error| error.to_string())?;
         if map.spec() != Some(&self.specs[idx]) {
             return Err("the map of another spec".to_owned());
         }

@@ -362,7 +362,7 @@ mod tests {
 
     #[test]
     fn outcomes_that_cannot_be_are_refused() {
-        let map = Map::generate(&MapSpec::with_side(7, 50).unwrap());
+        let map = surefoot_generate::generate(&MapSpec::with_side(7, 50).unwrap());
         let start = Vec3::new(10.0, 40.0, 10.0);
         let trial = |via| Trial { via, ..Trial::walk(start, start, 0) };
         let mut outcome = Outcome { reached: true, decisions: 7, ..Outcome::begin(start) };

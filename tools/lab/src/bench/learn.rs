@@ -13,7 +13,7 @@ use surefoot_train::Run;
 use surefoot_train::TrainConfig;
 use surefoot_train::replay::Batch;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
+use surefoot_world::{CharacterProfile, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
 
 /// Batch sizes at which inference is timed, with the names of the figures for the reactive and the recurrent agent.
 const INFERENCE: [(usize, &str, &str); 3] = [
@@ -75,7 +75,7 @@ fn train_decisions_per_second() -> anyhow::Result<f64> {
 fn env_steps_per_second(policy: &Policy) -> anyhow::Result<f64> {
     const NPCS: usize = 256;
     const STEPS: usize = 100;
-    let map = Arc::new(Map::generate(&MapSpec::new(0)));
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::new(0)));
     let episodes = Episodes::Endless { npc_count: NPCS, band: (0.0, 25.0), seed: 0 };
     let mut env = Env::new(map, CharacterProfile::default(), false, episodes)?;
     let (mut memory, mut scratch) = (vec![0.0; NPCS * policy.memory_len()], Scratch::default());
@@ -117,7 +117,7 @@ fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
 /// Observation rows of NPCs on a generated map: the speed of the ray encoder depends on the share of zeros.
 fn observations(rows: usize) -> Vec<f32> {
     let profile = CharacterProfile::default();
-    let map = Arc::new(Map::generate(&MapSpec::new(0)));
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::new(0)));
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let points = navigable::sample_many(&map, &profile, 2 * rows, &mut rng).expect("generated maps have ground");
     let mut world = World::new(map, profile, TaskConfig::default());

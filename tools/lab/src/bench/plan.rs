@@ -28,7 +28,7 @@ use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::plans::settings_to_wire;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
+use surefoot_world::{CharacterProfile, MapSpec, Vec3, navigable};
 use tonic::transport::Channel;
 
 /// Number of queries that are timed one by one.
@@ -59,7 +59,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     })?;
     let context = |spec: &MapSpec| -> anyhow::Result<ProbeContext> {
         Ok(ProbeContext {
-            map: Arc::new(Map::generate(spec)),
+            map: Arc::new(surefoot_generate::generate(spec)),
             profile: CharacterProfile::default(),
             policy: Policy::shipped()?,
         })

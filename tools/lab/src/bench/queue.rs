@@ -30,7 +30,7 @@ mod measured {
     use surefoot_policy::Policy;
     use surefoot_rollout::graphs::build_by;
     use surefoot_rollout::probe::{InProcess, ProbeContext};
-    use surefoot_world::{Map, MapSpec};
+    use surefoot_world::MapSpec;
 
     /// Side of the map, m.
     const SIDE_M: u32 = 100;
@@ -123,7 +123,7 @@ mod measured {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
         let shared = runtime.block_on(Shared::open(&url, None, &policy))?;
         let spec = MapSpec::with_side(7, SIDE_M)?;
-        let context = ProbeContext::new(Arc::new(Map::generate(&spec)), policy);
+        let context = ProbeContext::new(Arc::new(surefoot_generate::generate(&spec)), policy);
         let queue = shared.provers(0);
         // One thread takes over if the queue fails; it is idle while provers answer.
         let queued = queue.probes(context.clone(), MapRef::Spec(spec), 1);

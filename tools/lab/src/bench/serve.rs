@@ -19,7 +19,7 @@ use surefoot_report::plots;
 use surefoot_rollout::env::{Env, Episodes, actions_of};
 use surefoot_server::times::TickTimes;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::{CharacterProfile, Map, MapSpec};
+use surefoot_world::{CharacterProfile, MapSpec};
 use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
@@ -376,7 +376,7 @@ async fn lockstep() -> anyhow::Result<Vec<Figure>> {
     let rate = |started: Instant| (ENV_NPCS * ENV_STEPS) as f64 / started.elapsed().as_secs_f64();
 
     let episodes = Episodes::Endless { npc_count: ENV_NPCS, band: (0.0, 40.0), seed: 0 };
-    let mut env = Env::new(Map::generate(&spec).into(), CharacterProfile::default(), false, episodes)?;
+    let mut env = Env::new(surefoot_generate::generate(&spec).into(), CharacterProfile::default(), false, episodes)?;
     let started = Instant::now();
     for step in 0..ENV_STEPS {
         let actions = actions_of(&values(step).collect::<Vec<f32>>(), |idx| idx as u64).map_err(anyhow::Error::msg)?;

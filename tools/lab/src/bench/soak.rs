@@ -19,8 +19,8 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_world::MapSpec;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::{Map, MapSpec, exchange};
 use tokio::task::JoinSet;
 use tonic::Status;
 use tonic::transport::Channel;
@@ -249,7 +249,8 @@ async fn environments(channel: &Channel, idx: u64) -> Result<(), Status> {
 async fn levels(channel: &Channel, idx: u64) -> Result<(), Status> {
     const PART: usize = 200_000;
     let mut client = MapServiceClient::new(channel.clone());
-    let map = tokio::task::spawn_blocking(move || exchange::encode(&Map::generate(&map(idx + 20))));
+    let map =
+        tokio::task::spawn_blocking(move || surefoot_levels::encode(&surefoot_generate::generate(&map(idx + 20))));
     let file = map.await.map_err(|error| Status::internal(error.to_string()))?;
     let upload_id = format!("soak-{idx}");
     for (part_idx, part) in file.chunks(PART).enumerate() {

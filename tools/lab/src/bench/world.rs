@@ -14,8 +14,7 @@ use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop};
 use surefoot_world::sense::{RAY_COUNT, RayCone};
 use surefoot_world::{
-    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, StopIdx, TaskConfig, Vec3, World, WorldConfig, exchange,
-    navigable,
+    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, StopIdx, TaskConfig, Vec3, World, WorldConfig, navigable,
 };
 
 /// Number of NPCs in the benchmark world.
@@ -30,10 +29,11 @@ const DECISIONS: usize = 300;
 /// All figures of `bench world`.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let mut figures = large_map()?;
-    let generate = median((0..5).map(|_| timed(|| drop(black_box(Map::generate(&MapSpec::new(0)))))).collect());
-    let map = Arc::new(Map::generate(&MapSpec::new(0)));
-    let saved = exchange::encode(&map);
-    let load = median((0..5).map(|_| timed(|| drop(black_box(exchange::decode(&saved))))).collect());
+    let generate =
+        median((0..5).map(|_| timed(|| drop(black_box(surefoot_generate::generate(&MapSpec::new(0)))))).collect());
+    let map = Arc::new(surefoot_generate::generate(&MapSpec::new(0)));
+    let saved = surefoot_levels::encode(&map);
+    let load = median((0..5).map(|_| timed(|| drop(black_box(surefoot_levels::decode(&saved))))).collect());
     figures.extend([
         Figure::new("generate_250_s", generate, "s").at_most(2.0),
         Figure::new("load_250_s", load, "s").at_most(0.1 * generate).with_reference("generating it", generate, false),
@@ -69,11 +69,11 @@ fn large_map() -> anyhow::Result<Vec<Figure>> {
     let size = MapSize { width: 1000, height: 200, depth: 1000 };
     let spec = MapSpec::new(3000).with(|it| it.size = size)?;
     let mut map = None;
-    let generate = timed(|| map = Some(Map::generate(&spec)));
+    let generate = timed(|| map = Some(surefoot_generate::generate(&spec)));
     let map = map.expect("the closure has run");
     let peak_mb = peak_memory_mb();
-    let saved = exchange::encode(&map);
-    let load = timed(|| drop(black_box(exchange::decode(&saved))));
+    let saved = surefoot_levels::encode(&map);
+    let load = timed(|| drop(black_box(surefoot_levels::decode(&saved))));
     let mut figures = vec![
         Figure::new("generate_1000_s", generate, "s").at_most(30.0),
         Figure::new("load_1000_s", load, "s").at_most(0.1 * generate).with_reference("generating it", generate, false),
@@ -270,7 +270,7 @@ fn movers(map: &Arc<Map>) -> anyhow::Result<Figure> {
         belt: Vec3::ZERO,
     };
     let lifts = places.iter().enumerate().map(lift).collect();
-    let moving = Arc::new(Map::generate(spec).with_movers(lifts).context("movers of the bench")?);
+    let moving = Arc::new(surefoot_generate::generate(spec).with_movers(lifts).context("movers of the bench")?);
     let crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, &moving, 0, false)?];
     let [without, with] = tick_ms(crowds);
     Ok(Figure::new("movers_tick_ms", with - without, "ms for 200 lifts, beside 1,024 NPCs")

@@ -3,18 +3,18 @@
 //!
 //! Each kind draws places where a body stands and keeps those that suit it: the space that the mover sweeps must be free.
 
-use super::mover::{MAX_MOVERS, Mover, MoverKind, MoverStop, cuboid};
-use super::stage::count_on;
-use super::{Map, MapSpec};
-use crate::character::{CharacterProfile, MoveScratch};
-use crate::float::turned;
-use crate::mesh::Surface;
-use crate::navigable::{self, DOWN};
-use crate::{StopIdx, Vec3};
+use crate::stage::count_on;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::{PI, TAU};
 use std::ops::Range;
+use surefoot_world::character::{CharacterProfile, MoveScratch};
+use surefoot_world::float::turned;
+use surefoot_world::map::mover::{MAX_MOVERS, cuboid};
+use surefoot_world::map::{Map, MapSpec, Mover, MoverKind, MoverStop};
+use surefoot_world::mesh::Surface;
+use surefoot_world::navigable::{self, DOWN};
+use surefoot_world::{StopIdx, Vec3};
 
 /// Number of movers of each kind on the default map at density 1.
 const DOOR_COUNT: f32 = 6.0;
@@ -60,7 +60,7 @@ const LEVEL_M: f32 = 0.15;
 const HERE: MoverStop = MoverStop { offset: Vec3::ZERO, yaw: 0.0, is_there: true };
 
 /// The movers of a complete map of `spec`.
-pub(super) fn movers(map: &Map, spec: &MapSpec) -> Vec<Mover> {
+pub(crate) fn movers(map: &Map, spec: &MapSpec) -> Vec<Mover> {
     // A stream of its own: what a map is like without movers does not depend on them.
     let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
     rng.set_stream(4);

@@ -1,9 +1,9 @@
 //! Properties that designers attach to nodes.
 
-use super::faults::ImportError;
-use super::scene::Node;
-use crate::Vec3;
+use crate::faults::ImportError;
+use crate::scene::Node;
 use serde_json::Value;
+use surefoot_world::Vec3;
 
 /// Properties that a designer attached to a node.
 pub(super) struct Extras<'a> {

@@ -11,17 +11,17 @@
 //! What moves is found in `moving`.
 //! The position of a node without a mesh is its origin; if there are feature nodes below it, it is only a group.
 
-use super::extras::{Extras, property};
-use super::faults::ImportError;
-use super::moving::{self, MoverEntry, Paths, Sign, Whole};
-use super::scene::{Bounds, Frame, Node, node_label};
-use crate::Vec3;
-use crate::map::spec::MAX_HEIGHT_M;
-use crate::map::{
-    Jetpack, Liquid, MapSize, Mover, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features,
-};
+use crate::extras::{Extras, property};
+use crate::faults::ImportError;
+use crate::moving::{self, MoverEntry, Paths, Sign, Whole};
+use crate::scene::{Bounds, Frame, Node, node_label};
 use serde::Deserialize;
 use std::collections::HashMap;
+use surefoot_world::Vec3;
+use surefoot_world::map::spec::MAX_HEIGHT_M;
+use surefoot_world::map::{
+    Jetpack, Liquid, MapSize, Mover, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features,
+};
 
 /// Constants of pads in `f64`, like the numbers of JSON.
 pub(super) const PAD_GRAVITY: f64 = features::PAD_GRAVITY as f64;

@@ -1,6 +1,6 @@
 //! What the animation of a level's node says of how a mover moves: its stops, and the times between them.
 
-use crate::Vec3;
+use surefoot_world::Vec3;
 
 /// The animation of a node, relative to where the file places it at rest. Times are in seconds, ascending.
 #[derive(Debug, Clone, Default, PartialEq)]

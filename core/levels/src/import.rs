@@ -3,18 +3,18 @@
 //! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`), its features (`named`), its place and size on
 //! the map, and the oddities of its geometry (`inspect`).
 
-use super::faults::{ImportError, Warning};
-use super::file::{FileError, decode};
-use super::inspect::{self, EdgeCounts};
-use super::load::{check_load, is_allowed};
-use super::named::{self, Found, Sidecar};
-use super::scene::{Frame, ImportOptions, Scene, node_label};
-use super::sides::{self, Turned};
-use super::{gltf_in, obj_in};
-use crate::Vec3;
-use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use crate::map::{Map, MapSize};
-use crate::mesh::{Surface, Triangle};
+use crate::faults::{ImportError, Warning};
+use crate::file::{FileError, decode};
+use crate::inspect::{self, EdgeCounts};
+use crate::load::{check_load, is_allowed};
+use crate::named::{self, Found, Sidecar};
+use crate::scene::{Frame, ImportOptions, Scene, node_label};
+use crate::sides::{self, Turned};
+use crate::{gltf_in, obj_in};
+use surefoot_world::Vec3;
+use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use surefoot_world::map::{Map, MapSize};
+use surefoot_world::mesh::{Surface, Triangle};
 
 /// Space left around a level, m.
 const MARGIN_M: f32 = 2.0;

@@ -4,10 +4,10 @@
 //! Bodies collide with the front of a face, and tell by fronts and backs whether a place lies inside something solid. Renderers often draw
 //! both sides, so that levels look right whose faces are not.
 
-use super::inspect::{cube, weld};
-use crate::Vec3;
-use crate::mesh::Mesh;
+use crate::inspect::{cube, weld};
 use std::collections::HashMap;
+use surefoot_world::Vec3;
+use surefoot_world::mesh::Mesh;
 
 /// Thickness of a plate, m: behind the front of the surface.
 const PLATE_M: f32 = 0.05;

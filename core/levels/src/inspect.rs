@@ -1,7 +1,7 @@
 //! Inspects the geometry of a level for irregular edges.
 
-use crate::Vec3;
 use std::collections::HashMap;
+use surefoot_world::Vec3;
 
 /// Side of a cube whose corners are welded into one vertex, m.
 const WELD_M: f32 = 0.001;

@@ -2,12 +2,12 @@
 //!
 //! Messages name the level's own nodes and meshes, and say what to change.
 
-use super::load::Overload;
-use crate::Vec3;
-use crate::map::MapSize;
-use crate::map::MoverError;
-use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use crate::load::Overload;
 use std::fmt;
+use surefoot_world::Vec3;
+use surefoot_world::map::MapSize;
+use surefoot_world::map::MoverError;
+use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 
 /// Most triangles of a level.
 pub(super) const MAX_TRIANGLES: usize = 4_000_000;

@@ -1,9 +1,9 @@
 //! Limits on maps that would take too long or too much memory to index.
 
-use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use crate::map::zones::CELL_M as ZONE_CELL_M;
-use crate::map::{MapSize, Placed};
-use crate::mesh::Triangle;
+use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use surefoot_world::map::zones::CELL_M as ZONE_CELL_M;
+use surefoot_world::map::{MapSize, Placed};
+use surefoot_world::mesh::Triangle;
 
 /// Most cells of the mesh's index that triangles may touch, counted by their bounding boxes: about 1 GB of index.
 const MAX_TOUCHED_CELLS: f64 = 2.0e8;

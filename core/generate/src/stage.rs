@@ -1,8 +1,8 @@
 //! The stages of map generation, and the rules that several stages share.
 
-use super::features::{PAD_EXTRA_M, PAD_GRAVITY, Pad};
-use super::spec::MapSpec;
-use crate::Vec3;
+use surefoot_world::Vec3;
+use surefoot_world::map::features::{PAD_EXTRA_M, PAD_GRAVITY};
+use surefoot_world::map::{MapSpec, Pad};
 
 /// Area of the default map, for which feature counts are given, m2.
 const REFERENCE_AREA_M2: f32 = 62_500.0;
@@ -43,12 +43,12 @@ impl Stage {
 }
 
 /// Number of instances of a feature on a map of `spec`; `reference` is the number on the default map at density 1.
-pub(super) fn count_on(spec: &MapSpec, reference: f32, density: f32) -> usize {
+pub(crate) fn count_on(spec: &MapSpec, reference: f32, density: f32) -> usize {
     let area = (spec.size.width * spec.size.depth) as f32;
     (reference * density * area / REFERENCE_AREA_M2).round() as usize
 }
 
 /// A pad that throws characters 10 m higher than `rise` metres: `v = sqrt(2 g (rise + 10))`, with `rise` at least -4 m.
-pub(super) fn pad(centre: Vec3, rise: f32) -> Pad {
+pub(crate) fn pad(centre: Vec3, rise: f32) -> Pad {
     Pad { centre, speed: (2.0 * PAD_GRAVITY * (rise.max(-4.0) + PAD_EXTRA_M)).sqrt() }
 }

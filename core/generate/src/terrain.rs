@@ -4,10 +4,11 @@
 //! naive surface nets (Gibson 1998): one vertex per cell that the surface crosses, one quad per lattice edge
 //! that changes sign.
 
-use super::spec::MapSize;
-use crate::float::hypot;
-use crate::{Vec3, parallel};
 use noise::{NoiseFn, Perlin};
+use rayon::prelude::*;
+use surefoot_world::Vec3;
+use surefoot_world::float::hypot;
+use surefoot_world::map::MapSize;
 
 /// Spacing of the density lattice in metres.
 pub(crate) const VOXEL_M: f32 = 1.25;
@@ -51,55 +52,23 @@ impl Lattice {
     /// Samples the terrain of `seed` over `size` on `thread_count` threads, with equal bits for any number of threads.
     pub(crate) fn sample(seed: u64, size: MapSize, thread_count: usize) -> Self {
         let counts = [size.width, size.height, size.depth].map(|extent| (extent as f32 / VOXEL_M).ceil() as usize + 1);
-        let coarse_counts = counts.map(|count| count.div_ceil(NOISE_STRIDE) + 1);
-        let spare = size.height as f32 - REFERENCE_HEIGHT_M;
-        let gain = (1.0 + spare.min(0.0) / 65.0).max(0.3);
-        let base = BASE_HEIGHT_M + if spare > 0.0 { SWELL.2 * spare } else { 0.25 * spare };
-        let swell = (Perlin::new(mix_seed(seed, SWELL_STREAM)), SWELL.1 * spare.max(0.0));
-        let noises: Vec<Perlin> = (0..OCTAVES.len()).map(|octave| Perlin::new(mix_seed(seed, octave as u64))).collect();
-        let mut coarse = vec![0.0f32; coarse_counts.iter().product()];
-        let coarse_slab = coarse_counts[0] * coarse_counts[1];
-        parallel::for_each_slab(&mut coarse, coarse_slab, thread_count, |z, slab| {
-            for y in 0..coarse_counts[1] {
-                for x in 0..coarse_counts[0] {
-                    let point = [x, y, z].map(|i| (i * NOISE_STRIDE) as f64 * f64::from(VOXEL_M));
-                    let sum: f32 = noises
-                        .iter()
-                        .zip(OCTAVES)
-                        .map(|(noise, (wavelength, amplitude))| {
-                            gain * amplitude * noise.get(point.map(|c| c / wavelength + 0.5)) as f32
-                        })
-                        .sum();
-                    let swell = if swell.1 > 0.0 {
-                        swell.1 * swell.0.get(point.map(|c| c / SWELL.0 + 0.5)) as f32
-                    } else {
-                        0.0
-                    };
-                    slab[y * coarse_counts[0] + x] = sum + swell;
+        let relief = Relief::new(seed, size.height as f32);
+        let terraces = Terraces::new(seed);
+        let values = parallel::with_threads(thread_count, || {
+            let coarse = CoarseNoise::sample(&relief, counts);
+            let mut values = vec![0.0f32; counts.iter().product()];
+            values.par_chunks_mut(counts[0] * counts[1]).enumerate().for_each(|(z, slab)| {
+                let shares: Vec<f32> = (0..counts[0]).map(|x| terraces.share(x, z)).collect();
+                for (y, row) in slab.chunks_mut(counts[0]).enumerate() {
+                    let height = y as f32 * VOXEL_M;
+                    let terraced = terraces.warp(height);
+                    for (x, value) in row.iter_mut().enumerate() {
+                        let terrain = relief.base + coarse.at([x, y, z]) - (height + (terraced - height) * shares[x]);
+                        *value = terrain.max(FLOOR_M - height);
+                    }
                 }
-            }
-        });
-        let mut values = vec![0.0f32; counts.iter().product()];
-        let slab_len = counts[0] * counts[1];
-        let share = f32::from((mix_seed(seed, TERRACE_STREAM) >> 16) as u16) / f32::from(u16::MAX);
-        let terrace_height = TERRACE_M.0 + (TERRACE_M.1 - TERRACE_M.0) * share;
-        let terracing = Perlin::new(mix_seed(seed, OCTAVES.len() as u64));
-        parallel::for_each_slab(&mut values, slab_len, thread_count, |z, slab| {
-            let shares: Vec<f32> = (0..counts[0])
-                .map(|x| {
-                    let point = [x, z].map(|i| i as f64 * f64::from(VOXEL_M) / TERRACING_WAVELENGTH_M + 0.5);
-                    (TERRACING.0 + TERRACING.1 * terracing.get(point) as f32).clamp(0.0, 1.0)
-                })
-                .collect();
-            for y in 0..counts[1] {
-                let height = y as f32 * VOXEL_M;
-                let terraced = terrace(height, terrace_height);
-                for x in 0..counts[0] {
-                    let noise = interpolate(&coarse, coarse_counts, [x, y, z]);
-                    let terrain = base + noise - (height + (terraced - height) * shares[x]);
-                    slab[y * counts[0] + x] = terrain.max(FLOOR_M - height);
-                }
-            }
+            });
+            values
         });
         Self { counts, values }
     }
@@ -251,29 +220,102 @@ fn push_quad(triangles: &mut Vec<[Vec3; 3]>, here: f32, there: f32, quad: impl F
     }
 }
 
-/// Maps a height to the noise that puts the surface there, m: most of the range of the noise falls in treads, so that the
-/// ground there is nearly level.
-fn terrace(height: f32, terrace_height: f32) -> f32 {
-    let step = (height / terrace_height).floor();
-    let t = height / terrace_height - step;
-    let warped = if t < TREAD_HEIGHT_SHARE {
-        t / TREAD_HEIGHT_SHARE * TREAD_RISE_SHARE
-    } else {
-        TREAD_RISE_SHARE + (t - TREAD_HEIGHT_SHARE) / (1.0 - TREAD_HEIGHT_SHARE) * (1.0 - TREAD_RISE_SHARE)
-    };
-    (step + warped) * terrace_height
+/// The noise that raises and lowers the terrain around its mean height.
+struct Relief {
+    octaves: Vec<Perlin>,
+    /// Factor of the octaves: lower maps flatten them.
+    gain: f32,
+    /// The swell of maps above the reference height, and its amplitude, m.
+    swell: Option<(Perlin, f32)>,
+    /// Mean height of the terrain, m.
+    base: f32,
 }
 
-/// Trilinear interpolation of the coarse noise at a fine lattice point.
-fn interpolate(coarse: &[f32], counts: [usize; 3], fine: [usize; 3]) -> f32 {
-    let cell = fine.map(|i| i / NOISE_STRIDE);
-    let [tx, ty, tz] = fine.map(|i| (i % NOISE_STRIDE) as f32 / NOISE_STRIDE as f32);
-    let at = |dx: usize, dy: usize, dz: usize| {
-        coarse[((cell[2] + dz) * counts[1] + cell[1] + dy) * counts[0] + cell[0] + dx]
-    };
-    let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
-    let face = |dz: usize| lerp(lerp(at(0, 0, dz), at(1, 0, dz), tx), lerp(at(0, 1, dz), at(1, 1, dz), tx), ty);
-    lerp(face(0), face(1), tz)
+impl Relief {
+    fn new(seed: u64, map_height: f32) -> Self {
+        let spare = map_height - REFERENCE_HEIGHT_M;
+        let octaves = (0..OCTAVES.len()).map(|octave| Perlin::new(mix_seed(seed, octave as u64))).collect();
+        let swell = (spare > 0.0).then(|| (Perlin::new(mix_seed(seed, SWELL_STREAM)), SWELL.1 * spare));
+        let base = BASE_HEIGHT_M + if spare > 0.0 { SWELL.2 * spare } else { 0.25 * spare };
+        Self { octaves, gain: (1.0 + spare.min(0.0) / 65.0).max(0.3), swell, base }
+    }
+
+    /// Height added to the mean at a point, m.
+    fn at(&self, point: [f64; 3]) -> f32 {
+        let octave = |(noise, (wavelength, amplitude)): (&Perlin, (f64, f32))| {
+            self.gain * amplitude * noise.get(point.map(|c| c / wavelength + 0.5)) as f32
+        };
+        let sum: f32 = self.octaves.iter().zip(OCTAVES).map(octave).sum();
+        let swell = |(noise, amplitude): &(Perlin, f32)| amplitude * noise.get(point.map(|c| c / SWELL.0 + 0.5)) as f32;
+        sum + self.swell.as_ref().map_or(0.0, swell)
+    }
+}
+
+/// The relief on a lattice that is coarser by [`NOISE_STRIDE`].
+struct CoarseNoise {
+    counts: [usize; 3],
+    values: Vec<f32>,
+}
+
+impl CoarseNoise {
+    /// Covers a fine lattice of these counts.
+    fn sample(relief: &Relief, fine_counts: [usize; 3]) -> Self {
+        let counts = fine_counts.map(|count| count.div_ceil(NOISE_STRIDE) + 1);
+        let mut values = vec![0.0f32; counts.iter().product()];
+        values.par_chunks_mut(counts[0] * counts[1]).enumerate().for_each(|(z, slab)| {
+            for (idx, value) in slab.iter_mut().enumerate() {
+                let cell = [idx % counts[0], idx / counts[0], z];
+                *value = relief.at(cell.map(|i| (i * NOISE_STRIDE) as f64 * f64::from(VOXEL_M)));
+            }
+        });
+        Self { counts, values }
+    }
+
+    /// Trilinear interpolation at a point of the fine lattice.
+    fn at(&self, fine: [usize; 3]) -> f32 {
+        let cell = fine.map(|i| i / NOISE_STRIDE);
+        let [tx, ty, tz] = fine.map(|i| (i % NOISE_STRIDE) as f32 / NOISE_STRIDE as f32);
+        let at = |dx: usize, dy: usize, dz: usize| {
+            self.values[((cell[2] + dz) * self.counts[1] + cell[1] + dy) * self.counts[0] + cell[0] + dx]
+        };
+        let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        let face = |dz: usize| lerp(lerp(at(0, 0, dz), at(1, 0, dz), tx), lerp(at(0, 1, dz), at(1, 1, dz), tx), ty);
+        lerp(face(0), face(1), tz)
+    }
+}
+
+/// Terraces: where the ground is stepped, and how high the steps are.
+struct Terraces {
+    noise: Perlin,
+    /// Height of a terrace, m.
+    height: f32,
+}
+
+impl Terraces {
+    fn new(seed: u64) -> Self {
+        let share = f32::from((mix_seed(seed, TERRACE_STREAM) >> 16) as u16) / f32::from(u16::MAX);
+        let height = TERRACE_M.0 + (TERRACE_M.1 - TERRACE_M.0) * share;
+        Self { noise: Perlin::new(mix_seed(seed, OCTAVES.len() as u64)), height }
+    }
+
+    /// How far a column of the lattice is terraced, from 0 (smooth) to 1.
+    fn share(&self, x: usize, z: usize) -> f32 {
+        let point = [x, z].map(|i| i as f64 * f64::from(VOXEL_M) / TERRACING_WAVELENGTH_M + 0.5);
+        (TERRACING.0 + TERRACING.1 * self.noise.get(point) as f32).clamp(0.0, 1.0)
+    }
+
+    /// Maps a height to the noise that puts the surface there, m. Most of the range of the noise falls in treads, so that
+    /// the ground there is nearly level.
+    fn warp(&self, height: f32) -> f32 {
+        let step = (height / self.height).floor();
+        let t = height / self.height - step;
+        let warped = if t < TREAD_HEIGHT_SHARE {
+            t / TREAD_HEIGHT_SHARE * TREAD_RISE_SHARE
+        } else {
+            TREAD_RISE_SHARE + (t - TREAD_HEIGHT_SHARE) / (1.0 - TREAD_HEIGHT_SHARE) * (1.0 - TREAD_RISE_SHARE)
+        };
+        (step + warped) * self.height
+    }
 }
 
 /// Mixes a 64-bit seed and a stream number into the 32-bit seed of the noise crate (SplitMix64).

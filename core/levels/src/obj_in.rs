@@ -3,9 +3,9 @@
 //! Only positions, faces, lines and names reach the parser: texture coordinates and normals are not needed, and without
 //! them there are fewer indices to trust.
 
-use super::faults::{ImportError, MAX_TRIANGLES};
-use super::scene::{Node, Scene};
-use crate::Vec3;
+use crate::faults::{ImportError, MAX_TRIANGLES};
+use crate::scene::{Node, Scene};
+use surefoot_world::Vec3;
 use tobj::{LoadError, LoadOptions};
 
 /// Name that the parser gives to objects without one.

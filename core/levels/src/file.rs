@@ -10,15 +10,15 @@
 //! Numbers are little-endian. Corners with equal bits share a vertex, so a decoded map has exactly the same corners. The
 //! grid is not stored: building it takes less time than reading it would.
 
-use super::load::{Overload, check_load, is_allowed};
-use crate::Vec3;
-use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use crate::map::{
-    Features, Map, MapHash, MapKind, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec,
-    SpecError,
-};
-use crate::mesh::{Surface, Triangle};
+use crate::load::{Overload, check_load, is_allowed};
 use std::collections::HashMap;
+use surefoot_world::Vec3;
+use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use surefoot_world::map::{
+    CollisionMap, Features, Map, MapHash, MapKind, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed,
+    RawMapSpec, SpecError,
+};
+use surefoot_world::mesh::{Surface, Triangle};
 
 /// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
@@ -201,7 +201,7 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let corners = payload.bytes(triangle_count as usize * CORNERS_LEN)?;
     let triangles = read_triangles(&vertices, corners, payload.0)?;
     check_load(size, &triangles, &placed)?;
-    let map = Map::assemble(spec, size, triangles, placed).with_movers(movers)?;
+    let map = Map::new(CollisionMap::new(spec, size, triangles, placed)).with_movers(movers)?;
     let map = if pieces.is_empty() { map } else { map.with_pieces(pieces)? };
     if map.hash() == saved { Ok(map) } else { Err(FileError::Hash { found: map.hash(), saved }) }
 }

@@ -3,13 +3,13 @@
 //! The scene has one mesh node `ground`, one node for each pool and device with the names that `named` knows, and empty
 //! nodes that mark buildings, plateaus, ravines and caves. Its extras keep the map's size.
 
-use super::named::{PAD_EXTRA_M, PAD_GRAVITY};
-use crate::Vec3;
-use crate::map::{DISC_RADIUS_M, Liquid, Map, MapSize, MoverKind, Outline};
-use crate::mesh::{Surface, Triangle};
+use crate::named::{PAD_EXTRA_M, PAD_GRAVITY};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::f32::consts::TAU;
+use surefoot_world::Vec3;
+use surefoot_world::map::{DISC_RADIUS_M, Liquid, Map, MapSize, MoverKind, Outline};
+use surefoot_world::mesh::{Surface, Triangle};
 
 /// Number of corners of a device's disc.
 const DISC_SIDES: usize = 16;

@@ -4,7 +4,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
 use std::sync::Arc;
-use surefoot_world::exchange::{self, ImportError, ImportOptions, Imported, UpAxis, Warning};
+use surefoot_levels::{ImportError, ImportOptions, Imported, UpAxis, Warning};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -13,7 +13,7 @@ use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, TaskConfig, Ve
 const PLAIN: ImportOptions = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
 
 fn generated(seed: u64) -> Map {
-    Map::generate(&MapSpec::with_side(seed, 60).unwrap())
+    surefoot_generate::generate(&MapSpec::with_side(seed, 60).unwrap())
 }
 
 /// A floor of 30 x 30 m at a height of 1 m, with two features of every kind.
@@ -53,8 +53,8 @@ fn refusal<T, E: std::fmt::Display>(result: Result<T, E>, expected: &str) -> Str
 #[test]
 fn a_saved_map_comes_back_with_the_same_bits() {
     for map in [generated(3), small_map()] {
-        let bytes = exchange::encode(&map);
-        let back = exchange::decode(&bytes).expect("what was just saved");
+        let bytes = surefoot_levels::encode(&map);
+        let back = surefoot_levels::decode(&bytes).expect("what was just saved");
         assert_eq!(back.hash(), map.hash());
         assert_eq!(back.spec(), map.spec());
         assert_eq!(back.size(), map.size());
@@ -62,24 +62,24 @@ fn a_saved_map_comes_back_with_the_same_bits() {
         for (one, other) in back.mesh().triangles().iter().zip(map.mesh().triangles()) {
             assert_eq!(format!("{one:?}"), format!("{other:?}"));
         }
-        assert_eq!(exchange::encode(&back), bytes);
+        assert_eq!(surefoot_levels::encode(&back), bytes);
     }
 }
 
 #[test]
 fn a_cut_off_or_changed_saved_map_is_refused() {
-    let bytes = exchange::encode(&generated(3));
+    let bytes = surefoot_levels::encode(&generated(3));
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let ends = (0..80).chain((0..100).map(|_| rng.random_range(0..bytes.len()))).collect::<Vec<_>>();
     for end in ends {
-        let error = refusal(exchange::decode(&bytes[..end]), "cut off");
+        let error = refusal(surefoot_levels::decode(&bytes[..end]), "cut off");
         assert!(error.contains("cut off") || end == 0, "{end}: {error}");
     }
     let places = (0..60).chain((0..200).map(|_| rng.random_range(0..bytes.len()))).collect::<Vec<_>>();
     for place in places {
         let mut flipped = bytes.clone();
         flipped[place] ^= 1 << rng.random_range(0..8);
-        assert!(exchange::decode(&flipped).is_err(), "byte {place} changed");
+        assert!(surefoot_levels::decode(&flipped).is_err(), "byte {place} changed");
     }
 }
 
@@ -133,8 +133,8 @@ impl Saved {
 #[test]
 fn maps_of_the_formats_without_kinds_movers_pieces_and_densities_are_read() {
     let spec = MapSpec::with_side(3, 50).unwrap();
-    let map = Map::generate(&spec);
-    let mut bytes = exchange::encode(&map);
+    let map = surefoot_generate::generate(&spec);
+    let mut bytes = surefoot_levels::encode(&map);
     // The densities of movers and the choice of repair are the last 25 bytes of the spec, which comes first in the
     // description, and the kind is the one before.
     let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len() - 25;
@@ -145,7 +145,7 @@ fn maps_of_the_formats_without_kinds_movers_pieces_and_densities_are_read() {
         header[8..12].copy_from_slice(&version.to_le_bytes());
         header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
         header[20..].copy_from_slice(blake3::hash(payload).as_bytes());
-        let read = exchange::decode(&[&*header, payload].concat()).unwrap();
+        let read = surefoot_levels::decode(&[&*header, payload].concat()).unwrap();
         assert_eq!((read.hash(), read.spec()), (map.hash(), Some(&spec)));
     };
     payload.drain(36 + spec_len..36 + spec_len + 25);
@@ -190,7 +190,7 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
         (plain(), "was saved as 0000000000000000"),
     ];
     for (saved, expected) in cases {
-        let error = refusal(exchange::decode(&saved.bytes()), expected);
+        let error = refusal(surefoot_levels::decode(&saved.bytes()), expected);
         assert!(error.contains(expected), "`{expected}` is not in `{error}`");
     }
 }
@@ -219,7 +219,7 @@ fn obj_level() -> String {
 }
 
 fn obj(text: &str) -> Imported {
-    exchange::import_obj(text.as_bytes(), None, &PLAIN).expect("a valid level")
+    surefoot_levels::import_obj(text.as_bytes(), None, &PLAIN).expect("a valid level")
 }
 
 #[test]
@@ -269,7 +269,7 @@ fn a_level_in_centimetres_with_z_up_is_the_same_level() {
         })
         .collect();
     let options = ImportOptions { scale: 1.0 / 64.0, up: UpAxis::Z, keep_sides: false };
-    let map = exchange::import_obj(turned.as_bytes(), None, &options).expect("a valid level").map;
+    let map = surefoot_levels::import_obj(turned.as_bytes(), None, &options).expect("a valid level").map;
     assert_eq!(map.hash(), upright.hash());
 }
 
@@ -352,7 +352,8 @@ fn stands(map: &Arc<Map>, feet: Vec3) -> bool {
 fn sides_stay_as_they_were_modelled_where_that_is_wanted() {
     let block = |name: &str, x: f32| inside_out(&obj_box(name, [x, 0.0, 0.0], [x + 5.0, 3.0, 5.0]));
     let blocks = block("a", 0.0) + &block("b", 6.0) + &block("c", 12.0);
-    let kept = exchange::import_obj(blocks.as_bytes(), None, &ImportOptions { keep_sides: true, ..PLAIN }).unwrap();
+    let kept =
+        surefoot_levels::import_obj(blocks.as_bytes(), None, &ImportOptions { keep_sides: true, ..PLAIN }).unwrap();
     assert_eq!(kept.warnings, []);
     let turned = obj(&blocks);
     let feet = Vec3::new(4.5, 4.01, 4.5);
@@ -437,7 +438,8 @@ fn the_sidecar_lists_features_in_the_levels_own_coordinates() {
     });
     let floor = obj_box("floor", [0.0, 0.0, -100.0], [4000.0, 4000.0, 0.0]);
     let options = ImportOptions { scale: 0.01, up: UpAxis::Z, keep_sides: false };
-    let map = exchange::import_obj(floor.as_bytes(), Some(&sidecar.to_string()), &options).expect("a valid level").map;
+    let map =
+        surefoot_levels::import_obj(floor.as_bytes(), Some(&sidecar.to_string()), &options).expect("a valid level").map;
     let placed = map.placed();
     // x from 2, z from 2 + 40 downwards, the floor's top at 2.
     let near = |one: Vec3, other: [f32; 3]| assert!(one.distance(other.into()) < 1.0e-4, "{one:?} {other:?}");
@@ -476,7 +478,8 @@ fn a_faulty_sidecar_is_refused_by_name() {
     ];
     let floor = obj_box("floor", [0.0, -1.0, 0.0], [40.0, 0.0, 40.0]);
     for (sidecar, expected) in cases {
-        let error = refusal(exchange::import_obj(floor.as_bytes(), Some(&sidecar.to_string()), &PLAIN), expected);
+        let error =
+            refusal(surefoot_levels::import_obj(floor.as_bytes(), Some(&sidecar.to_string()), &PLAIN), expected);
         assert!(error.contains(expected), "`{expected}` is not in `{error}`");
     }
 }
@@ -505,7 +508,7 @@ fn gltf_level(nodes: Value) -> Value {
 }
 
 fn gltf(level: &Value) -> Result<Imported, ImportError> {
-    exchange::import_gltf(level.to_string().as_bytes(), None, &PLAIN)
+    surefoot_levels::import_gltf(level.to_string().as_bytes(), None, &PLAIN)
 }
 
 fn corners(map: &Map) -> Vec<[Vec3; 3]> {
@@ -552,12 +555,12 @@ fn strips_and_fans_become_triangles_and_lines_are_left_out() {
         glb(&level, Some(&bytes))
     };
     for (mode, order) in [(5, [0, 1, 2, 3]), (6, [0, 1, 3, 2])] {
-        let imported = exchange::import_gltf(&square(mode, order), None, &PLAIN).expect("a valid level");
+        let imported = surefoot_levels::import_gltf(&square(mode, order), None, &PLAIN).expect("a valid level");
         assert_eq!(imported.map.mesh().triangles().len(), 2);
         assert!(imported.map.mesh().triangles().iter().all(|triangle| triangle.normal().y > 0.99));
         assert_eq!(imported.warnings, [Warning::OpenEdges { count: 4 }]);
     }
-    let lines = exchange::import_gltf(&square(1, [0, 1, 2, 3]), None, &PLAIN);
+    let lines = surefoot_levels::import_gltf(&square(1, [0, 1, 2, 3]), None, &PLAIN);
     assert!(matches!(lines, Err(ImportError::Empty)));
 }
 
@@ -575,7 +578,7 @@ fn quantized_positions_are_those_that_they_stand_for() {
         level["accessors"] = json!([accessor]);
         level["bufferViews"] = json!([{ "buffer": 0, "byteLength": bytes.len(), "byteStride": stride }]);
         level["buffers"] = json!([{ "byteLength": bytes.len() }]);
-        exchange::import_gltf(&glb(&level, Some(bytes)), None, &PLAIN).expect("a valid level").map
+        surefoot_levels::import_gltf(&glb(&level, Some(bytes)), None, &PLAIN).expect("a valid level").map
     };
     let strip = [[0u8, 0], [0, 1], [1, 0], [1, 1]];
     let short = |x: u8| if x == 1 { i16::MAX } else { 0 };
@@ -638,8 +641,8 @@ fn terrain(side: u32) -> (Vec<[f32; 3]>, Vec<u32>) {
 #[test]
 fn compressed_levels_are_those_that_were_compressed() {
     let (positions, indices) = terrain(20);
-    let compressed =
-        exchange::import_gltf(&compressed_level(&positions, &indices, |_| {}), None, &PLAIN).expect("a valid level");
+    let compressed = surefoot_levels::import_gltf(&compressed_level(&positions, &indices, |_| {}), None, &PLAIN)
+        .expect("a valid level");
     let faces = indices.chunks(3).map(|face| format!("f {} {} {}\n", face[0] + 1, face[1] + 1, face[2] + 1));
     let vertices = positions.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n"));
     let plain = obj(&vertices.chain(faces).collect::<String>());
@@ -672,8 +675,9 @@ fn damaged_compressed_levels_are_refused_or_read_and_never_worse() {
                 bytes[at] = bytes[at].wrapping_add(1 + (seed * 31 % 255) as u8);
             }
         };
-        refused +=
-            usize::from(exchange::import_gltf(&compressed_level(&positions, &indices, damage), None, &PLAIN).is_err());
+        refused += usize::from(
+            surefoot_levels::import_gltf(&compressed_level(&positions, &indices, damage), None, &PLAIN).is_err(),
+        );
     }
     assert!(refused > 60, "{refused} of 600");
 }
@@ -693,7 +697,7 @@ fn helpers_are_no_part_of_the_level() {
 fn the_sidecar_and_extras_say_what_is_solid() {
     let floor = obj_box("Floor", [0.0; 3], [20.0, 1.0, 20.0]);
     let crate_at = |name: &str, x: f32| obj_box(name, [x, 1.0, 5.0], [x + 2.0, 4.0, 8.0]);
-    let import = |text: &str, sidecar: &str| exchange::import_obj(text.as_bytes(), Some(sidecar), &PLAIN);
+    let import = |text: &str, sidecar: &str| surefoot_levels::import_obj(text.as_bytes(), Some(sidecar), &PLAIN);
     let level =
         [floor.clone(), crate_at("FX_smoke", 3.0), crate_at("tree_LOD1", 7.0), crate_at("UCX_rock", 11.0)].concat();
 
@@ -790,7 +794,7 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
     let buffer = |uri: &str| changed("/buffers/0/uri", json!(uri));
     let nan = "data:application/octet-stream;base64,AADAfwAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAECAA==";
     let vertex_9 = "data:;base64,AAAAAAAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAEJAA==";
-    let exported = exchange::export_glb(&small_map());
+    let exported = surefoot_levels::export_glb(&small_map());
     let mut version_1 = exported.clone();
     version_1[4] = 1;
     let cases = [
@@ -853,7 +857,7 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
         (changed("/nodes/1", json!({ "name": "pad", "translation": [0, 0, 99] })), "node `pad` lies outside the level"),
     ];
     for (bytes, expected) in cases {
-        let error = refusal(exchange::import_gltf(&bytes, None, &PLAIN), expected);
+        let error = refusal(surefoot_levels::import_gltf(&bytes, None, &PLAIN), expected);
         assert!(error.contains(expected), "`{expected}` is not in `{error}`");
     }
 }
@@ -876,11 +880,11 @@ fn each_fault_of_an_obj_level_has_its_own_message() {
         (floor.replace("floor", "water"), "no solid triangles"),
     ];
     for (text, expected) in cases {
-        let error = refusal(exchange::import_obj(text.as_bytes(), None, &PLAIN), expected);
+        let error = refusal(surefoot_levels::import_obj(text.as_bytes(), None, &PLAIN), expected);
         assert!(error.contains(expected), "`{expected}` is not in `{error}`");
     }
     for scale in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-        let result = exchange::import_obj(floor.as_bytes(), None, &ImportOptions { scale, ..PLAIN });
+        let result = surefoot_levels::import_obj(floor.as_bytes(), None, &ImportOptions { scale, ..PLAIN });
         assert!(matches!(result, Err(ImportError::Scale(_))), "{scale}");
     }
 }
@@ -896,12 +900,12 @@ fn a_level_that_no_machine_could_hold_is_refused() {
     level["accessors"] = json!([{ "bufferView": 0, "componentType": 5126, "count": 25_000, "type": "VEC3" }]);
     level["bufferViews"] = json!([{ "buffer": 0, "byteLength": 300_000 }]);
     level["buffers"] = json!([{ "byteLength": 300_000 }]);
-    let result = exchange::import_gltf(&glb(&level, Some(&bytes)), None, &PLAIN);
+    let result = surefoot_levels::import_gltf(&glb(&level, Some(&bytes)), None, &PLAIN);
     assert!(matches!(result, Err(ImportError::TooManyTriangles)));
     // Many triangles that each span the whole level.
     let mut text = "o floor\nv 0 0 0\nv 0 190 990\nv 990 0 990\n".to_owned();
     text.extend((0..2000).map(|_| "f 1 2 3\n"));
-    let result = exchange::import_obj(text.as_bytes(), None, &PLAIN);
+    let result = surefoot_levels::import_obj(text.as_bytes(), None, &PLAIN);
     assert!(matches!(result, Err(ImportError::Overload(_))));
 }
 
@@ -915,7 +919,7 @@ fn deeply_nested_nodes_do_not_exhaust_the_stack() {
     level["nodes"][DEPTH - 1]["children"] = json!([DEPTH / 2]);
     assert!(matches!(gltf(&level), Err(ImportError::NotATree { .. })));
     let deep = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"extras\": {}", "[".repeat(DEPTH));
-    assert!(matches!(exchange::import_gltf(deep.as_bytes(), None, &PLAIN), Err(ImportError::Json(_))));
+    assert!(matches!(surefoot_levels::import_gltf(deep.as_bytes(), None, &PLAIN), Err(ImportError::Json(_))));
 }
 
 // Export.
@@ -928,8 +932,10 @@ fn near(one: Vec3, other: Vec3) -> bool {
 fn an_exported_map_is_imported_as_it_was() {
     let all =
         MapSpec::with_side(5, 100).unwrap().with(|it| it.features = surefoot_world::map::Features::all()).unwrap();
-    for map in [generated(5), Map::generate(&all), small_map()] {
-        let back = exchange::import_gltf(&exchange::export_glb(&map), None, &PLAIN).expect("an exported map").map;
+    for map in [generated(5), surefoot_generate::generate(&all), small_map()] {
+        let back = surefoot_levels::import_gltf(&surefoot_levels::export_glb(&map), None, &PLAIN)
+            .expect("an exported map")
+            .map;
         assert_eq!(back.size(), map.size());
         let (solids, expected) = (corners(&back), corners(&map));
         assert_eq!(solids.len(), expected.len());
@@ -969,11 +975,12 @@ fn an_exported_map_is_imported_as_it_was() {
 
 #[test]
 fn an_exported_map_that_grew_is_placed_anew() {
-    let exported = exchange::export_glb(&small_map());
+    let exported = surefoot_levels::export_glb(&small_map());
     let document = gltf::Gltf::from_slice(&exported).expect("valid glTF");
     let mut level: Value = serde_json::from_str(&document.as_json().to_string().expect("plain data")).expect("JSON");
     level["nodes"][0]["scale"] = json!([2, 1, 2]);
-    let imported = exchange::import_gltf(&glb(&level, document.blob.as_deref()), None, &PLAIN).expect("a valid level");
+    let imported =
+        surefoot_levels::import_gltf(&glb(&level, document.blob.as_deref()), None, &PLAIN).expect("a valid level");
     assert_eq!(imported.map.size().width, 64);
     let former = MapSize { width: 30, height: 25, depth: 30 };
     assert!(imported.warnings.contains(&Warning::Outgrown { former }), "{:?}", imported.warnings);
@@ -982,7 +989,7 @@ fn an_exported_map_that_grew_is_placed_anew() {
 #[test]
 fn exported_files_obey_the_rules_of_gltf() {
     for map in [generated(5), small_map(), Map::from_parts(small_map().size(), Vec::new(), Placed::default())] {
-        let bytes = exchange::export_glb(&map);
+        let bytes = surefoot_levels::export_glb(&map);
         assert!(bytes.len().is_multiple_of(4));
         assert_eq!(bytes[8..12], (bytes.len() as u32).to_le_bytes());
         if map.mesh().triangles().is_empty() {
@@ -1036,7 +1043,7 @@ fn mutate(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
 #[test]
 fn hostile_saved_maps_with_a_right_checksum_never_panic() {
     const HEADER_LEN: usize = 52;
-    let saved = exchange::encode(&small_map());
+    let saved = surefoot_levels::encode(&small_map());
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     for _ in 0..2000 {
         let payload = mutate(&saved[HEADER_LEN..], &mut rng);
@@ -1045,7 +1052,7 @@ fn hostile_saved_maps_with_a_right_checksum_never_panic() {
         bytes.extend(blake3::hash(&payload).as_bytes());
         bytes.extend(payload);
         // The hash reveals changes to content that is still valid, except for the spec.
-        if let Ok(map) = exchange::decode(&bytes) {
+        if let Ok(map) = surefoot_levels::decode(&bytes) {
             assert_eq!(map.hash(), small_map().hash());
         }
     }
@@ -1053,7 +1060,7 @@ fn hostile_saved_maps_with_a_right_checksum_never_panic() {
 
 #[test]
 fn hostile_bytes_never_panic() {
-    let exported = exchange::export_glb(&small_map());
+    let exported = surefoot_levels::export_glb(&small_map());
     let json_len = exported.windows(4).position(|window| window == b"BIN\0").expect("a binary chunk") - 24;
     let text = gltf_level(json!([{ "name": "floor", "mesh": 0 }, { "name": "pad" }])).to_string();
     let mut rng = ChaCha8Rng::seed_from_u64(7);
@@ -1066,16 +1073,16 @@ fn hostile_bytes_never_panic() {
         }
     };
     for _ in 0..2000 {
-        count(exchange::import_gltf(&mutate(&exported, &mut rng), None, &PLAIN));
+        count(surefoot_levels::import_gltf(&mutate(&exported, &mut rng), None, &PLAIN));
         // The lengths of the container stay intact, so that the parser reaches the content.
         let mut inside = exported.clone();
         for _ in 0..rng.random_range(1..4) {
             let at = 20 + rng.random_range(0..json_len);
             inside[at] = *b"0123456789-e.[]{},: "[..].get(rng.random_range(0..20)).expect("a byte");
         }
-        count(exchange::import_gltf(&inside, None, &PLAIN));
-        count(exchange::import_gltf(&mutate(text.as_bytes(), &mut rng), None, &PLAIN));
-        count(exchange::import_obj(&mutate(obj_level().as_bytes(), &mut rng), None, &PLAIN));
+        count(surefoot_levels::import_gltf(&inside, None, &PLAIN));
+        count(surefoot_levels::import_gltf(&mutate(text.as_bytes(), &mut rng), None, &PLAIN));
+        count(surefoot_levels::import_obj(&mutate(obj_level().as_bytes(), &mut rng), None, &PLAIN));
     }
     assert!(imported > 200 && refused > 200, "{imported} imported, {refused} refused");
 }
@@ -1161,7 +1168,7 @@ fn animations_move_lifts_platforms_and_doors() {
             (5, "translation", &[(0.0, &[0.0, 15.0, 0.0]), (9.0, &[20.0, 15.0, 0.0])]),
         ],
     );
-    let imported = exchange::import_gltf(&bytes, None, &ImportOptions::default()).unwrap();
+    let imported = surefoot_levels::import_gltf(&bytes, None, &ImportOptions::default()).unwrap();
     let movers = imported.map.movers();
     let found: Vec<_> = movers.iter().map(|it| (it.name.as_str(), it.kind, it.stops.len(), it.cycles)).collect();
     assert_eq!(
@@ -1205,7 +1212,8 @@ fn levels_whose_props_are_animated_in_any_way_are_imported() {
     let mut animations: Vec<(usize, &str, Keys<'_>)> = (1..6).map(|idx| (idx, "translation", slow)).collect();
     animations.push((6, "rotation", fast));
     let imported =
-        exchange::import_gltf(&animated_level(json!(nodes), &animations), None, &ImportOptions::default()).unwrap();
+        surefoot_levels::import_gltf(&animated_level(json!(nodes), &animations), None, &ImportOptions::default())
+            .unwrap();
     let names: Vec<&str> = imported.map.movers().iter().map(|mover| mover.name.as_str()).collect();
     assert_eq!(names.len(), 6, "{names:?}");
     assert_eq!(names[..4], ["animated.1", "animated.2", "Cube", "Cube.4"]);
@@ -1215,7 +1223,7 @@ fn levels_whose_props_are_animated_in_any_way_are_imported() {
 #[test]
 fn animations_that_cannot_be_read_are_refused_with_the_node() {
     let nodes = || json!([{ "name": "floor", "mesh": 0, "scale": [60.0, 1.0, 60.0] }, { "name": "lift", "mesh": 0 }]);
-    let import = |bytes: &[u8]| exchange::import_gltf(bytes, None, &ImportOptions::default());
+    let import = |bytes: &[u8]| surefoot_levels::import_gltf(bytes, None, &ImportOptions::default());
     let keys: Keys<'_> = &[(0.0, &[0.0, f32::NAN, 0.0]), (1.0, &[0.0, 5.0, 0.0])];
     refusal(import(&animated_level(nodes(), &[(1, "translation", keys)])), "node `lift`");
     // Animations of bones are ignored.

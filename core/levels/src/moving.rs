@@ -8,18 +8,18 @@
 //! Names that only speak of a door (`door_frame`, `doorway`, `doorstep`) stay solid, like lifts and platforms without a path and conveyors
 //! without a velocity. An extra `mover` with the kind makes a mover of any node, and `mover: false` keeps it solid.
 
-use super::animated::{Animation, Journey};
-use super::extras::Extras;
-use super::faults::ImportError;
-use super::inspect;
-use super::scene::{Bounds, Frame, Node};
-use super::sides;
-use crate::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
-use crate::map::{Mover, MoverKind, MoverStop, mover};
-use crate::mesh::{Surface, Triangle};
-use crate::{StopIdx, Vec3};
+use crate::animated::{Animation, Journey};
+use crate::extras::Extras;
+use crate::faults::ImportError;
+use crate::inspect;
+use crate::scene::{Bounds, Frame, Node};
+use crate::sides;
 use serde::Deserialize;
 use std::collections::HashMap;
+use surefoot_world::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
+use surefoot_world::map::{Mover, MoverKind, MoverStop, mover};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{StopIdx, Vec3};
 
 /// Usual speed of lifts and platforms, m/s, and usual duration of a door's or a floor's change, s.
 const TRAVEL_SPEED: f64 = 2.0;

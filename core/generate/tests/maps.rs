@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use surefoot_world::map::stage::Stage;
+use surefoot_generate::Stage;
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::{Means, Reach};
@@ -26,7 +26,7 @@ fn spec(seed: u64, side: u32, features: &str) -> MapSpec {
 fn released_specs_have_their_recorded_hashes_on_any_number_of_threads() {
     for (seed, side, features, hash) in GOLDEN {
         for thread_count in [1, 2, 5] {
-            let map = Map::generate_with(&spec(seed, side, features), thread_count, |_| {});
+            let map = surefoot_generate::generate_with(&spec(seed, side, features), thread_count, |_| {});
             assert_eq!(map.hash().to_string(), hash, "seed {seed}, {side} m, {features}, {thread_count} threads");
         }
     }
@@ -49,7 +49,9 @@ fn of_kind(kind: MapKind, seed: u64, side: u32) -> MapSpec {
 #[test]
 fn each_kind_has_its_recorded_hash_on_any_number_of_threads() {
     let hashes = |threads| {
-        GOLDEN_KINDS.map(|(kind, _)| Map::generate_with(&of_kind(kind, 11, 120), threads, |_| {}).hash().to_string())
+        GOLDEN_KINDS.map(|(kind, _)| {
+            surefoot_generate::generate_with(&of_kind(kind, 11, 120), threads, |_| {}).hash().to_string()
+        })
     };
     assert_eq!(hashes(1), GOLDEN_KINDS.map(|(_, hash)| hash.to_owned()));
     assert_eq!(hashes(2), GOLDEN_KINDS.map(|(_, hash)| hash.to_owned()));
@@ -60,7 +62,7 @@ fn maps_of_every_kind_and_size_have_ground_that_is_connected_by_some_means() {
     for kind in MapKind::ALL {
         for (seed, side, height) in [(1, 50, 40), (2, 140, 80), (3, 140, 200)] {
             let size = MapSize { width: side, height, depth: side };
-            let map = Map::generate(&of_kind(kind, seed, side).with(|it| it.size = size).unwrap());
+            let map = surefoot_generate::generate(&of_kind(kind, seed, side).with(|it| it.size = size).unwrap());
             let reach = Reach::survey(&map, &CharacterProfile::default(), 2);
             let share = reach.share_by(|_| true);
             assert!(share > 0.85, "{} {seed}: {share}", kind.name());
@@ -71,7 +73,7 @@ fn maps_of_every_kind_and_size_have_ground_that_is_connected_by_some_means() {
 #[test]
 fn what_walks_off_ground_that_is_not_terrain_falls_for_good() {
     for kind in [MapKind::Islands, MapKind::Tower, MapKind::Open] {
-        let map = Arc::new(Map::generate(&of_kind(kind, 5, 80)));
+        let map = Arc::new(surefoot_generate::generate(&of_kind(kind, 5, 80)));
         let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         // Beyond the rim of what stands there.
         let slot = world.spawn(Vec3::new(1.0, map.extent().y, 1.0), 0.0);
@@ -89,7 +91,7 @@ fn what_walks_off_ground_that_is_not_terrain_falls_for_good() {
 fn generation_reports_its_stages_in_order() {
     for kind in [MapKind::Terrain, MapKind::Arena] {
         let mut stages = Vec::new();
-        Map::generate_with(&of_kind(kind, 1, 60), 1, |stage| stages.push(stage));
+        surefoot_generate::generate_with(&of_kind(kind, 1, 60), 1, |stage| stages.push(stage));
         assert_eq!(stages, Stage::ALL);
     }
 }
@@ -108,15 +110,15 @@ fn each_feature_can_be_left_out_and_put_in() {
         ("teleporters", |placed| placed.teleporters.len()),
         ("jetpacks", |placed| placed.jetpacks.len()),
     ];
-    let bare = Map::generate(&spec(5, 150, "none"));
+    let bare = surefoot_generate::generate(&spec(5, 150, "none"));
     assert_eq!(*bare.placed(), Placed::default());
     for (name, count) in counts {
-        let map = Map::generate(&spec(5, 150, &format!("none,{name}=2")));
+        let map = surefoot_generate::generate(&spec(5, 150, &format!("none,{name}=2")));
         assert!(count(map.placed()) > 0, "no {name}");
         assert_ne!(map.hash(), bare.hash());
     }
     // Pads are placed at the foot of cliffs and wherever ground is cut off.
-    assert!(!Map::generate(&spec(5, 150, "none,pads")).placed().pads.is_empty());
+    assert!(!surefoot_generate::generate(&spec(5, 150, "none,pads")).placed().pads.is_empty());
 }
 
 #[test]
@@ -139,7 +141,7 @@ fn most_of_a_map_is_cut_off_on_foot_and_connected_by_all_means() {
     let profile = CharacterProfile::default();
     let mut on_foot = Vec::new();
     for seed in (0..8).chain(1000..1004).chain(2000..2004) {
-        let map = Map::generate(&MapSpec::new(seed));
+        let map = surefoot_generate::generate(&MapSpec::new(seed));
         let reach = Reach::survey(&map, &profile, 2);
         let all = reach.share_by(|_| true);
         assert!(all >= 0.95, "map {seed}: {all}");
@@ -220,11 +222,11 @@ fn movers_are_placed_where_there_is_room_and_change_nothing_else() {
     let mut found = BTreeMap::new();
     for kind in MapKind::ALL {
         let spec = furnished(kind, 1, 200);
-        let map = Map::generate_with(&spec, 2, |_| {});
+        let map = surefoot_generate::generate_with(&spec, 2, |_| {});
         if kind == MapKind::Arena {
-            assert_eq!(map.hash(), Map::generate_with(&spec, 1, |_| {}).hash(), "the same on one thread");
+            assert_eq!(map.hash(), surefoot_generate::generate_with(&spec, 1, |_| {}).hash(), "the same on one thread");
         }
-        let plain = Map::generate_with(&of_kind(kind, 1, 200), 2, |_| {});
+        let plain = surefoot_generate::generate_with(&of_kind(kind, 1, 200), 2, |_| {});
         assert_eq!(map.placed(), plain.placed());
         let corners = |map: &Map| map.mesh().triangles().iter().map(|it| it.corners()).collect::<Vec<_>>();
         assert_eq!(corners(&map), corners(&plain));
@@ -250,7 +252,9 @@ fn movers_are_placed_where_there_is_room_and_change_nothing_else() {
 
 #[test]
 fn lifts_that_were_placed_carry_bodies_to_ground_that_is_higher() {
-    let map = Arc::new(Map::generate(&spec(1, 250, "all").with(|it| it.movers = "lifts=2".parse().unwrap()).unwrap()));
+    let map = Arc::new(surefoot_generate::generate(
+        &spec(1, 250, "all").with(|it| it.movers = "lifts=2".parse().unwrap()).unwrap(),
+    ));
     let profile = CharacterProfile::default();
     let lifts: Vec<usize> = (0..map.movers().len()).filter(|idx| map.movers()[*idx].kind == MoverKind::Lift).collect();
     assert!(!lifts.is_empty());
@@ -283,13 +287,13 @@ fn lifts_that_were_placed_carry_bodies_to_ground_that_is_higher() {
 fn maps_that_are_not_repaired_have_no_pads_of_the_repair() {
     let pads = |repair: bool| {
         let spec = spec(1000, 250, "none,zip_lines=0").with(|it| it.repair = repair).unwrap();
-        let map = Map::generate(&spec);
+        let map = surefoot_generate::generate(&spec);
         let share = Reach::survey(&map, &CharacterProfile::default(), 2).share_by(|_| true);
         (map.placed().pads.len() + map.placed().zip_lines.len(), share)
     };
     let with_pads = |repair: bool| {
         let spec = spec(1000, 250, "none,pads=0.01").with(|it| it.repair = repair).unwrap();
-        let map = Map::generate(&spec);
+        let map = surefoot_generate::generate(&spec);
         (map.placed().pads.len(), Reach::survey(&map, &CharacterProfile::default(), 2).share_by(|_| true))
     };
     assert_eq!(pads(false).0, 0);

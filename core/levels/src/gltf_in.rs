@@ -3,12 +3,10 @@
 //! The JSON is parsed into the types of the `gltf` crate, but without its wrappers: those trust indices and lengths, and
 //! the crate's own validation indexes with a number from the file. Here every index, offset and length is checked on use.
 
-use super::animated::Animation;
-use super::faults::{ImportError, MAX_TRIANGLES};
-use super::meshopt::{self, Compression};
-use super::scene::{Node, Scene, node_label};
-use crate::Vec3;
-use crate::map::MapSize;
+use crate::animated::Animation;
+use crate::faults::{ImportError, MAX_TRIANGLES};
+use crate::meshopt::{self, Compression};
+use crate::scene::{Node, Scene, node_label};
 use glam::{Mat4, Quat};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::animation::{Interpolation, Property};
@@ -18,6 +16,8 @@ use gltf::json::{self, Index, Root};
 use serde::Deserialize;
 use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
+use surefoot_world::Vec3;
+use surefoot_world::map::MapSize;
 
 /// Extension that repeats a mesh, without a fallback for programs that do not support it.
 const INSTANCING_EXTENSION: &str = "EXT_mesh_gpu_instancing";

@@ -1,21 +1,29 @@
 //! Generates a [`Map`] from a [`MapSpec`], in phases: terrain, what is cut into it, what stands on it, devices, and
 //! finally the repair of ground that has no way in or out.
 
-use super::features::{
-    Building, Cave, DISC_RADIUS_M, JETPACK_FUEL_S, Jetpack, Liquid, Outline, PAD_EXTRA_M, Pad, Placed, Plateau, Pool,
-    Ravine,
-};
-use super::stage::{Stage, count_on, pad};
-use super::structures::{self, MIN_HOUSE_HALF, STOREY_M};
-use super::terrain::{Lattice, VOXEL_M};
-use super::{Map, MapKind, MapSpec, built, furnish, repair};
-use crate::float::hypot;
-use crate::mesh::{Surface, Triangle};
-use crate::{Vec3, parallel};
+mod buildings;
+mod built;
+mod furnish;
+mod repair;
+mod stage;
+mod terrain;
+
+use buildings::{MIN_HOUSE_HALF, STOREY_M};
 use noise::{NoiseFn, Perlin};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
+pub use stage::Stage;
+use stage::{count_on, pad};
 use std::f32::consts::TAU;
+use surefoot_world::Vec3;
+use surefoot_world::float::hypot;
+use surefoot_world::map::features::{JETPACK_FUEL_S, PAD_EXTRA_M};
+use surefoot_world::map::{
+    Building, Cave, CollisionMap, DISC_RADIUS_M, Jetpack, Liquid, Map, MapKind, MapSpec, Outline, Pad, Placed, Plateau,
+    Pool, Ravine,
+};
+use surefoot_world::mesh::{Surface, Triangle};
+use terrain::{Lattice, VOXEL_M};
 
 /// Number of instances of each feature on the default map at density 1.
 const PLATEAU_COUNT: f32 = 12.0;
@@ -35,32 +43,30 @@ const RIM_M: f32 = 14.0;
 /// Highest rise without a pad, m: a double jump reaches 5 m.
 const JUMPABLE_M: f32 = 4.4;
 
-impl Map {
-    /// Generates the map of `spec` on all cores.
-    pub fn generate(spec: &MapSpec) -> Self {
-        Self::generate_with(spec, parallel::core_count(), |_| {})
-    }
+/// Generates the map of `spec` on all cores.
+pub fn generate(spec: &MapSpec) -> Map {
+    let core_count = std::thread::available_parallelism().map_or(1, usize::from);
+    generate_with(spec, core_count, |_| {})
+}
 
-    /// Generates the map of `spec` on `thread_count` threads, with equal bits for any number of threads, and calls
-    /// `progress` at the start of each stage.
-    pub fn generate_with(spec: &MapSpec, thread_count: usize, mut progress: impl FnMut(Stage)) -> Self {
-        let mut placer = Placer::new(spec);
-        progress(Stage::Terrain);
-        let (triangles, placed) = match built::triangles(spec) {
-            Some(triangles) => {
-                progress(Stage::Features);
-                progress(Stage::Mesh);
-                (triangles, Placed::default())
-            }
-            None => placer.terrain(thread_count, &mut progress),
-        };
-        let bare = Self::draft(Some(*spec), spec.size, triangles, placed);
-        let connected = repair::connect(bare, spec, &mut placer.rng, thread_count, &mut progress);
-        let complete = connected.complete();
-        let movers = furnish::movers(&complete, spec);
-        progress(Stage::Done);
-        complete.with_movers(movers).expect("movers that were placed are valid")
-    }
+/// Generates the map of `spec` on `thread_count` threads and calls `progress` at the start of each stage. The bits of the
+/// map do not depend on the number of threads.
+pub fn generate_with(spec: &MapSpec, thread_count: usize, mut progress: impl FnMut(Stage)) -> Map {
+    let mut placer = Placer::new(spec);
+    progress(Stage::Terrain);
+    let (triangles, placed) = match built::triangles(spec) {
+        Some(triangles) => {
+            progress(Stage::Features);
+            progress(Stage::Mesh);
+            (triangles, Placed::default())
+        }
+        None => placer.terrain(thread_count, &mut progress),
+    };
+    let bare = CollisionMap::new(Some(*spec), spec.size, triangles, placed);
+    let map = Map::new(repair::connect(bare, spec, &mut placer.rng, thread_count, &mut progress));
+    let movers = furnish::movers(&map, spec);
+    progress(Stage::Done);
+    map.with_movers(movers).expect("movers that were placed are valid")
 }
 
 /// Places features so that they do not overlap.
@@ -98,7 +104,7 @@ impl Placer {
         let mut triangles: Vec<Triangle> =
             lattice.surface().into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
         drop(lattice);
-        structures::add_buildings(&placed.buildings, &mut triangles);
+        buildings::add(&placed.buildings, &mut triangles);
         (triangles, placed)
     }
 

@@ -1,10 +1,10 @@
 //! A level as read from a file: nodes with triangles, and the frame of its coordinates.
 
-use super::animated::Animation;
-use super::faults::ImportError;
-use crate::Vec3;
-use crate::map::MapSize;
+use crate::animated::Animation;
+use crate::faults::ImportError;
 use serde_json::value::RawValue;
+use surefoot_world::Vec3;
+use surefoot_world::map::MapSize;
 
 /// Vertical axis of a level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

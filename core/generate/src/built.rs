@@ -1,15 +1,14 @@
 //! Maps that are built of blocks instead of shaped as terrain: islands, towers, arenas and interiors. Beyond and between the
 //! blocks there is nothing: what falls there is lost.
 
-use super::spec::{MapKind, MapSpec};
-use super::structures::Block;
-use crate::Vec3;
-use crate::float::hypot;
-use crate::mesh::{Surface, Triangle};
 use noise::{NoiseFn, Perlin};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::{FRAC_PI_2, TAU};
+use surefoot_world::Vec3;
+use surefoot_world::float::hypot;
+use surefoot_world::map::{Block, MapKind, MapSpec};
+use surefoot_world::mesh::{Surface, Triangle};
 
 /// Scales of built maps, one of which is drawn for each: 1 is made for people, larger ones for giants.
 const SCALES: [f32; 5] = [0.8, 1.0, 1.0, 1.6, 2.5];
@@ -25,7 +24,7 @@ const MAX_RELIEF_M: f32 = 24.0;
 const BASE_SHARE: f32 = 0.3;
 
 /// The solid triangles of a built map; `None` for kinds that are terrain.
-pub(super) fn triangles(spec: &MapSpec) -> Option<Vec<Triangle>> {
+pub(crate) fn triangles(spec: &MapSpec) -> Option<Vec<Triangle>> {
     let mut builder = Builder::new(spec);
     match spec.kind {
         MapKind::Terrain | MapKind::Open => return None,

@@ -1,18 +1,16 @@
 //! Places devices that need a survey of the ground: zip lines and teleporters between islands, and a pad or a zip line
 //! wherever ground has no way in or out.
 
-use super::features::{CATCH_HEIGHT_M, DISC_RADIUS_M, Pad, Placed, Teleporter, ZipLine};
-use super::stage::{Stage, count_on, pad};
-use super::{Map, MapSpec};
-use crate::Vec3;
-use crate::character::{CharacterProfile, MoveScratch, is_clear};
-use crate::float::hypot;
-use crate::mesh::Surface;
-use crate::reach::ground::{Cell, Ground};
-use crate::reach::leap::{self, Leap};
-use crate::reach::{Link, Means, Reach, links};
+use crate::stage::{Stage, count_on, pad};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
+use surefoot_world::Vec3;
+use surefoot_world::character::{CharacterProfile, MoveScratch, is_clear};
+use surefoot_world::float::hypot;
+use surefoot_world::map::{CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, MapSpec, Pad, Placed, Teleporter, ZipLine};
+use surefoot_world::reach::ground::{Cell, Ground};
+use surefoot_world::reach::leap::{self, Leap};
+use surefoot_world::reach::{Link, Means, Reach, links};
 
 /// Number of zip lines and of teleporters on the default map at density 1.
 const ZIP_LINE_COUNT: f32 = 8.0;
@@ -36,20 +34,20 @@ const MAX_PASSES: usize = 4;
 /// Places that are tried for one device.
 const SITE_TRIES: usize = 40;
 
-/// Adds the devices that need a survey, repairs the map, and indexes it again with the discs of all devices. Takes and returns a draft.
-pub(super) fn connect(
-    bare: Map,
+/// Adds the devices that need a survey, repairs the map, and indexes it again with the discs of all devices.
+pub(crate) fn connect(
+    bare: CollisionMap,
     spec: &MapSpec,
     rng: &mut ChaCha8Rng,
     thread_count: usize,
     progress: &mut impl FnMut(Stage),
-) -> Map {
+) -> CollisionMap {
     let profile = CharacterProfile::default();
     let mut map = bare;
     let wanted = &spec.features;
     if !spec.repair && wanted.zip_lines == 0.0 && wanted.teleporters == 0.0 {
         let placed = map.placed().clone();
-        return with_devices(map, spec, placed);
+        return map.with_placed(placed);
     }
     progress(Stage::Survey);
     for pass in 0..MAX_PASSES {
@@ -75,20 +73,12 @@ pub(super) fn connect(
         if pass > 0 && placed == *map.placed() {
             break;
         }
-        map = with_devices(map, spec, placed);
+        map = map.with_placed(placed);
         if !spec.repair {
             break;
         }
     }
     map
-}
-
-/// The draft with these pools and devices instead of those that it has.
-fn with_devices(draft: Map, spec: &MapSpec, placed: Placed) -> Map {
-    let mut triangles = draft.into_triangles();
-    triangles.retain(|triangle| triangle.surface() == Surface::Ground);
-    super::structures::add_surfaces(&placed, &mut triangles);
-    Map::draft(Some(*spec), spec.size, triangles, placed)
 }
 
 /// Direction of the connection that a cut-off island lacks.
@@ -109,7 +99,7 @@ impl Direction {
 }
 
 struct Repair<'a> {
-    map: &'a Map,
+    map: &'a CollisionMap,
     profile: &'a CharacterProfile,
     reach: Reach,
     placed: Placed,

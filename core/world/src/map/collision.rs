@@ -1,0 +1,184 @@
+//! [`CollisionMap`]: what bodies move on and what catches them.
+
+use super::features::{CATCH_HEIGHT_M, DISC_RADIUS_M, Jetpack, Liquid, Pad, Placed};
+use super::hash::MapHash;
+use super::mover::Mover;
+use super::piece::Piece;
+use super::spec::{MapSize, MapSpec};
+use super::surfaces;
+use super::zones::{Zone, ZoneGrid};
+use crate::Vec3;
+use crate::mesh::{Mesh, Surface, Triangle};
+use std::sync::Arc;
+
+/// The solid geometry of a map with its hazards, devices and movers: everything but the index for sensing.
+///
+/// Bodies move on it, so that a generator can test a draft before it makes a [`Map`](super::Map) of it.
+#[derive(Debug)]
+pub struct CollisionMap {
+    pub(super) spec: Option<MapSpec>,
+    pub(super) size: MapSize,
+    pub(super) mesh: Mesh,
+    pub(super) placed: Placed,
+    pub(super) zones: ZoneGrid,
+    pub(super) movers: Arc<[Mover]>,
+    pub(super) pieces: Vec<Piece>,
+    pub(super) hash: MapHash,
+    /// Hash of the map without its pieces.
+    pub(super) built_hash: MapHash,
+    /// Number of pools that are no pieces; they come first.
+    pub(super) built_pool_count: usize,
+}
+
+impl CollisionMap {
+    /// Indexes complete geometry, which includes the surfaces of pools and devices.
+    pub fn new(spec: Option<MapSpec>, size: MapSize, triangles: Vec<Triangle>, placed: Placed) -> Self {
+        let extent = size.extent();
+        let hash = MapHash::of_content(size, &triangles, &placed);
+        Self {
+            spec,
+            size,
+            mesh: Mesh::new(triangles, extent),
+            zones: ZoneGrid::new(extent, &placed),
+            movers: Arc::default(),
+            pieces: Vec::new(),
+            hash,
+            built_hash: hash,
+            built_pool_count: placed.pools.len(),
+            placed,
+        }
+    }
+
+    /// Indexes solid geometry, to which this adds the surfaces of pools and devices.
+    pub fn from_solids(spec: Option<MapSpec>, size: MapSize, mut triangles: Vec<Triangle>, placed: Placed) -> Self {
+        surfaces::add(&placed, &mut triangles);
+        Self::new(spec, size, triangles, placed)
+    }
+
+    /// This map, without movers and pieces, with these features instead of its own.
+    pub fn with_placed(self, placed: Placed) -> Self {
+        let mut triangles = self.mesh.into_built_triangles();
+        triangles.retain(|triangle| triangle.surface() == Surface::Ground);
+        Self::from_solids(self.spec, self.size, triangles, placed)
+    }
+
+    /// The triangles and features of this map without its pieces.
+    pub fn without_pieces(&self) -> (&[Triangle], Placed) {
+        let mut placed = self.placed.clone();
+        placed.pools.truncate(self.built_pool_count);
+        (self.mesh.built_triangles(), placed)
+    }
+
+    /// The spec from which the map was generated; `None` for an imported level.
+    pub fn spec(&self) -> Option<&MapSpec> {
+        self.spec.as_ref()
+    }
+
+    /// Extent in whole metres.
+    pub fn size(&self) -> MapSize {
+        self.size
+    }
+
+    /// The collision and sensing geometry.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// All features of the map.
+    pub fn placed(&self) -> &Placed {
+        &self.placed
+    }
+
+    /// All movers of the map; their indices name them.
+    pub fn movers(&self) -> &[Mover] {
+        &self.movers
+    }
+
+    /// What was added to the map since it was built, by name.
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// Content hash: equal for maps with the same geometry, features, movers and pieces.
+    pub fn hash(&self) -> MapHash {
+        self.hash
+    }
+
+    /// Content hash of the map without its pieces.
+    pub fn built_hash(&self) -> MapHash {
+        self.built_hash
+    }
+
+    /// Extent as a vector, m.
+    pub fn extent(&self) -> Vec3 {
+        self.size.extent()
+    }
+
+    /// Whether `feet` is outside the map sideways or below its floor.
+    pub fn is_outside(&self, feet: Vec3) -> bool {
+        let extent = self.extent();
+        feet.y < 0.0 || feet.x < 0.0 || feet.z < 0.0 || feet.x > extent.x || feet.z > extent.z
+    }
+
+    /// Pools and devices near `point` that may contain it; most places have none.
+    pub fn zones_near(&self, point: Vec3) -> &[Zone] {
+        self.zones.near(point.x, point.z)
+    }
+
+    /// The liquid that covers `feet` by more than `depth` metres.
+    pub fn liquid_at(&self, feet: Vec3, depth: f32) -> Option<Liquid> {
+        self.zones_near(feet).iter().find_map(|zone| {
+            let Zone::Pool(idx) = zone else { return None };
+            let pool = &self.placed.pools[*idx as usize];
+            let offset = feet - pool.centre;
+            let covered = offset.y < -depth && offset.y > -(pool.depth + 1.0);
+            (covered && pool.outline.contains(offset.x, offset.z)).then_some(pool.liquid)
+        })
+    }
+
+    /// The device that catches a character with its feet at `feet`; never a [`Zone::Pool`].
+    pub fn device_at(&self, feet: Vec3) -> Option<Zone> {
+        self.zones_near(feet).iter().copied().find(|&zone| self.device_centre(zone).is_some_and(|c| catches(c, feet)))
+    }
+
+    /// Centre of the disc where a device is entered, m; `None` for a pool.
+    pub fn device_centre(&self, zone: Zone) -> Option<Vec3> {
+        Some(match zone {
+            Zone::Pool(_) => return None,
+            Zone::Pad(idx) => self.placed.pads[idx as usize].centre,
+            Zone::ZipLine(idx) => self.placed.zip_lines[idx as usize].from,
+            Zone::Teleporter(idx) => self.placed.teleporters[idx as usize].from,
+            Zone::TeleporterBack(idx) => self.placed.teleporters[idx as usize].to,
+            Zone::Jetpack(idx) => self.placed.jetpacks[idx as usize].centre,
+        })
+    }
+
+    /// The pad nearest to `point` within [`DEVICE_RANGE_M`].
+    pub fn nearest_pad(&self, point: Vec3) -> Option<&Pad> {
+        self.placed.nearest_pad(point)
+    }
+
+    /// The jetpack nearest to `point` within [`DEVICE_RANGE_M`].
+    pub fn nearest_jetpack(&self, point: Vec3) -> Option<&Jetpack> {
+        self.placed.nearest_jetpack(point)
+    }
+
+    /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`; see [`Placed::best_transport`].
+    pub fn best_transport(&self, point: Vec3, goal: Vec3) -> Option<(Vec3, Vec3)> {
+        self.placed.best_transport(point, goal)
+    }
+}
+
+fn catches(centre: Vec3, feet: Vec3) -> bool {
+    let offset = feet - centre;
+    offset.y.abs() < CATCH_HEIGHT_M && offset.x * offset.x + offset.z * offset.z < DISC_RADIUS_M * DISC_RADIUS_M
+}
+
+impl From<Liquid> for Surface {
+    fn from(liquid: Liquid) -> Self {
+        match liquid {
+            Liquid::Water => Surface::Water,
+            Liquid::Lava => Surface::Lava,
+        }
+    }
+}
