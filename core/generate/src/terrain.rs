@@ -6,7 +6,7 @@
 
 use noise::{NoiseFn, Perlin};
 use rayon::prelude::*;
-use surefoot_world::Vec3;
+use surefoot_world::{Vec3, parallel};
 use surefoot_world::float::hypot;
 use surefoot_world::map::MapSize;
 
