@@ -6,6 +6,9 @@
 
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
+use crate::needs::Ride;
+use crate::ride_stops::RideStops;
+use crate::settings::{BuildSettings, Site};
 use std::collections::{BTreeMap, BTreeSet};
 use surefoot_world::float::hypot;
 use surefoot_world::{CharacterProfile, Map, MoverAt, MoverId, Vec3};
@@ -32,22 +35,49 @@ const DROP_M: f32 = 4.0;
 /// Greatest horizontal distance that a character covers while dropping, m.
 const DROP_REACH_M: f32 = 16.0;
 
-/// Number of vertices that each ride_stop is paired with, and their greatest distance, m.
+/// Number of vertices that each ride stop is paired with.
 const BOARDINGS: usize = 10;
+/// Greatest distance of such a vertex from the ride stop, m.
 const BOARD_M: f32 = 14.0;
 
 /// Vertices in a column of the grid in which neighbours are looked up, on average.
 const VERTICES_PER_COLUMN: f32 = 4.0;
-/// What distances may be off by, m.
+/// Error of distances, m.
 const ROUNDING_M: f32 = 0.01;
 
-/// Pairs each vertex with its `neighbours` nearest vertices, in the order of the vertices, nearest first.
-pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
-    nearest_of(0..vertices.len() as u32, vertices, neighbours)
+/// Finds the candidate edges from each vertex to its nearest neighbours, to and from ride stops and, if the settings
+/// include special moves, at devices and ledges. Also returns the number of the latter.
+pub fn find(site: &Site, settings: &BuildSettings, vertices: &[Vec3]) -> (Vec<Candidate>, u64) {
+    find_of(0..vertices.len() as u32, site, settings, vertices)
 }
 
-/// The same for some of the vertices.
-pub fn nearest_of(some: impl Iterator<Item = u32>, vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
+/// Like [`find`], with the nearest neighbours of some vertices only.
+pub(crate) fn find_of(
+    some: impl Iterator<Item = u32>,
+    site: &Site,
+    settings: &BuildSettings,
+    vertices: &[Vec3],
+) -> (Vec<Candidate>, u64) {
+    let mut candidates = nearest_of(some, vertices, settings.neighbours);
+    let ride_stops = RideStops::on(&site.map, &site.profile).of_vertices(vertices);
+    if ride_stops.iter().any(Option::is_some) {
+        // NPCs do not leap from one mover to another.
+        candidates.retain(|key| match (ride_stops[key.from.idx()], ride_stops[key.to.idx()]) {
+            (Some(from), Some(to)) => Ride::between(from, to).is_some(),
+            _ => true,
+        });
+        candidates.extend(by_ride_stops(&ride_stops, vertices, &candidates));
+    }
+    if !settings.special_moves {
+        return (candidates, 0);
+    }
+    let special = by_features(&site.map, &site.profile, vertices, &candidates);
+    candidates.extend(&special);
+    (candidates, special.len() as u64)
+}
+
+/// Pairs some vertices with their `neighbours` nearest vertices, in the order of the vertices, nearest first.
+fn nearest_of(some: impl Iterator<Item = u32>, vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
     let grid = PointGrid::spread(vertices, VERTICES_PER_COLUMN);
     let of = |from: u32| {
         let near = grid.nearest(vertices, vertices[from as usize], neighbours, |to| to != from);
@@ -56,7 +86,7 @@ pub fn nearest_of(some: impl Iterator<Item = u32>, vertices: &[Vec3], neighbours
     some.flat_map(of).collect()
 }
 
-/// Keeps the `count` nearest of some vertices, nearest first; of those that are equally near, the first.
+/// Keeps the `count` nearest of some vertices, nearest first; of equally near ones, the first.
 fn keep_nearest(vertices: &mut Vec<(f32, u32)>, count: usize) {
     let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
     if vertices.len() > count {
@@ -113,8 +143,8 @@ pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], kno
     found.into_iter().collect()
 }
 
-/// Finds the candidate edges of ride_stops that are not in `known`, in ascending order: the rides, and the ways to and from the nearest vertices
-/// that are no ride_stops. `ride_stops` has the ride_stop of each vertex, as [`RideStops::of_vertices`](crate::RideStops::of_vertices) returns them.
+/// Finds the candidate edges at ride stops that are not in `known`, in ascending order: the rides, and the legs to and
+/// from the nearest vertices that are not ride stops. `ride_stops` has the ride stop of each vertex.
 pub fn by_ride_stops(ride_stops: &[Option<MoverAt>], vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
     let mut found = BTreeSet::new();
     let mut stops: BTreeMap<MoverId, Vec<u32>> = BTreeMap::new();
@@ -208,7 +238,8 @@ mod tests {
                     others.into_iter().take(neighbours).map(move |to| EdgeKey::new(from, to))
                 });
                 let expected: Vec<Candidate> = through_all.collect();
-                assert_eq!(nearest(&vertices, neighbours), expected, "kind {kind}, {count} vertices, {neighbours}");
+                let found = nearest_of(0..count as u32, &vertices, neighbours);
+                assert_eq!(found, expected, "kind {kind}, {count} vertices, {neighbours}");
             }
         }
     }
@@ -219,10 +250,7 @@ mod tests {
         vertices.extend([0.0, 4.0, 8.0].map(|height| Vec3::new(100.0, height, 100.0)));
         vertices.push(Vec3::new(103.0, 0.0, 100.0));
         let mut ride_stops = vec![None; 200];
-        ride_stops.extend(
-            [(3, 0), (3, 1), (3, 2), (9, 0)]
-                .map(|(mover, stop)| Some(MoverAt { mover: MoverId(mover), stop: StopIdx(stop) })),
-        );
+        ride_stops.extend([(3, 0), (3, 1), (3, 2), (9, 0)].map(|(mover, stop)| Some(MoverAt { mover: MoverId(mover), stop: StopIdx(stop) })));
         let found = by_ride_stops(&ride_stops, &vertices, &[EdgeKey::new(200, 202)]);
         let rides: Vec<Candidate> = found.iter().copied().filter(|key| key.from.0.min(key.to.0) >= 200).collect();
         let expected = [(200, 201), (201, 200), (201, 202), (202, 200), (202, 201)];

@@ -1,16 +1,16 @@
-//! Joins what frugal probing left apart: candidates between islands that no path connects are probed again and again, over longer
-//! distances than elsewhere. A leg that rarely succeeds is worth more than none, since NPCs rehearse what may harm them.
+//! Joins what frugal probing left apart: candidates between islands that no path connects are probed again and again,
+//! over longer distances than elsewhere. A leg that rarely succeeds is worth more than none, since NPCs rehearse what may
+//! harm them.
 
-use crate::build::candidates::Candidate;
-use crate::build::{Builder, Probed};
+use super::Probed;
+use super::candidates::Candidate;
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::settings::BuildError;
 use std::collections::{BTreeMap, BTreeSet};
-use surefoot_world::CharacterProfile;
 use surefoot_world::float::hypot;
 
-/// Rounds of probes; each looks anew at what is still apart.
+/// Rounds of probes; each looks again at which islands are apart.
 const ROUNDS: u32 = 6;
 /// Most probes of one candidate.
 const MAX_TRIES: u32 = 8;
@@ -23,33 +23,30 @@ const CLIMB_WEIGHT: f32 = 3.0;
 /// A round probes at most one in this many of all candidates, but at least [`MIN_PROBES`].
 const SHARE: usize = 10;
 const MIN_PROBES: usize = 64;
-/// Most islands, the largest first; the rest of a graph in crumbs stays as it is.
+/// Greatest number of islands that are joined, the largest first.
 const MAX_ISLANDS: usize = 256;
 /// Prior of a candidate that only this search has found.
 const PRIOR: f32 = 0.3;
 
-impl Builder<'_> {
-    /// Probes candidates between islands, new ones included.
-    pub(crate) fn join_islands(&self, probed: &mut Probed) -> Result<(), BuildError> {
-        let mut joined = BTreeSet::new();
-        for _ in 0..ROUNDS {
-            let graph = probed.graph(self.settings.threshold);
-            let mut found = apart(&graph, &self.site.profile, probed);
-            found.truncate((probed.candidates.len() / SHARE).max(MIN_PROBES));
-            if found.is_empty() {
-                break;
-            }
-            let which: Vec<u32> = found.into_iter().map(|key| probed.index_of(key, PRIOR)).collect();
-            self.try_once_each(&which, probed)?;
-            joined.extend(which);
+/// Probes candidates between islands, new ones included.
+pub(super) fn join_islands(probed: &mut Probed<'_>) -> Result<(), BuildError> {
+    let mut joined = BTreeSet::new();
+    for _ in 0..ROUNDS {
+        let mut found = unreached_pairs(&probed.graph(), probed);
+        found.truncate((probed.candidates.len() / SHARE).max(MIN_PROBES));
+        if found.is_empty() {
+            break;
         }
-        self.prove_on_the_run(joined, probed)
+        let which: Vec<u32> = found.into_iter().map(|key| probed.index_of(key, PRIOR)).collect();
+        probed.try_once_each(&which)?;
+        joined.extend(which);
     }
+    probed.prove_on_the_run(joined)
 }
 
-/// Pairs of near vertices of which no path leads from the first to the second, the easiest first.
-fn apart(graph: &NavGraph, profile: &CharacterProfile, probed: &Probed) -> Vec<Candidate> {
-    let islands = graph.islands();
+/// Pairs of near vertices such that no path leads from the first to the second, the easiest first.
+fn unreached_pairs(graph: &NavGraph, probed: &Probed<'_>) -> Vec<Candidate> {
+    let (islands, profile) = (graph.islands(), &probed.site().profile);
     let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
     graph.vertices().for_each(|vertex| members.entry(islands[vertex.idx()]).or_default().push(vertex));
     let mut largest: Vec<&Vec<VertexId>> = members.values().collect();

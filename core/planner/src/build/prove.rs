@@ -1,19 +1,19 @@
 //! Probes candidate edges: all of them with all repeats, as in the paper, or only with as many probes as are needed.
 //!
-//! Frugal probing proceeds in rounds, each with a `predictor` fitted to the rounds before. The nearest third of each
-//! vertex's candidates is probed once, then the middle third, then the farthest. The later rounds omit hopeless
-//! candidates, which are expected to fail, and needless ones, which no plan would use because proved edges already lead
-//! to the same vertex at less than the candidate's expected cost. A hopeless candidate is probed after all if no proved
-//! edges lead from its one end to the other. Finally, candidates whose outcome the predictor did not clearly
-//! expect are probed again, up to the number of repeats in the settings.
+//! Frugal probing proceeds in rounds, each with a predictor fitted to the rounds before. The nearest third of each
+//! vertex's candidates is probed once, then the middle third, then the farthest. The later rounds omit two kinds of
+//! candidates: hopeless ones, which are expected to fail, and needless ones, which no plan would use because proved edges
+//! already lead to the same vertex for less. A hopeless candidate is probed after all if no proved edges lead from its
+//! one end to the other. Finally, candidates with an outcome that the predictor did not clearly expect are probed again,
+//! up to the number of repeats in the settings.
 //!
-//! Where a miss is fatal, beside a void or lava, edges are then probed as NPCs use them that follow a plan: on the run, from an
-//! edge before.
+//! Where a miss is fatal, beside a void or lava, edges are then probed as NPCs with a plan use them: on the run, from a
+//! preceding edge.
 
-use crate::build::Progress;
-use crate::build::candidates::Candidate;
-use crate::build::predictor::{Geometry, Predictor, is_perilous, measure};
-use crate::build::probe::{EdgeRun, Outcome, ProbeExecutor, ProbeWatch, Trial};
+use super::candidates::Candidate;
+use super::predictor::{Geometry, Predictor, is_perilous, measure};
+use super::probe::{EdgeRun, Outcome, ProbeWatch, Trial};
+use super::{Builder, Progress};
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
@@ -22,133 +22,148 @@ use crate::needs::Ride;
 use crate::price::{Caution, price};
 use crate::search::csr::Csr;
 use crate::search::frontier::Frontier;
-use crate::settings::Probing;
+use crate::settings::{BuildError, Probing};
 use crate::threads::with_threads;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
-use surefoot_world::{Ability, Chance, Map, MoverAt, Vec3};
+use surefoot_world::{Ability, Chance, MoverAt, Vec3};
 
-/// Inputs for probing candidate edges.
-pub struct ProbeRun<'a> {
-    /// The map that the vertices stand on.
-    pub map: &'a Map,
+/// Probes candidate edges between vertices.
+pub(crate) struct Prover<'a> {
+    pub builder: Builder<'a>,
     /// Positions of the vertices, m.
     pub vertices: &'a [Vec3],
     /// Candidate edges to probe. Among those that leave the same vertex, the nearest come first.
     pub candidates: &'a [Candidate],
-    /// Maximum number of probes per candidate edge.
-    pub repeats: u32,
-    /// The ride_stop, a mover and its stop, at which each vertex is; vertices beyond the end are at none.
+    /// The ride stop at which each vertex is; vertices beyond the end are at none.
     pub ride_stops: Cow<'a, [Option<MoverAt>]>,
-    /// Seed of initial headings and of noise.
-    pub seed: u64,
-    /// Number of threads for work other than probing.
-    pub thread_count: usize,
-    /// Runs the probes.
-    pub executor: &'a dyn ProbeExecutor,
-    /// Counts the probes, notes their outcomes, and cancels them.
-    pub progress: &'a Progress,
 }
 
 /// Number of rounds in which each vertex's candidates are first probed, from near to far.
 const ROUNDS: usize = 3;
-/// Expected chance below which a candidate is probed only as a bridge between vertices that no proved edges connect.
-const HOPELESS: f64 = 0.15;
+/// Least expected chance of a candidate that is probed other than as a bridge between vertices that no proved edges
+/// connect.
+const MIN_CHANCE_TO_PROBE: f64 = 0.15;
 /// Expected chance above which one success settles a candidate.
 const SURE: f64 = 0.8;
 /// Expected chance below which one failure settles a candidate.
 const UNLIKELY: f64 = 0.4;
 /// At most one in this many of all candidates is probed as a bridge.
 const BRIDGE_SHARE: usize = 8;
-/// A candidate is needless if proved edges lead to its end at no more than this fraction of its expected cost.
-const NEEDLESS: f64 = 0.85;
+/// A candidate is needless if proved edges lead to its end at no more than this share of its expected cost.
+const MAX_COST_SHARE: f64 = 0.85;
 
 /// Usual share of deaths among failures on edges beside which a miss is fatal.
 const DEATHS_BESIDE_PERIL: f64 = 0.5;
-/// The same on other edges.
+/// Usual share of deaths among failures on all other edges.
 const DEATHS_ELSEWHERE: f64 = 0.02;
 /// Probes on the run of an edge beside which a miss is fatal.
 const RUNS: u32 = 4;
-/// Success rate below which an edge is not probed on the run any more.
-const FORLORN: f64 = 0.5;
+/// Least success rate of an edge that is still probed on the run.
+const MIN_RATE_ON_RUN: f64 = 0.5;
 
-impl ProbeRun<'_> {
-    /// Probes the candidates and returns the evidence of each, in order; `None` if the build was cancelled.
-    pub fn run(&self, probing: Probing) -> Option<Vec<Evidence>> {
+impl Prover<'_> {
+    /// Probes the candidates and returns the evidence of each, in order.
+    pub fn run(&self, probing: Probing) -> Result<Vec<Evidence>, BuildError> {
         let mut evidence = vec![Evidence::default(); self.candidates.len()];
-        self.progress.interim.renew(self.vertices, self.candidates, &evidence);
+        self.progress().interim.renew(self.vertices, self.candidates, &evidence);
         match probing {
             Probing::Exhaustive => {
-                let all: Vec<u32> = (0..self.repeats).flat_map(|_| 0..self.candidates.len() as u32).collect();
+                let repeats = 0..self.builder.settings.repeats;
+                let all: Vec<u32> = repeats.flat_map(|_| 0..self.candidates.len() as u32).collect();
                 self.try_once_each(&all, &mut evidence)?;
             }
             Probing::Frugal => self.frugal(&mut evidence)?,
         }
-        Some(evidence)
+        Ok(evidence)
     }
 
-    /// Probes each listed candidate once per listing and adds the outcomes to `evidence`; `None` if the build was cancelled.
-    pub fn try_once_each(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
+    /// Probes each listed candidate once per listing and adds the outcomes to `evidence`.
+    pub fn try_once_each(&self, which: &[u32], evidence: &mut [Evidence]) -> Result<(), BuildError> {
         let mut attempts: HashMap<u32, u32> = HashMap::new();
         let tries = which.iter().map(|&idx| {
             let attempt = attempts.entry(idx).or_insert(evidence[idx as usize].tries);
             *attempt += 1;
-            (idx, EdgeRun::Probe(*attempt))
+            (idx, *attempt)
         });
-        let tries: Vec<(u32, EdgeRun)> = tries.collect();
-        self.progress.interim.extend(self.vertices, self.candidates, evidence);
-        let outcomes = self.run_trials(&tries, &Noting { progress: self.progress, which })?;
+        let trials: Vec<Trial> = tries.map(|(idx, attempt)| self.trial(idx, EdgeRun::Probe(attempt))).collect();
+        let progress = self.progress();
+        progress.interim.extend(self.vertices, self.candidates, evidence);
+        let outcomes = self.run_trials(&trials, &InterimWatch { progress, which })?;
         for (&idx, outcome) in which.iter().zip(&outcomes) {
             evidence[idx as usize].note_probe(outcome);
         }
-        self.progress.interim.replace(which, evidence);
-        Some(())
+        progress.interim.replace(which, evidence);
+        Ok(())
     }
 
-    /// Probes the proved edges along which every try that arrived has jumped once more, without jumps: most of them can be walked.
-    pub fn prove_on_foot(&self, evidence: &mut [Evidence], threshold: f64) -> Option<()> {
+    /// Probes the proved edges along which every try that arrived has jumped once more, without jumps: most of them can
+    /// be walked.
+    pub fn prove_on_foot(&self, evidence: &mut [Evidence]) -> Result<(), BuildError> {
         let jumps = |own: &Evidence| matches!(own.ability, Ability::Jump | Ability::DoubleJump);
-        let is_due = |own: &Evidence| own.proves(threshold) && jumps(own);
-        let which: Vec<(u32, EdgeRun)> =
-            (0..).zip(&*evidence).filter(|(_, own)| is_due(own)).map(|(idx, _)| (idx, EdgeRun::OnFoot)).collect();
-        let outcomes = self.run_trials(&which, self.progress)?;
-        // A try on foot that fails says nothing of NPCs that may jump there.
-        for ((idx, _), outcome) in which.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.reached) {
+        let is_due = |own: &Evidence| own.proves(self.builder.settings.threshold) && jumps(own);
+        let which: Vec<u32> = (0..).zip(&*evidence).filter(|(_, own)| is_due(own)).map(|(idx, _)| idx).collect();
+        let trials: Vec<Trial> = which.iter().map(|&idx| self.trial(idx, EdgeRun::OnFoot)).collect();
+        let outcomes = self.run_trials(&trials, self.progress())?;
+        // A failure on foot does not count: NPCs may jump there.
+        for (idx, outcome) in which.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.reached) {
             evidence[idx as usize].note_probe(outcome);
         }
-        Some(())
+        Ok(())
     }
 
-    /// Runs one trial for each candidate and run along it.
-    fn run_trials(&self, tries: &[(u32, EdgeRun)], watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
-        self.progress.total.fetch_add(tries.len() as u64, Ordering::Relaxed);
-        let trial = |&(idx, run): &(u32, EdgeRun)| {
-            let candidate = self.candidates[idx as usize];
-            let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
-            let held = self.held(candidate);
-            let ends = self.ride_stop(candidate.from).zip(self.ride_stop(candidate.to));
-            let ride = ends.and_then(|(from, to)| Ride::between(from, to));
-            let on_foot = run == EdgeRun::OnFoot;
-            Trial { on_foot, held, ride, ..Trial::walk(start, goal, run.stream(candidate)) }
-        };
-        let trials: Vec<Trial> = tries.iter().map(trial).collect();
-        self.executor.run(&trials, self.seed, watch)
+    /// Probes on the run those of `which` beside which a miss is fatal, each time from another edge that leads to their
+    /// start.
+    pub fn prove_on_the_run(&self, which: &[u32], evidence: &mut [Evidence]) -> Result<(), BuildError> {
+        // On a ride, the body stands still.
+        let is_run = |idx: u32| evidence[idx as usize].successes > 0 && evidence[idx as usize].needs.ride.is_none();
+        let arrived: Vec<u32> = which.iter().copied().filter(|&idx| is_run(idx)).collect();
+        let is_beside_peril = self.are_perilous(&arrived)?;
+        let perilous: Vec<u32> =
+            arrived.into_iter().zip(is_beside_peril).filter_map(|(idx, is_beside)| is_beside.then_some(idx)).collect();
+        for run in 0..RUNS {
+            let runs = self.run_ups(&perilous, evidence, run);
+            let trial = |&(idx, before): &(u32, Option<u32>)| {
+                let candidate = self.candidates[idx as usize];
+                let start = before.map_or(candidate.from, |before| self.candidates[before as usize].from);
+                let [start, at, goal] = [start, candidate.from, candidate.to].map(|vertex| self.position(vertex));
+                let trial = Trial::walk(start, goal, EdgeRun::RunUp(run).stream(candidate));
+                Trial { via: before.map(|_| at), held: self.held(candidate), ..trial }
+            };
+            let outcomes = self.run_trials(&runs.iter().map(trial).collect::<Vec<_>>(), self.progress())?;
+            for ((idx, before), outcome) in runs.into_iter().zip(&outcomes) {
+                if let Some((before, approach)) = before.zip(outcome.approach.as_deref()) {
+                    evidence[before as usize].note_probe(approach);
+                }
+                if outcome.was_begun() {
+                    evidence[idx as usize].note_probe(outcome);
+                }
+            }
+        }
+        self.progress().interim.renew(self.vertices, self.candidates, evidence);
+        Ok(())
     }
 
-    /// The mover that is held at a stop for probes of this candidate, of which an end is a ride_stop.
-    fn held(&self, EdgeKey { from, to }: Candidate) -> Option<MoverAt> {
-        self.ride_stop(from).or_else(|| self.ride_stop(to))
+    /// Expects as many of the failures on an edge to be deaths as there are on edges of its class: those beside which a
+    /// miss is fatal, or all others.
+    pub fn expect_deaths(&self, evidence: &mut [Evidence]) -> Result<(), BuildError> {
+        let arrived: Vec<u32> =
+            (0..).zip(&*evidence).filter(|(_, own)| own.successes > 0).map(|(idx, _)| idx).collect();
+        let is_beside_peril = self.are_perilous(&arrived)?;
+        for (class, usual) in [(true, DEATHS_BESIDE_PERIL), (false, DEATHS_ELSEWHERE)] {
+            let members = || arrived.iter().zip(&is_beside_peril).filter(|(_, is_beside)| **is_beside == class);
+            let share = death_share(members().map(|(&idx, _)| &evidence[idx as usize]), usual);
+            members().for_each(|(&idx, _)| evidence[idx as usize].death_share = share as f32);
+        }
+        self.progress().interim.renew(self.vertices, self.candidates, evidence);
+        Ok(())
     }
 
-    fn ride_stop(&self, vertex: VertexId) -> Option<MoverAt> {
-        self.ride_stops.get(vertex.idx()).copied().flatten()
-    }
-
-    fn frugal(&self, evidence: &mut [Evidence]) -> Option<()> {
+    fn frugal(&self, evidence: &mut [Evidence]) -> Result<(), BuildError> {
         let geometry = self.measure_all()?;
-        self.progress.interim.measure(&geometry);
+        self.progress().interim.measure(&geometry);
         let index: HashMap<Candidate, u32> =
             self.candidates.iter().zip(0..).map(|(&candidate, idx)| (candidate, idx)).collect();
         let fit =
@@ -160,122 +175,28 @@ impl ProbeRun<'_> {
                 continue;
             }
             let predictor = fit(evidence);
-            let (mut hopeful, rejected): (Vec<u32>, Vec<u32>) =
-                candidates.into_iter().partition(|&idx| predictor.chance(idx as usize, evidence) >= HOPELESS);
+            let is_hopeful = |idx: &u32| predictor.chance(*idx as usize, evidence) >= MIN_CHANCE_TO_PROBE;
+            let (mut hopeful, rejected): (Vec<u32>, Vec<u32>) = candidates.into_iter().partition(is_hopeful);
             hopeless.extend(rejected);
             self.remove_needless(&mut hopeful, evidence, &predictor);
             self.try_once_each(&hopeful, evidence)?;
         }
-        let bridges = self.bridges(&hopeless, evidence);
-        self.try_once_each(&bridges, evidence)?;
-        for attempt in 1..self.repeats {
+        self.try_once_each(&self.bridges(&hopeless, evidence), evidence)?;
+        let all = 0..self.candidates.len() as u32;
+        for attempt in 1..self.builder.settings.repeats {
             let predictor = fit(evidence);
-            let doubtful: Vec<u32> = (0..self.candidates.len() as u32)
-                .filter(|&idx| {
-                    let own = &evidence[idx as usize];
-                    own.tries == attempt && !self.is_settled(own, predictor.chance(idx as usize, evidence))
-                })
-                .collect();
+            let is_doubtful = |&idx: &u32| {
+                let own = &evidence[idx as usize];
+                own.tries == attempt && !is_settled(own, predictor.chance(idx as usize, evidence))
+            };
+            let doubtful: Vec<u32> = all.clone().filter(is_doubtful).collect();
             self.try_once_each(&doubtful, evidence)?;
         }
-        let all: Vec<u32> = (0..self.candidates.len() as u32).collect();
-        self.prove_on_the_run(&all, evidence)?;
+        self.prove_on_the_run(&all.collect::<Vec<u32>>(), evidence)?;
         let predictor = fit(evidence);
         let priors: Vec<f64> = (0..evidence.len()).map(|idx| predictor.chance(idx, evidence)).collect();
         evidence.iter_mut().zip(priors).for_each(|(evidence, prior)| evidence.prior = prior as f32);
         self.expect_deaths(evidence)
-    }
-
-    /// Expects as many of the failures on an edge to be deaths as there are on others: those beside which a miss is fatal, or the rest;
-    /// `None` if the build was cancelled.
-    pub fn expect_deaths(&self, evidence: &mut [Evidence]) -> Option<()> {
-        let arrived: Vec<u32> =
-            (0..).zip(&*evidence).filter(|(_, own)| own.successes > 0).map(|(idx, _)| idx).collect();
-        let is_beside_peril = self.are_perilous(&arrived)?;
-        let classes = [(true, DEATHS_BESIDE_PERIL), (false, DEATHS_ELSEWHERE)];
-        for (class, usual) in classes {
-            let members = || arrived.iter().zip(&is_beside_peril).filter(|(_, is_beside)| **is_beside == class);
-            let share = death_share(members().map(|(&idx, _)| &evidence[idx as usize]), usual);
-            members().for_each(|(&idx, _)| evidence[idx as usize].death_share = share as f32);
-        }
-        self.progress.interim.renew(self.vertices, self.candidates, evidence);
-        Some(())
-    }
-
-    /// Whether a miss is fatal beside each of these candidates; `None` if the build was cancelled.
-    fn are_perilous(&self, which: &[u32]) -> Option<Vec<bool>> {
-        self.in_parallel(which, |&idx| {
-            let EdgeKey { from, to } = self.candidates[idx as usize];
-            is_perilous(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
-        })
-    }
-
-    /// Probes those of `which` beside which a miss is fatal on the run, each time from another edge that leads to their start.
-    pub fn prove_on_the_run(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
-        let position = |vertex: VertexId| self.vertices[vertex.idx()];
-        // A ride stands still.
-        let is_run = |idx: u32| evidence[idx as usize].successes > 0 && evidence[idx as usize].needs.ride.is_none();
-        let arrived: Vec<u32> = which.iter().copied().filter(|&idx| is_run(idx)).collect();
-        let is_beside_peril = self.are_perilous(&arrived)?;
-        let perilous: Vec<u32> =
-            arrived.into_iter().zip(is_beside_peril).filter_map(|(idx, is_beside)| is_beside.then_some(idx)).collect();
-        for run in 0..RUNS {
-            let runs = self.run_ups(&perilous, evidence, run);
-            let trial = |&(idx, before): &(u32, Option<u32>)| {
-                let candidate = self.candidates[idx as usize];
-                let start = before.map_or(candidate.from, |before| self.candidates[before as usize].from);
-                let stream = EdgeRun::RunUp(run).stream(candidate);
-                let via = before.map(|_| position(candidate.from));
-                let trial = Trial::walk(position(start), position(candidate.to), stream);
-                Trial { via, held: self.held(candidate), ..trial }
-            };
-            let trials: Vec<Trial> = runs.iter().map(trial).collect();
-            self.progress.total.fetch_add(trials.len() as u64, Ordering::Relaxed);
-            let outcomes = self.executor.run(&trials, self.seed, self.progress)?;
-            for ((idx, before), outcome) in runs.into_iter().zip(&outcomes) {
-                if let Some((before, approach)) = before.zip(outcome.approach.as_deref()) {
-                    evidence[before as usize].note_probe(approach);
-                }
-                if outcome.was_begun() {
-                    evidence[idx as usize].note_probe(outcome);
-                }
-            }
-        }
-        self.progress.interim.renew(self.vertices, self.candidates, evidence);
-        Some(())
-    }
-
-    /// Those of `edges` that still succeed often enough, each with an edge that leads to its start, another one in each `run`; `None`
-    /// if no other does.
-    fn run_ups(&self, edges: &[u32], evidence: &[Evidence], run: u32) -> Vec<(u32, Option<u32>)> {
-        let succeeds = |idx: u32| evidence[idx as usize].success_rate() >= FORLORN;
-        let mut entrances: Vec<Vec<u32>> = vec![Vec::new(); self.vertices.len()];
-        for (idx, key) in (0..).zip(self.candidates).filter(|&(idx, _)| succeeds(idx)) {
-            entrances[key.to.idx()].push(idx);
-        }
-        let run_up = |idx: u32| {
-            let EdgeKey { from, to } = self.candidates[idx as usize];
-            // Nobody comes back at once, and movers stand where the edge itself needs them.
-            let leads_there = |it: &u32| {
-                let key = self.candidates[*it as usize];
-                key.from != to && self.held(key).is_none()
-            };
-            let mut before = entrances[from.idx()].iter().copied().filter(leads_there);
-            let count = before.clone().count();
-            (idx, before.nth((idx as usize + run as usize) % count.max(1)))
-        };
-        edges.iter().copied().filter(|&idx| succeeds(idx)).map(run_up).collect()
-    }
-
-    /// Returns whether further probes would hardly change the estimate of an edge.
-    fn is_settled(&self, own: &Evidence, chance: f64) -> bool {
-        if own.successes == own.tries {
-            chance >= SURE
-        } else if own.successes == 0 {
-            chance < UNLIKELY
-        } else {
-            false
-        }
     }
 
     /// Splits the candidates into rounds, from the nearest share of each vertex to the farthest.
@@ -303,18 +224,18 @@ impl ProbeRun<'_> {
         });
         let exits: Vec<(usize, (u32, f64))> = exits.collect();
         let exits = Csr::group(self.vertices.len(), exits.into_iter());
-        let mut frontier = Frontier::new(self.vertices.len());
-        let cost = |idx: u32| {
+        let max_cost = |idx: u32| {
             let EdgeKey { from, to } = self.candidates[idx as usize];
-            let decisions = legs.decisions(self.vertices[from.idx()], self.vertices[to.idx()]);
-            price(decisions, Chance::new(predictor.chance(idx as usize, evidence)), 0.0, Caution::BOLD)
+            let decisions = legs.decisions(self.position(from), self.position(to));
+            let chance = Chance::new(predictor.chance(idx as usize, evidence));
+            MAX_COST_SHARE * price(decisions, chance, 0.0, Caution::BOLD)
         };
         let mut by_start: BTreeMap<VertexId, Vec<(u32, f64)>> = BTreeMap::new();
         for &idx in which.iter() {
-            let most = NEEDLESS * cost(idx);
-            by_start.entry(self.candidates[idx as usize].from).or_default().push((idx, most));
+            by_start.entry(self.candidates[idx as usize].from).or_default().push((idx, max_cost(idx)));
         }
         // The paths of one start at a time: those of all would take memory that grows with the square of the vertices.
+        let mut frontier = Frontier::new(self.vertices.len());
         let mut needless: BTreeSet<u32> = BTreeSet::new();
         for (from, own) in by_start {
             let end = |idx: u32| self.candidates[idx as usize].to.0;
@@ -336,7 +257,7 @@ impl ProbeRun<'_> {
         which.retain(|idx| !needless.contains(idx));
     }
 
-    /// Selects the shortest of the `hopeless` candidates whose end no proved edges connect to their start, in ascending order.
+    /// Selects the shortest of the `hopeless` candidates that no proved edges replace, in ascending order.
     fn bridges(&self, hopeless: &[u32], evidence: &[Evidence]) -> Vec<u32> {
         if hopeless.is_empty() {
             return Vec::new();
@@ -348,7 +269,7 @@ impl ProbeRun<'_> {
             hopeless.iter().zip(joined).filter_map(|(&idx, is_joined)| (!is_joined).then_some(idx)).collect();
         let distance = |&idx: &u32| {
             let EdgeKey { from, to } = self.candidates[idx as usize];
-            self.vertices[from.idx()].distance_squared(self.vertices[to.idx()])
+            self.position(from).distance_squared(self.position(to))
         };
         bridges.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
         bridges.truncate(self.candidates.len() / BRIDGE_SHARE);
@@ -356,29 +277,108 @@ impl ProbeRun<'_> {
         bridges
     }
 
-    /// Measures the ground between the vertices of each candidate, in order; `None` if the build was cancelled.
-    fn measure_all(&self) -> Option<Vec<Geometry>> {
-        self.in_parallel(self.candidates, |&EdgeKey { from, to }| {
-            measure(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
+    /// Those of `edges` that still succeed often enough, each with an edge that leads to its start, another one in each
+    /// `run`; `None` if there is none.
+    fn run_ups(&self, edges: &[u32], evidence: &[Evidence], run: u32) -> Vec<(u32, Option<u32>)> {
+        let succeeds = |idx: u32| evidence[idx as usize].success_rate() >= MIN_RATE_ON_RUN;
+        let proved = (0..).zip(self.candidates).filter(|&(idx, _)| succeeds(idx));
+        let entrances = Csr::group(self.vertices.len(), proved.map(|(idx, key)| (key.to.idx(), idx)));
+        let run_up = |idx: u32| {
+            let EdgeKey { from, to } = self.candidates[idx as usize];
+            // NPCs do not turn back at once, and movers stand where the edge itself needs them.
+            let leads_there = |it: &u32| {
+                let key = self.candidates[*it as usize];
+                key.from != to && self.held(key).is_none()
+            };
+            let mut before = entrances.row(from.idx()).iter().copied().filter(leads_there);
+            let count = before.clone().count();
+            (idx, before.nth((idx as usize + run as usize) % count.max(1)))
+        };
+        edges.iter().copied().filter(|&idx| succeeds(idx)).map(run_up).collect()
+    }
+
+    /// The trial of one run along a candidate, without a run-up.
+    fn trial(&self, idx: u32, run: EdgeRun) -> Trial {
+        let candidate = self.candidates[idx as usize];
+        let ends = self.ride_stop(candidate.from).zip(self.ride_stop(candidate.to));
+        let (start, goal) = (self.position(candidate.from), self.position(candidate.to));
+        Trial {
+            on_foot: run == EdgeRun::OnFoot,
+            held: self.held(candidate),
+            ride: ends.and_then(|(from, to)| Ride::between(from, to)),
+            ..Trial::walk(start, goal, run.stream(candidate))
+        }
+    }
+
+    fn run_trials(&self, trials: &[Trial], watch: &dyn ProbeWatch) -> Result<Vec<Outcome>, BuildError> {
+        self.progress().total.fetch_add(trials.len() as u64, Ordering::Relaxed);
+        let outcomes = self.builder.executor.run(trials, self.builder.settings.seed, watch);
+        outcomes.ok_or(BuildError::Cancelled)
+    }
+
+    /// The mover that is held at a stop for probes of a candidate that begins or ends there.
+    fn held(&self, EdgeKey { from, to }: Candidate) -> Option<MoverAt> {
+        self.ride_stop(from).or_else(|| self.ride_stop(to))
+    }
+
+    fn ride_stop(&self, vertex: VertexId) -> Option<MoverAt> {
+        self.ride_stops.get(vertex.idx()).copied().flatten()
+    }
+
+    fn position(&self, vertex: VertexId) -> Vec3 {
+        self.vertices[vertex.idx()]
+    }
+
+    fn progress(&self) -> &Progress {
+        self.builder.progress
+    }
+
+    /// Whether a miss is fatal beside each of these candidates.
+    fn are_perilous(&self, which: &[u32]) -> Result<Vec<bool>, BuildError> {
+        let (map, vertices, candidates) = (&self.builder.site.map, self.vertices, self.candidates);
+        self.in_parallel(which, |&idx| {
+            let EdgeKey { from, to } = candidates[idx as usize];
+            is_perilous(map, vertices[from.idx()], vertices[to.idx()])
         })
     }
 
-    /// What `look` finds out of each of `items` by casting rays, in order; `None` if the build was cancelled.
-    fn in_parallel<T: Sync, R: Send>(&self, items: &[T], look: impl Fn(&T) -> R + Sync) -> Option<Vec<R>> {
-        let progress = self.progress;
-        let look = |item: &T| (!progress.is_cancelled()).then(|| look(item));
-        with_threads(self.thread_count, || items.par_iter().map(look).collect())
+    /// Measures the ground between the vertices of each candidate, in order.
+    fn measure_all(&self) -> Result<Vec<Geometry>, BuildError> {
+        let (map, vertices) = (&self.builder.site.map, self.vertices);
+        self.in_parallel(self.candidates, |key| measure(map, vertices[key.from.idx()], vertices[key.to.idx()]))
+    }
+
+    /// Maps `items` in order, on several threads.
+    fn in_parallel<T: Sync, R: Send>(
+        &self,
+        items: &[T],
+        map: impl Fn(&T) -> R + Sync + Send,
+    ) -> Result<Vec<R>, BuildError> {
+        let progress = self.progress();
+        let map = |item: &T| if progress.is_cancelled() { Err(BuildError::Cancelled) } else { Ok(map(item)) };
+        with_threads(self.builder.thread_count, || items.par_iter().map(map).collect())
     }
 }
 
-/// Notes the outcomes of probes of candidates as they come.
-struct Noting<'a> {
+/// Returns whether further probes would hardly change the estimate of an edge.
+fn is_settled(own: &Evidence, chance: f64) -> bool {
+    if own.successes == own.tries {
+        chance >= SURE
+    } else if own.successes == 0 {
+        chance < UNLIKELY
+    } else {
+        false
+    }
+}
+
+/// Adds the outcomes of probes to the interim graph as they come.
+struct InterimWatch<'a> {
     progress: &'a Progress,
     /// The candidate of each trial.
     which: &'a [u32],
 }
 
-impl ProbeWatch for Noting<'_> {
+impl ProbeWatch for InterimWatch<'_> {
     fn finished(&self, trial: usize, outcome: &Outcome) {
         self.progress.interim.note(self.which[trial], outcome);
         self.progress.finished(trial, outcome);

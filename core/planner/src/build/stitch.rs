@@ -1,11 +1,12 @@
-//! Joins what probing left apart along the ways that the survey knows: around corners, through doors, up ramps, over gaps.
+//! Joins islands along paths that the survey finds: around corners, through doors, up ramps, over gaps.
 //!
-//! Candidates join vertices that are near each other as the crow flies; the policy sees a few metres. Where walls, cliffs or voids lie
-//! between, the survey of the ground knows a way round. Its corners become vertices, and its legs are probed like any other.
+//! Candidates join vertices that are near each other in a straight line, and the policy sees a few metres. Where walls,
+//! cliffs or voids lie between, the survey of the ground finds a path around them. Its corners become vertices, and its
+//! legs are probed like any other.
 
-use crate::build::candidates::Candidate;
-use crate::build::ways::{Way, Ways};
-use crate::build::{Builder, Probed};
+use super::Probed;
+use super::candidates::Candidate;
+use super::ways::{Way, Ways};
 use crate::graph::NavGraph;
 use crate::grid::GrowingGrid;
 use crate::ids::EdgeKey;
@@ -17,102 +18,101 @@ use surefoot_world::float::hypot;
 use surefoot_world::reach::Reach;
 use surefoot_world::{Decisions, Vec3};
 
-/// Ways from one island of the graph to another that are tried in each round, the shortest; each round looks anew at what is apart.
+/// Number of ways from one island of the graph to another that each round tries, the shortest first; each round looks
+/// again at which islands are apart.
 const WAYS: [usize; 6] = [1, 2, 3, 3, 3, 3];
 /// Longest leg on foot when a way is tried first, then again, m: short legs keep clear of edges and walls.
 const LEGS_M: [f32; 4] = [14.0, 6.0, 3.0, 6.0];
-/// A corner is the vertex that is closer than this share of the longest leg.
+/// A corner within this share of the longest leg of a vertex is that vertex.
 const MERGE: f32 = 0.1;
 /// Probes of a leg in a round.
 const TRIES: u32 = 3;
 /// Prior of a leg.
 const PRIOR: f32 = 0.5;
-/// Distance up to which a place in sight is taken to be reached on foot, m.
+/// Distance up to which a place in sight is assumed to be reached on foot, m.
 const SIGHT_M: f32 = 16.0;
-/// Places without a vertex in sight that are probed together, and the legs that are probed to and from each.
+/// Number of places without a vertex in sight that are probed together.
 const BATCH: usize = 16;
+/// Number of legs to each such place that are probed, and of legs from it.
 const ATTACHMENTS: usize = 3;
-/// Share of legs to or from such places, one of three each, of which the policy needs no help.
+/// Share of bundles of such legs in which one succeeds, at which the policy needs no help.
 const ENOUGH: f32 = 0.9;
-/// There are at most so many corners for each vertex, but at least so many in all.
+/// Greatest number of corners for each vertex, but at least [`MIN_CORNERS`] in all.
 const CORNERS_PER_VERTEX: usize = 2;
 const MIN_CORNERS: usize = 64;
 
-impl Builder<'_> {
-    /// Adds vertices and candidates along ways of the survey, and probes them.
-    pub(crate) fn stitch(&self, probed: &mut Probed) -> Result<(), BuildError> {
-        if probed.graph(self.settings.threshold).island_count() == 1 {
-            return Ok(());
-        }
-        let count = probed.vertices().len();
-        let most = (count + (CORNERS_PER_VERTEX * count).max(MIN_CORNERS)).min(MAX_VERTICES.max(count));
-        let reach = Reach::survey(&self.site.map, &self.site.profile, self.thread_count);
-        let mut ways = Ways::new(&reach);
-        let clearance = Clearance::of(self.site);
-        self.cover(&ways, &clearance, count + (most - count) / 4, probed)?;
-        let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());
-        for most_ways in WAYS {
-            let graph = probed.graph(self.settings.threshold);
-            let (before, after) = (ways.nearest_before(probed.vertices()), ways.nearest_after(probed.vertices()));
-            let mut legs: BTreeMap<Candidate, Vec<u32>> = BTreeMap::new();
-            for way in gaps(&graph, ways.meetings(&before, &after), &tries, most_ways) {
-                let tries: &mut usize = tries.entry((way.from, way.to)).or_default();
-                let leg_m = LEGS_M[*tries];
-                let found = ways.legs(&way, &before, &after, leg_m);
-                if probed.vertices().len() + found.len() > most + 1 {
-                    break;
-                }
-                *tries += 1;
-                legs.extend(join_legs(&way, (&ways, &clearance), found, MERGE * leg_m, &mut probed.places));
-            }
-            if legs.is_empty() {
+/// Adds vertices and candidates along ways of the survey, and probes them.
+pub(super) fn stitch(probed: &mut Probed<'_>) -> Result<(), BuildError> {
+    if probed.graph().island_count() == 1 {
+        return Ok(());
+    }
+    let (site, count) = (probed.site(), probed.vertices().len());
+    let most = (count + (CORNERS_PER_VERTEX * count).max(MIN_CORNERS)).min(MAX_VERTICES.max(count));
+    let reach = Reach::survey(&site.map, &site.profile, probed.thread_count());
+    let mut ways = Ways::new(&reach);
+    let clearance = Clearance::of(site);
+    add_uncovered_places(&ways, &clearance, count + (most - count) / 4, probed)?;
+    let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());
+    for most_ways in WAYS {
+        let graph = probed.graph();
+        let (before, after) = (ways.nearest_before(probed.vertices()), ways.nearest_after(probed.vertices()));
+        let mut legs: BTreeMap<Candidate, Vec<u32>> = BTreeMap::new();
+        for way in gaps(&graph, ways.meetings(&before, &after), &tries, most_ways) {
+            let tries: &mut usize = tries.entry((way.from, way.to)).or_default();
+            let leg_m = LEGS_M[*tries];
+            let found = ways.legs(&way, &before, &after, leg_m);
+            if probed.vertices().len() + found.len() > most + 1 {
                 break;
             }
-            let which: Vec<u32> = legs.keys().map(|&key| probed.index_of(key, PRIOR)).collect();
-            for _ in 0..TRIES {
-                self.try_once_each(&which, probed)?;
-            }
-            for (&idx, cells) in which.iter().zip(legs.values()) {
-                if probed.evidence[idx as usize].successes == 0 {
-                    ways.discourage(cells);
-                }
-            }
-            stitched.extend(which);
+            *tries += 1;
+            legs.extend(join_legs(&way, (&ways, &clearance), found, MERGE * leg_m, &mut probed.places));
         }
-        self.prove_on_the_run(stitched, probed)
+        if legs.is_empty() {
+            break;
+        }
+        let which: Vec<u32> = legs.keys().map(|&key| probed.index_of(key, PRIOR)).collect();
+        for _ in 0..TRIES {
+            probed.try_once_each(&which)?;
+        }
+        for (&idx, cells) in which.iter().zip(legs.values()) {
+            if probed.evidence[idx as usize].successes == 0 {
+                ways.discourage(cells);
+            }
+        }
+        stitched.extend(which);
     }
+    probed.prove_on_the_run(stitched)
+}
 
-    /// Adds vertices where none is in sight, up to `most` in all, and probes the legs that a plan would try first between them and the
-    /// others; it ends where the policy needs no help.
-    fn cover(
-        &self,
-        ways: &Ways<'_>,
-        clearance: &Clearance<'_>,
-        most: usize,
-        probed: &mut Probed,
-    ) -> Result<(), BuildError> {
-        let legs = LegModel::fit(probed.vertices(), &probed.candidates, &probed.evidence);
-        let mut places = ways.uncovered(probed.vertices(), SIGHT_M).filter(|place| clearance.is_clear(*place));
-        loop {
-            let room = BATCH.min(most.saturating_sub(probed.vertices().len()));
-            let batch: Vec<Vec3> = places.by_ref().take(room).collect();
-            // The legs to each place, and those from it.
-            let mut bundles: Vec<Vec<u32>> = Vec::new();
-            for &place in &batch {
-                let sources = cheapest(&probed.places, place, |at| legs.decisions(at, place));
-                let targets = cheapest(&probed.places, place, |at| legs.decisions(place, at));
-                let added = probed.vertices().len() as u32;
-                probed.places.push(place);
-                let mut index_of = |from, to| probed.index_of(EdgeKey::new(from, to), PRIOR);
-                bundles.push(sources.into_iter().map(|from| index_of(from, added)).collect());
-                bundles.push(targets.into_iter().map(|to| index_of(added, to)).collect());
-            }
-            self.try_once_each(&bundles.concat(), probed)?;
-            let arrives = |idx: &u32| probed.evidence[*idx as usize].successes > 0;
-            let attached = bundles.iter().filter(|bundle| bundle.iter().any(arrives)).count();
-            if batch.len() < BATCH || attached as f32 >= ENOUGH * bundles.len() as f32 {
-                return Ok(());
-            }
+/// Adds vertices at places that have no vertex in sight, up to `most` vertices in all, and probes the legs that a plan
+/// would try first between them and other vertices. Ends where the policy needs no help.
+fn add_uncovered_places(
+    ways: &Ways<'_>,
+    clearance: &Clearance<'_>,
+    most: usize,
+    probed: &mut Probed<'_>,
+) -> Result<(), BuildError> {
+    let legs = LegModel::fit(probed.vertices(), &probed.candidates, &probed.evidence);
+    let mut places = ways.uncovered(probed.vertices(), SIGHT_M).filter(|place| clearance.is_clear(*place));
+    loop {
+        let room = BATCH.min(most.saturating_sub(probed.vertices().len()));
+        let batch: Vec<Vec3> = places.by_ref().take(room).collect();
+        // The legs to each place, and those from it.
+        let mut bundles: Vec<Vec<u32>> = Vec::new();
+        for &place in &batch {
+            let sources = cheapest(&probed.places, place, |at| legs.decisions(at, place));
+            let targets = cheapest(&probed.places, place, |at| legs.decisions(place, at));
+            let added = probed.vertices().len() as u32;
+            probed.places.push(place);
+            let mut index_of = |from, to| probed.index_of(EdgeKey::new(from, to), PRIOR);
+            bundles.push(sources.into_iter().map(|from| index_of(from, added)).collect());
+            bundles.push(targets.into_iter().map(|to| index_of(added, to)).collect());
+        }
+        probed.try_once_each(&bundles.concat())?;
+        let arrives = |idx: &u32| probed.evidence[*idx as usize].successes > 0;
+        let attached = bundles.iter().filter(|bundle| bundle.iter().any(arrives)).count();
+        if batch.len() < BATCH || attached as f32 >= ENOUGH * bundles.len() as f32 {
+            return Ok(());
         }
     }
 }
@@ -135,8 +135,8 @@ fn cheapest(vertices: &GrowingGrid, place: Vec3, decisions: impl Fn(Vec3) -> Dec
     }
 }
 
-/// Adds the corners of a way to the vertices, and returns the candidates along its legs, in both directions, with the cells that they
-/// pass. A corner within `merge_m` metres of a vertex is that vertex.
+/// Adds the corners of a way to the vertices. Returns the candidates along its legs, in both directions, with the cells
+/// that they pass. A corner within `merge_m` metres of a vertex is that vertex.
 fn join_legs(
     way: &Way,
     (ways, clearance): (&Ways<'_>, &Clearance<'_>),
@@ -150,7 +150,7 @@ fn join_legs(
     for (idx, mut cells) in legs.into_iter().enumerate() {
         let corner = ways.feet(cells[cells.len() - 1]);
         if idx + 1 < count && !clearance.is_clear(corner) {
-            // The leg goes on to the next corner.
+            // The leg continues to the next corner.
             continue;
         }
         let is_near = |(_, vertex): &(u32, Vec3)| {
@@ -176,7 +176,8 @@ fn join_legs(
     found
 }
 
-/// The `most_ways` shortest of the `meetings` between two islands, of vertices of which no path of the graph leads from the first to the second.
+/// The `most_ways` shortest of the `meetings` between any two islands, from one vertex to another that no path of the
+/// graph leads to.
 fn gaps(
     graph: &NavGraph,
     meetings: impl Iterator<Item = Way>,

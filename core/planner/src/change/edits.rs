@@ -251,7 +251,7 @@ impl Terrain for MapTerrain {
             clock: &|| 0.0,
             progress: &self.progress,
         };
-        builder.proving(vertices, candidates).run(Probing::Exhaustive)
+        builder.prover(vertices, candidates).run(Probing::Exhaustive).ok()
     }
 }
 

@@ -8,7 +8,7 @@
 use crate::aabb::Aabb;
 use crate::build::candidates::Candidate;
 use crate::build::placement::around;
-use crate::build::{BuildStats, Builder, Built, find_candidates_of, untried};
+use crate::build::{BuildStats, Builder, Built, candidates, untried};
 use crate::evidence::Evidence;
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::grid::GrowingGrid;
@@ -241,7 +241,7 @@ impl Update {
             .zip(&self.vertices)
             .filter(|(_, at)| self.change.is_near(Aabb::at(**at).widened(reach)))
             .map(|(idx, _)| idx);
-        let (mut candidates, special) = find_candidates_of(near, site, settings, &self.vertices);
+        let (mut candidates, special) = candidates::find_of(near, site, settings, &self.vertices);
         let listed: HashSet<Candidate> = candidates.iter().copied().collect();
         let others: BTreeSet<Candidate> = self.known.keys().copied().filter(|key| !listed.contains(key)).collect();
         candidates.extend(others);
@@ -270,8 +270,8 @@ impl Builder<'_> {
 
     fn finish_since(&self, started_s: f64, update: Update) -> Result<Updated, BuildError> {
         let (affected, special) = update.affected(self.site, self.settings);
-        let proving = self.proving(&update.vertices, &affected);
-        let evidence = proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?;
+        let prover = self.prover(&update.vertices, &affected);
+        let evidence = prover.run(self.settings.probing)?;
         let proved = affected.iter().zip(&evidence).filter(|(_, evidence)| evidence.proves(self.settings.threshold));
         let mut edges = update.kept();
         let kept_count = edges.len();
