@@ -334,10 +334,10 @@ impl BuildRunner {
         let prepare = |layers| Prepared::new(origin, &built.graph, &probes, layers, &job.progress);
         // Held until the graph is in memory, where later edits find it.
         let (prepared, _held) = self.layers.with_layers(&lock, &level, prepare)?;
-        // Filling a table of next hops takes longer than an interim graph lasts, and delays designers who edit a map.
+        // Hub labels may take longer than an interim graph lasts, and would delay designers who edit a map.
         let is_awaited = matches!(provenance, Provenance::Interim | Provenance::Updated);
-        let table_limit = if is_awaited { 0 } else { origin.table_limit };
-        let origin = Origin { table_limit, ..origin.clone() };
+        let label_limit = if is_awaited { 0 } else { origin.label_limit };
+        let origin = Origin { label_limit, ..origin.clone() };
         let hosted = Arc::new(Hosted::new(origin, built, provenance, carried, prepared));
         self.graphs.insert(hosted.clone());
         hosted.announce();
@@ -453,7 +453,7 @@ impl<'a> Wanted<'a> {
             extent,
             policy,
             thread_count: runner.config.threads,
-            table_limit: runner.config.table_vertices,
+            label_limit: runner.config.label_vertices,
         };
         Self { job, context, id, origin }
     }

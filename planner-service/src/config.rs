@@ -3,7 +3,7 @@
 use crate::provers::{Embedded, Provers};
 use std::sync::Arc;
 use surefoot_net::levels::{DEFAULT_MAX_MAPS, MapPool};
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 
 /// Limits and sizes of a planner.
 #[derive(Debug, Clone)]
@@ -20,9 +20,9 @@ pub struct PlannerConfig {
     pub graphs_in_memory: usize,
     /// Number of threads for probing (`--threads`).
     pub threads: usize,
-    /// Largest number of vertices at which a graph gets a table of next hops, 5 bytes for each pair of vertices
-    /// (`--table-vertices`).
-    pub table_vertices: usize,
+    /// Largest number of vertices at which a graph gets hub labels before it is served (`--label-vertices`). Larger graphs
+    /// get them in the background.
+    pub label_vertices: usize,
     /// Maximum number of imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
     /// Generated maps in use, and the memory budget of all maps (`--max-memory`). Others in this process may share both.
@@ -41,7 +41,7 @@ impl Default for PlannerConfig {
             max_builds_per_client: 8,
             graphs_in_memory: 32,
             threads,
-            table_vertices: DEFAULT_TABLE_LIMIT,
+            label_vertices: DEFAULT_LABEL_LIMIT,
             max_maps: DEFAULT_MAX_MAPS,
             maps: MapPool::default(),
             provers: Arc::new(Embedded),

@@ -30,8 +30,8 @@ pub struct Origin {
     pub policy: Policy,
     /// Number of threads.
     pub thread_count: usize,
-    /// Largest number of vertices at which the router gets a table of next hops.
-    pub table_limit: usize,
+    /// Largest number of vertices at which the router gets hub labels at once.
+    pub label_limit: usize,
 }
 
 impl Origin {
@@ -46,7 +46,7 @@ impl Origin {
 
     /// Prepares an edited graph for queries, with live evidence.
     pub fn router(&self, edited: &Edited, live: &LiveEvidence) -> Router {
-        let router = Router::new(live.apply_to(&edited.graph), self.table_limit, self.thread_count);
+        let router = Router::new(live.apply_to(&edited.graph), self.label_limit, self.thread_count);
         router.forbidding(edited.forbidden.iter().copied())
     }
 }

@@ -1,4 +1,4 @@
-//! Live evidence: traversals that NPCs report change the costs of their edges at once. A new table of next hops follows
+//! Live evidence: traversals that NPCs report change the costs of their edges at once. A new router follows
 //! within seconds. Planners that share a store exchange their evidence through it.
 
 use crate::error::PlannerError;
@@ -15,7 +15,7 @@ use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
 use tracing::warn;
 
-/// Shortest delay from a report of traversals to the new table of next hops.
+/// Shortest delay from a report of traversals to the new router.
 const REFRESH_AFTER: Duration = Duration::from_secs(2);
 /// The delay is at least this many times as long as the last refresh took.
 const REFRESH_PAUSE: u32 = 10;
@@ -45,7 +45,7 @@ impl Reports {
         self.stores.replicas.as_ref().filter(|_| hosted.is_stored())
     }
 
-    /// Adds traversals to the live evidence of a graph, and schedules a new table of next hops. Returns the number of
+    /// Adds traversals to the live evidence of a graph, and schedules a new router. Returns the number of
     /// traversals along edges that the graph has. A repeated call gets its first answer.
     ///
     /// # Errors
@@ -85,7 +85,7 @@ impl Reports {
         Call { client: String::new(), id: format!("{site}-{number}"), request: [0; 32] }
     }
 
-    /// Schedules a new table of next hops, unless one is already scheduled.
+    /// Schedules a new router, unless one is already scheduled.
     fn refresh_later(self: &Arc<Self>, hosted: Arc<Hosted>) {
         if hosted.refresh_is_due.swap(true, Ordering::Relaxed) {
             return;

@@ -346,7 +346,7 @@ async fn plans_cost_the_same_with_hub_labels_as_with_a_table() {
         .unwrap();
     tabled.stop().await;
 
-    let labelled = start_planner(cache.path(), PlannerConfig { table_vertices: 2, ..PlannerConfig::default() });
+    let labelled = start_planner(cache.path(), PlannerConfig { label_vertices: 2, ..PlannerConfig::default() });
     let mut client = planner_client(&labelled).await;
     build_graph(&mut client, MAP).await;
     let is_alike = |ours: &[wire::Plan], theirs: &[wire::Plan]| {

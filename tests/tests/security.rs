@@ -198,7 +198,7 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
         let request = plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals, ..Default::default() };
         let answer = planner_of(&planner, role).await.report_traversals(request).await.unwrap().into_inner();
         assert_eq!(answer.accepted, 60);
-        // The new table of next hops, and with it the graph as it is queried, follows within seconds.
+        // The new router, and with it the graph as it is queried, follows within seconds.
         let now = loop {
             tokio::time::sleep(Duration::from_millis(200)).await;
             let graph = graph_of(&mut admin, &graph_id).await;

@@ -175,9 +175,9 @@ pub struct PlanArgs {
     /// Most graphs to keep in memory
     #[arg(long, default_value_t = PlannerConfig::default().graphs_in_memory, value_name = "N")]
     graphs_in_memory: usize,
-    /// Most vertices of a graph that gets a table of next hops, 5 bytes per pair of vertices
-    #[arg(long, default_value_t = PlannerConfig::default().table_vertices, value_name = "N")]
-    table_vertices: usize,
+    /// Most vertices of a graph that gets hub labels before it is served; larger graphs get them in the background
+    #[arg(long, alias = "table-vertices", default_value_t = PlannerConfig::default().label_vertices, value_name = "N")]
+    label_vertices: usize,
     /// Most imported maps to keep
     #[arg(long, default_value_t = PlannerConfig::default().max_maps, value_name = "N")]
     max_maps: usize,
@@ -380,7 +380,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         max_builds_per_client: args.max_builds_per_client,
         graphs_in_memory: args.graphs_in_memory,
         threads: args.threads.unwrap_or_else(core_count),
-        table_vertices: args.table_vertices,
+        label_vertices: args.label_vertices,
         max_maps: args.max_maps,
         maps: MapPool::within(args.max_memory.saturating_mul(MB)),
         ..PlannerConfig::default()

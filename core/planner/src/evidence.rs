@@ -192,8 +192,8 @@ impl Evidence {
         Chance::new((successes / (f64::from(self.tries) + 1.0)).max(MIN_CHANCE))
     }
 
-    /// Returns the estimated chance that a try ends in death, at most that of failing: deaths per try, with the expected
-    /// share added as one try.
+    /// Returns the estimated chance that a try ends in death, at most that of failing: deaths per try, with the
+    /// expected share added as one try.
     pub fn death_chance(&self) -> f64 {
         let deaths = f64::from(self.deaths) + (1.0 - f64::from(self.prior)) * f64::from(self.death_share);
         (deaths / (f64::from(self.tries) + 1.0)).min(1.0 - self.chance().get())

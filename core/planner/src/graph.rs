@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
 use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
 
-/// Greatest coordinate of a vertex, m: that of a hundred of the largest maps side by side.
+/// Greatest coordinate of a vertex, m: room for a hundred of the largest maps side by side.
 pub const MAX_COORDINATE_M: f32 = 1.0e5;
 /// Greatest length of an edge, m: ten times the side of the largest map.
 pub const MAX_EDGE_M: f32 = 10_000.0;
@@ -24,7 +24,7 @@ pub struct Edge {
     pub evidence: Evidence,
 }
 
-/// A checked graph: every edge joins two existing, different vertices, and all numbers are valid.
+/// A checked graph: every edge joins two existing, different vertices, and all numbers are in range.
 #[derive(Debug, Clone)]
 pub struct NavGraph {
     vertices: Vec<Vec3>,
@@ -67,8 +67,8 @@ pub enum GraphError {
     BadEvidence(EdgeKey),
     /// An edge depends on a mover or a stop that no map can have.
     #[error(
-        "edge {} -> {} depends on a mover or stop that no map has: there are at most {MAX_MOVERS} movers with {MAX_STOPS} stops each, \
-         and a ride leads from one stop where its mover must stand to another", .0.from, .0.to
+        "edge {} -> {} depends on a mover or stop that no map has: there are at most {MAX_MOVERS} movers with {MAX_STOPS} \
+         stops each, and a ride leads from one stop where its mover must stand to another", .0.from, .0.to
     )]
     BadNeeds(EdgeKey),
     /// The cost model of unproved legs has a coefficient, range or share that is out of range.

@@ -26,7 +26,7 @@ fn around_point(cells: &Cells, point: Vec3, reach: f32) -> impl Iterator<Item = 
 #[derive(Debug, Clone)]
 pub struct PointGrid(CellLists<u32>);
 
-/// The rectangle around points; one of no size if there are none.
+/// The box around points; an empty one at the origin if there are none.
 fn around(points: &[Vec3]) -> (Vec3, Vec3) {
     let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
     for point in points {
@@ -65,8 +65,8 @@ impl PointGrid {
         around_point(self.0.cells(), point, reach).flat_map(|cell| self.0.of(cell)).copied()
     }
 
-    /// Returns the indices of the `most` points nearest to `at` that `accept` lets pass, the nearest first; of equally near ones the lower
-    /// index comes first. `points` are those that the grid was made of.
+    /// Returns the indices of the `most` points nearest to `at` that `accept` accepts, the nearest first, and of
+    /// equally near ones, the lower index first. `points` are the points of which the grid was made.
     pub fn nearest(&self, points: &[Vec3], at: Vec3, most: usize, accept: impl Fn(u32) -> bool) -> Vec<u32> {
         let mut best: Vec<(f32, u32)> = Vec::with_capacity(most.saturating_add(1).min(points.len() + 1));
         for ring in 0..=self.ring_count() {
@@ -90,7 +90,8 @@ impl PointGrid {
         best.into_iter().map(|(_, idx)| idx).collect()
     }
 
-    /// Returns the indices of all points in the order of their columns, row by row; [`ring`](Self::ring) yields ranges of it.
+    /// Returns the indices of all points in the order of their columns, row by row; [`ring`](Self::ring) yields
+    /// ranges of it.
     pub fn order(&self) -> &[u32] {
         self.0.items()
     }
@@ -101,7 +102,8 @@ impl PointGrid {
         self.rings(point, ring..ring + 1, &mut visit);
     }
 
-    /// Visits the columns that form the square rings with these numbers, as few and long ranges of [`order`](Self::order).
+    /// Visits the columns that form the square rings with these numbers, as few and long ranges of
+    /// [`order`](Self::order).
     pub fn rings(&self, point: Vec3, Range { start, end }: Range<i32>, mut visit: impl FnMut(Range<usize>)) {
         let cells = self.0.cells();
         let [column, row] = cells.place_of(point);
@@ -116,7 +118,7 @@ impl PointGrid {
         }
     }
 
-    /// The columns from `left` to `right` of a row, as far as there are any, as a range of [`order`](Self::order).
+    /// The columns from `left` to `right` of a row, clipped to the grid, as a range of [`order`](Self::order).
     fn stretch(&self, row: i32, left: i32, right: i32) -> Range<usize> {
         let cells = self.0.cells();
         let (left, right) = (left.max(0), right.min(cells.counts()[0] - 1));
@@ -132,9 +134,9 @@ impl PointGrid {
 pub struct GrowingGrid {
     cells: Cells,
     points: Vec<Vec3>,
-    /// The point that was added to each column last.
+    /// The last point that was added to each column.
     last: Vec<u32>,
-    /// The point that was added to the column of each point before it.
+    /// For each point, the previous point in its column.
     before: Vec<u32>,
 }
 
@@ -160,10 +162,10 @@ impl GrowingGrid {
         &self.points
     }
 
-    /// Iterates over the points that are at most `reach` metres from `point`, and some others.
+    /// Iterates over the points within `reach` metres of `point`, and some others.
     pub fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = (u32, Vec3)> {
         let known = |idx: u32| (idx != NONE).then_some(idx);
-        // A little more, since distances are rounded.
+        // A little more, because distances are rounded.
         around_point(&self.cells, point, reach * 1.001)
             .flat_map(move |cell| {
                 std::iter::successors(known(self.last[cell]), move |&idx| known(self.before[idx as usize]))
@@ -172,7 +174,8 @@ impl GrowingGrid {
     }
 }
 
-/// Returns the distance between neighbouring points if all were spread evenly over their bounding rectangle, m; at least 1 m.
+/// Returns the distance between neighbouring points if all were spread evenly over their bounding rectangle, m; at
+/// least 1 m.
 pub(crate) fn spacing(points: &[Vec3]) -> f32 {
     let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
     for point in points {

@@ -1,5 +1,5 @@
-//! The cost model of unproved legs: from the start to the first vertex, from the last vertex to the goal, or straight from
-//! start to goal.
+//! The cost model of unproved legs: from the start to the first vertex, from the last vertex to the goal, or straight
+//! from start to goal.
 //!
 //! The model is fitted to all probes of a build, and so to its policy and its map. It combines a logistic regression of
 //! success with a linear regression of decisions, both on horizontal distance, climb and drop.
@@ -23,13 +23,13 @@ const MAX_CHANCE: f64 = 0.99;
 /// Number of probes below which [`LegModel::default`] is used instead of a fit.
 const MIN_PROBES: usize = 200;
 
-/// Greatest magnitude of a coefficient.
+/// Greatest magnitude of a coefficient of a model from a file.
 const MAX_COEFFICIENT: f64 = 1.0e9;
 /// Greatest range of a fit, m.
 const MAX_RANGE_M: f64 = 1.0e5;
 /// Number of failures at the usual share of deaths that are added to those of a build.
 const USUAL_FAILURES: f64 = 10.0;
-/// Share of deaths among failures, anywhere.
+/// Usual share of deaths among failures.
 const USUAL_DEATH_SHARE: f64 = 0.1;
 
 /// Estimates the cost of unproved legs.
@@ -39,7 +39,7 @@ pub struct LegModel {
     success: [f64; FEATURES],
     /// Coefficients of the number of decisions.
     decisions: [f64; FEATURES],
-    /// Length of the longest leg in the fit, m. A leg `k` times as long is estimated as `k` legs of this length in a row.
+    /// Length of the longest leg in the fit, m. A leg that is `k` times as long is estimated as `k` consecutive legs.
     range_m: f64,
     /// Share of deaths among the legs that fail.
     #[serde(default)]
@@ -65,8 +65,8 @@ impl LegEstimate {
 }
 
 impl Default for LegModel {
-    /// Coefficients fitted to probes of the shipped reactive policy on training maps, for graphs with too few probes of their
-    /// own.
+    /// Coefficients fitted to probes of the shipped reactive policy on training maps, for graphs with too few probes of
+    /// their own.
     fn default() -> Self {
         Self {
             success: [3.0, -0.6, 0.0, -1.0, -0.4, -0.3],
@@ -77,8 +77,8 @@ impl Default for LegModel {
     }
 }
 
-/// Features of a leg: constant, horizontal distance in units of 20 m and its square, climb in units of 5 m and its square,
-/// drop in units of 10 m.
+/// Features of a leg: constant, horizontal distance in units of 20 m and its square, climb in units of 5 m and its
+/// square, drop in units of 10 m.
 fn features(from: Vec3, to: Vec3) -> [f64; FEATURES] {
     let (x, z) = (f64::from(to.x - from.x), f64::from(to.z - from.z));
     let horizontal = (x * x + z * z).sqrt() / 20.0;
@@ -146,8 +146,8 @@ impl LegModel {
         Chance::new(if range_multiple > 1.0 { libm::pow(chance, range_multiple).max(MIN_CHANCE) } else { chance })
     }
 
-    /// Returns the features of a leg, shortened to the range of the fit; the full length, m; and the length as a multiple of
-    /// the range, 1 for shorter legs.
+    /// Returns the features of a leg, shortened to the range of the fit; the full length, m; and the length as a
+    /// multiple of the range, 1 for shorter legs.
     fn features_in_range(&self, from: Vec3, to: Vec3) -> ([f64; FEATURES], f64, f64) {
         let distance = f64::from(from.distance(to));
         if distance <= self.range_m {
@@ -189,7 +189,8 @@ impl LegModel {
     }
 }
 
-/// Returns the share of deaths among the tries that failed on edges on which others arrived, with a few more of which the `usual` share died.
+/// Returns the share of deaths among the tries that failed, on edges with a success. A few failures with the `usual`
+/// share of deaths are added.
 pub(crate) fn death_share<'e>(evidence: impl IntoIterator<Item = &'e Evidence>, usual: f64) -> f64 {
     let (mut deaths, mut failures) = (USUAL_FAILURES * usual, USUAL_FAILURES);
     for own in evidence.into_iter().filter(|own| own.successes > 0) {
@@ -212,7 +213,7 @@ fn max_of_quadratic(linear: f64, square: f64) -> f64 {
 
 /// Number of distances, in steps of 1 m, whose bounds are tabulated.
 const METRES: usize = 96;
-/// Legs that are priced at a time.
+/// Number of legs that are priced at a time.
 pub(crate) const LANES: usize = 8;
 
 /// The costs of a [`LegModel`]'s legs, tabulated for many legs at a time.
@@ -225,7 +226,7 @@ pub(crate) struct LegPrices {
     risk: Curve,
     /// Expected number of tries, by the negative logarithm of the chance.
     tries: Curve,
-    /// What the risks of failing and of dying cost, by the negative logarithm of the chance.
+    /// Cost of the risks of failing and of dying, by the negative logarithm of the chance.
     risk_price: Curve,
     /// Lower bound for each horizontal distance, in steps of 1 m.
     least: [f32; METRES],
@@ -255,7 +256,8 @@ impl LegPrices {
         if metres < METRES { metres as f32 } else { (cost * MAX_METRES_PER_DECISION as f32).max(METRES as f32) }
     }
 
-    /// The costs in decisions of legs with these offsets (x, y, z) from start to end, m, to about a thousandth of a decision.
+    /// The costs in decisions of legs with these offsets (x, y, z) from start to end, m, to about a thousandth of a
+    /// decision.
     #[inline]
     pub fn of(&self, [x, y, z]: &[[f32; LANES]; 3]) -> [f32; LANES] {
         let (mut decisions, mut scores, mut multiples) = ([0.0; LANES], [0.0; LANES], [1.0; LANES]);
@@ -293,7 +295,7 @@ impl LegPrices {
         self.total(&decisions, &scores, &multiples)
     }
 
-    /// The costs of legs with these decisions and scores, each of which stands for so many in a row.
+    /// The costs of legs with these decisions and scores, each repeated as many times as its multiple.
     fn total(&self, decisions: &[f32; LANES], scores: &[f32; LANES], multiples: &[f32; LANES]) -> [f32; LANES] {
         std::array::from_fn(|lane| {
             let risk = (self.risk.at(scores[lane]) * multiples[lane]).min(self.tries.high);
@@ -305,13 +307,13 @@ impl LegPrices {
 /// Number of intervals of a [`Curve`].
 const INTERVALS: usize = 512;
 
-/// A function that is interpolated linearly between evenly spaced values; beyond its ends it stays as it is there.
+/// A function that is interpolated linearly between evenly spaced values, and constant beyond its ends.
 #[derive(Debug, Clone)]
 struct Curve {
     low: f32,
     high: f32,
     intervals_per_unit: f32,
-    /// Value at the begin of each interval, and the difference to that at its end.
+    /// Value at the start of each interval, and its change over the interval.
     values: Vec<(f32, f32)>,
 }
 

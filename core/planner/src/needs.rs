@@ -108,8 +108,8 @@ impl Needs {
             && self.ride.is_none_or(is_possible)
     }
 
-    /// Whether an NPC can use the edge while each mover stands only at `stops`, in the order of the map. Movers that are
-    /// not listed stand anywhere. A ride needs both of its stops.
+    /// Whether an NPC can use the edge while each mover stands only at `stops`, in the order of the map. Movers that
+    /// are not listed stand anywhere. A ride needs both of its stops.
     pub fn are_met(&self, stops: &[StopSet]) -> bool {
         let stops_of = |mover: MoverId| stops.get(mover.idx()).copied().unwrap_or(StopSet::ALL);
         self.iter().all(|need| !need.stops.intersection(stops_of(need.mover)).is_empty())

@@ -10,11 +10,11 @@ use surefoot_world::{Ability, AbilitySet, Chance, Decisions, Seconds, StopSet, V
 /// How start and goal are joined to the graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Attach {
-    /// To several near vertices each, and the plan with the lowest total cost wins; without a path, the plan leads to the reachable vertex
-    /// that is nearest to the goal.
+    /// To several near vertices each; the plan with the lowest total cost wins. Without a path, the plan leads to the
+    /// reachable vertex nearest to the goal.
     #[default]
     Several,
-    /// To the nearest vertex each, as in the paper; without a path, the plan heads straight for the goal.
+    /// To the nearest vertex each, as in the paper. Without a path, the plan heads straight for the goal.
     Nearest,
 }
 
@@ -37,11 +37,11 @@ pub struct Query {
     pub goal: Vec3,
     /// Legs that the plan must not use.
     pub avoid: Vec<LegKey>,
-    /// Abilities that the plan must do without.
+    /// Abilities that the plan must not use.
     pub without: AbilitySet,
-    /// How much the plan does to avoid that the NPC dies.
+    /// How far the plan goes to keep the NPC alive.
     pub caution: Caution,
-    /// The stops at which each mover of the map stands sooner or later, as bits; empty: all movers stand everywhere. See
+    /// The stops at which each mover of the map stands sooner or later; empty if all movers stand at all stops. See
     /// [`all_stops_ahead`](crate::needs::all_stops_ahead).
     pub stops: Vec<StopSet>,
     /// How start and goal are joined to the graph.
@@ -49,7 +49,7 @@ pub struct Query {
 }
 
 impl Query {
-    /// A query for a careful plan, by every means.
+    /// A query for a careful plan that may use all abilities.
     pub fn new(start: Vec3, goal: Vec3) -> Self {
         let (avoid, stops) = Default::default();
         Self {
@@ -63,17 +63,17 @@ impl Query {
         }
     }
 
-    /// Whether this asks for a careful plan, by every means: such plans can be looked up.
+    /// Whether the query asks for a careful plan without restrictions: such plans can be looked up.
     pub(crate) fn is_usual(&self) -> bool {
         self.avoid.is_empty() && self.without.is_empty() && self.caution == Caution::CAREFUL && self.stops.is_empty()
     }
 }
 
-/// Share of a plan's risk, as the logarithm of its chance, that rehearsals leave; this and the next two were fitted on validation maps.
+/// Share of a plan's risk, as the logarithm of its chance, that remains with rehearsals. Fitted on validation maps.
 const LEFT_BY_REHEARSALS: f64 = 0.25;
-/// Share of the failures on a leg that neither rehearsals nor other plans make good.
+/// Share of the failures on a leg that neither rehearsals nor further plans repair. Fitted on validation maps.
 const LOST_BY_FAILING: f64 = 0.035;
-/// The same of deaths.
+/// Share of the deaths on a leg that neither rehearsals nor further plans prevent. Fitted on validation maps.
 const LOST_BY_DYING: f64 = 0.07;
 
 /// One leg of a plan.
@@ -85,7 +85,7 @@ pub struct Leg {
     pub seconds: Seconds,
     /// Estimated chance of success.
     pub chance: Chance,
-    /// Estimated chance of dying on it, at most `1 - chance`.
+    /// Estimated chance of dying on the leg, at most `1 - chance`.
     pub death_chance: f32,
     /// The most demanding ability that the leg needs.
     pub ability: Ability,
@@ -104,7 +104,8 @@ pub enum NoPath {
     OneWay,
 }
 
-/// The answer to a query: waypoints in order, ending with the goal or as near to it as paths lead, and the legs that lead to them.
+/// The answer to a query: waypoints in order, and the legs that lead to them. The last waypoint is the goal or,
+/// without a path, as near to it as paths lead.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Positions, m; leg `i` ends at waypoint `i`.
@@ -113,21 +114,21 @@ pub struct Plan {
     pub legs: Vec<Leg>,
     /// Why there is no path; `None` if there is one.
     pub no_path: Option<NoPath>,
-    /// What legs hang on: the index of each that hangs on movers, in ascending order.
+    /// The mover requirements of legs that have any, by the index of the leg, in ascending order.
     pub needs: Vec<(usize, Needs)>,
-    /// Without a path: position of the reachable vertex that is nearest to the goal, m, to which the plan leads; `None` if no vertex is
-    /// reachable: the plan is then a single leg straight to the goal.
+    /// Without a path: position of the reachable vertex nearest to the goal, m, to which the plan leads. `None` if no
+    /// vertex is reachable; the plan is then a single leg straight to the goal.
     pub nearest: Option<Vec3>,
 }
 
 impl Plan {
-    /// Returns the plan of one unproved leg straight to `goal`, m, of which nothing is known.
+    /// Returns the plan of one unproved leg straight to `goal`, m, without an estimate of its risk.
     pub fn straight(goal: Vec3) -> Self {
         let leg = Leg::lasting(LegKey::DIRECT, Decisions(1.0), Chance::new(1.0), 0.0, Ability::Walk);
         Self { waypoints: vec![goal], legs: vec![leg], no_path: None, needs: Vec::new(), nearest: None }
     }
 
-    /// What leg `leg` hangs on; `None` if it hangs on nothing.
+    /// Returns the mover requirements of leg `leg`; `None` if it has none.
     pub fn needs_of(&self, leg: usize) -> Option<&Needs> {
         self.needs.binary_search_by_key(&leg, |(leg, _)| *leg).ok().map(|at| &self.needs[at].1)
     }
@@ -142,12 +143,13 @@ impl Plan {
         1.0 - self.legs.iter().map(|leg| 1.0 - f64::from(leg.death_chance)).product::<f64>()
     }
 
-    /// Returns the estimated chance that an NPC arrives without another plan that rehearses its legs.
+    /// Returns the estimated chance that an NPC that rehearses its legs arrives by this plan, without making another
+    /// one.
     pub fn as_planned_chance(&self) -> Chance {
         Chance::new(libm::pow(self.chance().get(), LEFT_BY_REHEARSALS))
     }
 
-    /// Returns the estimated chance that an NPC arrives that rehearses its legs, and plans anew where one fails.
+    /// Returns the estimated chance that an NPC arrives that rehearses its legs and makes another plan if a leg fails.
     pub fn arrival_chance(&self) -> Chance {
         let kept = |leg: &Leg| {
             let death = f64::from(leg.death_chance);

@@ -1,4 +1,4 @@
-//! Reachability of a level, as its graph shows it: islands, one-way traps, the places that depend on an ability, and the
+//! Reachability of a level according to its graph: islands, one-way traps, the dependence on abilities, and the
 //! differences between two versions.
 
 use crate::graph::NavGraph;
@@ -44,7 +44,7 @@ pub struct Connection {
     pub connected: f64,
     /// All islands, the largest first.
     pub islands: Vec<Island>,
-    /// For each ability but walking that edges use: how much `connected` falls without these edges.
+    /// For each ability except walking that edges use: how much `connected` falls without these edges.
     pub lost_without: BTreeMap<String, f64>,
 }
 
@@ -105,7 +105,7 @@ pub fn without(graph: &NavGraph, ability: Ability) -> NavGraph {
     NavGraph::check(data).expect("a graph stays valid when edges are removed")
 }
 
-/// What changed between two versions of a level.
+/// The difference between two versions of a level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Difference {
     /// Share of ordered pairs with a path before, in [0, 1].
@@ -120,7 +120,8 @@ pub struct Difference {
     pub islands: (usize, usize),
 }
 
-/// Compares two versions of a level. A position counts as reached in a version if a reached vertex lies within 8 m of it.
+/// Compares two versions of a level. A position counts as reached in a version if a reached vertex lies within 8 m of
+/// it.
 pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
     let reached = |graph: &NavGraph| -> Vec<Vec3> {
         let reached = graph.vertices().zip(reached_from_main(graph)).filter(|(_, reached)| *reached);
@@ -179,7 +180,12 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 200, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 200,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
 
         #[test]
         fn descriptions_agree_with_a_search_from_every_vertex(graph in graphs()) {

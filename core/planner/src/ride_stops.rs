@@ -1,7 +1,7 @@
 //! Ride stops: the places on lifts and platforms where an NPC stands, one at each stop of a mover.
 //!
-//! Ride stops are vertices like any other. Edges to and from a ride stop are proved while the mover is held at that stop,
-//! and the edge between two ride stops of a mover is the ride.
+//! Ride stops are vertices like any other. Edges to and from a ride stop are proved while the mover is held at that
+//! stop, and the edge between two ride stops of a mover is the ride.
 
 use crate::needs::Ride;
 use crate::settings::Site;

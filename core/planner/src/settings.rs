@@ -9,7 +9,7 @@ use std::sync::Arc;
 use surefoot_world::navigable::NoGround;
 use surefoot_world::{CharacterProfile, Map};
 
-/// Version of the builder; changes whenever the same settings would yield a different graph.
+/// Version of the builder. It changes whenever the same settings would yield a different graph.
 pub const BUILDER_VERSION: u32 = 11;
 
 /// How vertices are placed and candidate edges are found.
@@ -21,8 +21,8 @@ pub enum Placement {
     /// Random with a minimum distance that shrinks until all vertices are placed; each is probed against its nearest
     /// neighbours.
     Spaced,
-    /// Random with probabilities inverse to the local density of navigable ground; each vertex is probed against its nearest
-    /// neighbours.
+    /// Random with probabilities inverse to the local density of navigable ground; each vertex is probed against its
+    /// nearest neighbours.
     Density,
     /// Points along runs of the policy, merged where they are near; edges as the runs passed them, without probes.
     Trajectories,
@@ -97,9 +97,9 @@ pub struct BuildSettings(RawBuildSettings);
 pub struct RawBuildSettings {
     /// How vertices are placed. Default: [`Placement::Spaced`].
     pub placement: Placement,
-    /// Number of vertices, at least 2. Places to stand at the stops of lifts and platforms come on top; together they may be at most
-    /// [`MAX_VERTICES`]. With special moves and frugal probing, up to twice as many are added where it takes them to join what
-    /// straight legs leave apart. Default: 300.
+    /// Number of vertices, at least 2. Ride stops of lifts and platforms are added to them; together they may be at
+    /// most [`MAX_VERTICES`]. With special moves and frugal probing, up to twice as many are added to join islands.
+    /// Default: 300.
     pub vertices: usize,
     /// Number of nearest neighbours that each vertex is probed against, 1 to 64. Default: 12.
     pub neighbours: usize,
@@ -111,7 +111,8 @@ pub struct RawBuildSettings {
     pub seed: u64,
     /// How many probes the build spends. Default: [`Probing::Frugal`].
     pub probing: Probing,
-    /// Whether vertices and candidate edges also come from devices, ledges and ways of the survey, unlike in the paper. Default: true.
+    /// Whether vertices and candidate edges also come from devices, ledges and ways of the survey, unlike in the paper.
+    /// Default: true.
     pub special_moves: bool,
 }
 
@@ -193,15 +194,15 @@ pub enum BuildError {
     /// The map has no navigable ground.
     #[error(transparent)]
     NoGround(#[from] NoGround),
-    /// The places to stand at the stops of lifts and platforms are vertices, too, and make too many of them.
+    /// There are too many vertices, because the ride stops of lifts and platforms are vertices, too.
     #[error(
-        "settings.vertices is {vertices}, and the lifts and platforms of the map stop at {ride_stops} places where an NPC can stand; \
-         together they may be at most {MAX_VERTICES}"
+        "settings.vertices is {vertices}, and the lifts and platforms of the map have {ride_stops} stops where an NPC \
+         can stand; together they may be at most {MAX_VERTICES}"
     )]
     TooManyRideStops {
         /// The setting.
         vertices: usize,
-        /// Number of places on movers.
+        /// Number of ride stops.
         ride_stops: usize,
     },
     /// The build was cancelled.

@@ -1,8 +1,8 @@
-//! Persistence of graphs, layers and live evidence: the trait that every store implements, and the encoding of its entries.
-//! Graphs and live evidence are a cache; layers are the work of designers, which cannot be rebuilt.
+//! Persistence of graphs, layers and live evidence: the trait that every store implements, and the encoding of its
+//! entries. Graphs and live evidence are a cache; layers are the work of designers, which cannot be rebuilt.
 //!
-//! Every entry begins with a checksum of its content, so that damage is detected wherever the entry was kept. The decoded
-//! content is validated as well, because a checksum does not show that the values are valid.
+//! Every entry begins with a checksum of its content, so that damage is detected wherever the entry was kept. The
+//! decoded content is validated as well, because a checksum does not show that the values are valid.
 
 use crate::build::{BuildStats, Built};
 use crate::change::edits::Layer;
@@ -49,7 +49,8 @@ pub trait GraphStore: Send + Sync {
     /// If the store itself cannot be read.
     fn live(&self, id: &GraphId) -> Result<LiveEvidence, StoreError>;
 
-    /// Stores the live evidence of a graph, in place of what was stored before, and with it the receipts of the calls that reported it.
+    /// Stores the live evidence of a graph in place of the previous evidence, with the receipts of the calls that
+    /// reported it.
     ///
     /// # Errors
     /// If the store cannot be written.
@@ -64,15 +65,16 @@ pub trait GraphStore: Send + Sync {
     /// Stores a layer in place of the one with the same name, damaged or not; a layer without edits is removed.
     ///
     /// # Errors
-    /// If the store cannot be written; the layers are then as before.
+    /// If the store cannot be written. The layers are then unchanged.
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError>;
 
-    /// Does the same if the layers of the level are still of this [`version`](LevelLayers::version) and no receipt of the same call is
-    /// stored. Returns whether that was so. The layer and `receipt` are stored together or not at all. A store of one process needs no
-    /// versions: it is called with the lock of the level held.
+    /// Like [`put_layer`](Self::put_layer), but only if the layers of the level still have this
+    /// [`version`](LevelLayers::version) and no receipt of the same call is stored. Returns whether the layer was
+    /// stored. The layer and `receipt` are stored together or not at all. A store of one process needs no versions,
+    /// because callers hold the lock of the level.
     ///
     /// # Errors
-    /// Same as [`put_layer`](Self::put_layer). If the store became unreachable, the layer may have been stored nevertheless.
+    /// If the store cannot be written. If it became unreachable, the layer may have been stored nevertheless.
     fn replace_layer(
         &self,
         level: &LevelId,
@@ -81,7 +83,7 @@ pub trait GraphStore: Send + Sync {
         receipt: Option<&Receipt>,
     ) -> Result<bool, StoreError>;
 
-    /// Returns the receipt of a call of `client` with the request id `id`; `None` if there is none, or none any more
+    /// Returns the receipt of a call of `client` with the request id `id`; `None` if there is none or it has expired
     /// ([`RECEIPTS_KEPT_FOR`], [`MAX_RECEIPTS`]).
     ///
     /// # Errors
@@ -89,14 +91,14 @@ pub trait GraphStore: Send + Sync {
     fn receipt(&self, client: &str, id: &str) -> Result<Option<Receipt>, StoreError>;
 }
 
-/// How long a receipt is kept at least, unless its client has [`MAX_RECEIPTS`] newer ones.
+/// Least time for which a receipt is kept, unless its client has [`MAX_RECEIPTS`] newer ones.
 pub const RECEIPTS_KEPT_FOR: Duration = Duration::from_secs(600);
 /// Most receipts of one client; the oldest are dropped first.
 pub const MAX_RECEIPTS: usize = 4096;
-/// Most bytes of the answer in a receipt.
+/// Greatest length of the answer in a receipt, bytes.
 pub const MAX_ANSWER_BYTES: usize = 16 << 10;
 
-/// A call that is carried out once, however often it is sent.
+/// A call that takes effect once, however often it is sent.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Call {
     /// Name of the client.
@@ -107,7 +109,7 @@ pub struct Call {
     pub request: [u8; 32],
 }
 
-/// A call that was carried out.
+/// A call that has taken effect.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Receipt {
     /// The call.
@@ -145,7 +147,7 @@ pub struct DamagedLayer {
     pub name: String,
     /// File or address of the layer.
     pub place: String,
-    /// What is wrong with it.
+    /// Why the layer cannot be read.
     pub reason: String,
 }
 
@@ -157,16 +159,16 @@ pub struct StoreError {
     pub place: String,
     /// What went wrong.
     pub reason: String,
-    /// What may be done about it.
+    /// Kind of the failure.
     pub kind: StoreErrorKind,
 }
 
 /// Kind of a failure of the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StoreErrorKind {
-    /// The store cannot be reached now, and may be reached again later.
+    /// The store is unreachable now, and may be reachable later.
     Unavailable,
-    /// What was stored is gone or damaged: it has to be made again.
+    /// The entry is gone or damaged and has to be made again.
     Lost,
     /// The store refuses the operation: its settings, its permissions or its disk space must be changed.
     Refused,

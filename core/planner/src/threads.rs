@@ -1,16 +1,10 @@
 //! Parallel work on rayon's threads.
 
-use rayon::ThreadPoolBuilder;
 use rayon::iter::{ParallelBridge, ParallelIterator};
+use surefoot_world::parallel::with_threads;
 
-/// Runs `work`, in which rayon has `thread_count` threads.
-pub(crate) fn with_threads<R: Send>(thread_count: usize, work: impl FnOnce() -> R + Send) -> R {
-    let pool = ThreadPoolBuilder::new().num_threads(thread_count.max(1)).build();
-    pool.expect("the system starts threads").install(work)
-}
-
-/// Calls `map` with every index below `count` on `thread_count` threads, which take the next index when they are free. Returns the results
-/// in order.
+/// Calls `map` with every index below `count` on `thread_count` threads, which take the next index when they are free.
+/// Returns the results in order.
 pub fn map_indices<T: Send>(count: usize, thread_count: usize, map: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let mut results: Vec<(usize, T)> = with_threads(thread_count.min(count), || {
         // Splitting the range would not keep the ascending order in which work begins.

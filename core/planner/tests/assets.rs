@@ -163,7 +163,7 @@ fn a_godot_scene_is_read_back() {
 
 #[test]
 fn formats_stay_what_they_are() {
-    // Whoever changes a format on purpose writes these files anew; whoever changes the meaning of a field counts the version up.
+    // A deliberate change of a format replaces these files. A change in the meaning of a field increments the version.
     let golden = [
         (AssetFormat::Detour, include_str!("golden/links.detour.json")),
         (AssetFormat::Godot, include_str!("golden/links.godot.tscn")),

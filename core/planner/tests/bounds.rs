@@ -1,4 +1,5 @@
-//! Graphs from files: numbers that no build writes are refused with a reason, and the largest allowed ones are answered.
+//! Graphs from files: numbers that no build writes are refused with a reason, and the largest allowed ones are
+//! answered.
 
 use serde_json::{Value, json};
 use surefoot_planner::EdgeCosts;

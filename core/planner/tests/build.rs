@@ -217,7 +217,7 @@ fn only_edges_beside_a_void_are_also_probed_on_the_run() {
         let tried = executor.tried.into_inner().unwrap();
         (graph, tried.into_iter().filter(|trial| trial.via.is_some()).collect::<Vec<_>>())
     };
-    assert_eq!(on_the_run(&site()).1, [], "nobody can fall from the middle of a floor");
+    assert_eq!(on_the_run(&site()).1, [], "no body can fall from the middle of a floor");
     // A gap of 4 m with a bridge of 2 m.
     let (graph, tried) =
         on_the_run(&floors(&[[0.0, 0.0, 28.0, 60.0], [32.0, 0.0, 60.0, 60.0], [28.0, 29.0, 32.0, 31.0]]));

@@ -8,7 +8,7 @@ use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::price::{Caution, EdgeCost, EdgeCosts};
-use surefoot_planner::{Attach, Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
+use surefoot_planner::{Attach, Edge, EdgeKey, Leg, LegKey, NavGraph, NoPath, Plan, Query, Router, Stop, VertexId};
 use surefoot_world::{Ability, Vec3};
 
 fn edge(from: u32, to: u32, decisions: u32, successes: u32, tries: u32) -> Edge {
@@ -29,14 +29,6 @@ fn row(count: u32) -> Vec<Vec3> {
 
 fn router(graph: NavGraph) -> Router {
     Router::new(graph, 4096, 2)
-}
-
-/// A router with hub labels in place of a table.
-fn labelled(graph: NavGraph) -> Router {
-    let router = Router::new(graph, 0, 1);
-    router.prepare_labels(2);
-    assert!(!router.has_table() && router.labels_bytes() > 0);
-    router
 }
 
 /// Scatters vertices so that straight-line distance is a weak guide to the cost of a path.
@@ -65,10 +57,19 @@ fn cost_of(graph: &NavGraph, path: &[VertexId]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 300,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
-    fn the_table_hub_labels_our_a_star_and_petgraphs_searches_agree(tuples in edges_strategy(), from in 0..40u32, to in 0..40u32) {
+    fn hub_labels_our_a_star_and_petgraphs_searches_agree(
+        tuples in edges_strategy(),
+        from in 0..40u32,
+        to in 0..40u32,
+    ) {
         let graph = graph(scattered(40), edges_of(tuples));
         let router = router(graph.clone());
         let (source, target) = (NodeIndex::new(from as usize), NodeIndex::new(to as usize));
@@ -81,13 +82,12 @@ proptest! {
         let theirs = dijkstra(&petgraph, source, Some(target), |edge| *edge.weight());
         let star = astar(&petgraph, source, |node| node == target, |edge| *edge.weight(), |_| 0.0);
         let (from, to) = (VertexId(from), VertexId(to));
-        let by_labels = labelled(graph.clone()).look_up(from, to);
-        match (router.look_up(from, to), by_labels, router.search(from, to), theirs.get(&target), star) {
-            (None, None, None, None, None) => {}
-            (Some(tabled), Some(by_labels), Some(searched), Some(reference), Some((star, _))) => {
+        match (router.look_up(from, to), router.search(from, to), theirs.get(&target), star) {
+            (None, None, None, None) => {}
+            (Some(by_labels), Some(searched), Some(reference), Some((star, _))) => {
                 let close = |cost: f64| (cost - reference).abs() < 1.0e-4 * (1.0 + reference);
                 prop_assert!(close(star));
-                for (cost, path) in [tabled, by_labels, searched] {
+                for (cost, path) in [by_labels, searched] {
                     prop_assert!(close(f64::from(cost)));
                     prop_assert_eq!((path[0], path[path.len() - 1]), (from, to));
                     prop_assert!(close(cost_of(&graph, &path)));
@@ -98,7 +98,7 @@ proptest! {
     }
 
     #[test]
-    fn plans_with_a_table_with_hub_labels_and_with_neither_cost_the_same(
+    fn plans_with_and_without_hub_labels_cost_the_same(
         tuples in edges_strategy(),
         ends in prop::array::uniform6(0.0..100.0f32),
         barred in prop::collection::vec((0..40u32, 0..40u32), 0..6),
@@ -107,13 +107,14 @@ proptest! {
         let (start, goal) = (Vec3::new(ends[0], 0.0, ends[1]), Vec3::new(ends[2] + 60.0, ends[3] / 20.0, ends[4]));
         let barred: Vec<LegKey> = barred.into_iter().map(|(from, to)| EdgeKey::new(from, to).into()).collect();
         let query = Query { avoid: barred.clone(), ..Query::new(start, goal) };
-        let routers = [labelled(graph.clone()), Router::new(graph.clone(), 0, 1)];
+        let without = Router::new(graph.clone(), 0, 1).find_path(&query);
         let with = router(graph).find_path(&query);
-        let total = |plan: &surefoot_planner::Plan| plan.legs.iter().map(|leg| f64::from(leg.seconds.0) / (1.0 / 6.0) - 60.0 * libm::log(leg.chance.get())).sum::<f64>();
-        for without in routers.map(|router| router.find_path(&query)) {
-            prop_assert_eq!(with.no_path, without.no_path);
-            prop_assert!((total(&with) - total(&without)).abs() < 1.0e-2 * (1.0 + total(&with)), "{} and {}", total(&with), total(&without));
-        }
+        let cost = |leg: &Leg| f64::from(leg.seconds.0) / (1.0 / 6.0) - 60.0 * libm::log(leg.chance.get());
+        let total = |plan: &Plan| plan.legs.iter().map(cost).sum::<f64>();
+        prop_assert_eq!(with.no_path, without.no_path);
+        let (with_labels, without_labels) = (total(&with), total(&without));
+        let is_same = (with_labels - without_labels).abs() < 1.0e-2 * (1.0 + with_labels);
+        prop_assert!(is_same, "{with_labels} and {without_labels}");
         prop_assert!(with.legs.iter().all(|leg| !barred.contains(&leg.key)));
     }
 
@@ -169,8 +170,8 @@ fn unproved_legs_do_not_stand_in_for_forbidden_edges() {
     let leads_straight = |router: &Router, start, goal| {
         router.find_path(&Query::new(start, goal)).legs.iter().all(|leg| leg.key.edge().is_none())
     };
-    for table_limit in [4096, 0] {
-        let proved = Router::new(graph.clone(), table_limit, 1);
+    for label_limit in [4096, 0] {
+        let proved = Router::new(graph.clone(), label_limit, 1);
         assert!(leads_straight(&proved, vertices[0], vertices[1]), "as unproved as any other leg");
         let router = proved.forbidding([EdgeKey::new(0, 1)]);
         let beside = Vec3::new(0.5, 0.0, 0.5);
@@ -201,7 +202,7 @@ fn edge_by(from: u32, to: u32, ability: Ability) -> Edge {
 }
 
 #[test]
-fn a_plan_does_without_what_it_is_told_to_with_and_without_a_table() {
+fn a_plan_does_without_excluded_abilities_with_and_without_labels() {
     let vertices = vec![Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0), Vec3::new(30.0, 0.0, 40.0), Vec3::new(120.0, 0.0, 0.0)];
     let edges = vec![
         edge_by(0, 1, Ability::DoubleJump),
@@ -210,8 +211,8 @@ fn a_plan_does_without_what_it_is_told_to_with_and_without_a_table() {
         edge_by(1, 3, Ability::ZipLine),
     ];
     let graph = graph(vertices, edges);
-    for table_limit in [4096, 0] {
-        let router = Router::new(graph.clone(), table_limit, 1);
+    for label_limit in [4096, 0] {
+        let router = Router::new(graph.clone(), label_limit, 1);
         let plan = |without: &[Ability], goal: Vec3| {
             router.find_path(&Query { without: without.iter().copied().collect(), ..Query::new(Vec3::ZERO, goal) })
         };
@@ -243,8 +244,8 @@ fn the_more_cautious_a_plan_the_farther_it_goes_around_an_edge_that_kills() {
     let around = [edge(0, 2, 50, 99, 99), edge(2, 1, 50, 99, 99), edge(2, 3, 50, 99, 99)];
     let edges = [vec![short(TryEnd::Died, 1), short(TryEnd::Failed, 3)], around.to_vec()].concat();
     let graph = graph(vertices, edges);
-    for table_limit in [4096, 0] {
-        let router = Router::new(graph.clone(), table_limit, 1);
+    for label_limit in [4096, 0] {
+        let router = Router::new(graph.clone(), label_limit, 1);
         let plan = |x: f32, caution: Caution| {
             router.find_path(&Query { caution, ..Query::new(Vec3::ZERO, Vec3::new(x, 0.0, 0.0)) })
         };

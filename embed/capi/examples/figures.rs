@@ -13,7 +13,7 @@ use surefoot::abi::{Action, Hit, Leg, Outcome, Query, RAY_COUNT, Ray, State, Vec
 use surefoot::exports::*;
 use surefoot_planner::Router;
 use surefoot_planner::export::import_json;
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 
 /// Median duration of a call of `run`, us, over many calls.
 fn median_us(mut run: impl FnMut()) -> f64 {
@@ -107,7 +107,7 @@ fn state(rng: &mut ChaCha8Rng) -> State {
 /// Plans between random places.
 fn plans(path: &str) {
     let text = std::fs::read_to_string(path).expect("a graph");
-    let router = Router::new(import_json(&text).expect("a graph"), DEFAULT_TABLE_LIMIT, 1);
+    let router = Router::new(import_json(&text).expect("a graph"), DEFAULT_LABEL_LIMIT, 1);
     let path = CString::new(path).expect("a path");
     let graph = handle(|out| unsafe { sf_graph_load(path.as_ptr(), out, null_mut()) });
     let vertices: Vec<Vec3> = router.graph().vertices().map(|vertex| router.graph().position(vertex).into()).collect();

@@ -13,7 +13,7 @@ use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::import_json;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::price::{EdgeCost, EdgeCosts, price};
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{
     AbilitySet, Caution, EdgeKey, Leg, LegKey, NavGraph, NoPath, Plan, Query, Router, Stop, VertexId,
 };
@@ -47,7 +47,7 @@ impl Graph {
     /// Reads a graph from `surefoot graph export --format json`.
     pub fn parse(text: &str) -> Result<Self, Fault> {
         let proved = import_json(text).map_err(|error| Fault::file(error.to_string()))?;
-        let router = Router::new(proved.clone(), DEFAULT_TABLE_LIMIT, 1);
+        let router = Router::new(proved.clone(), DEFAULT_LABEL_LIMIT, 1);
         Ok(Self {
             proved,
             router,
@@ -167,7 +167,7 @@ impl Graph {
         if let Some(first) = edited.unapplied.first() {
             return Err(Fault::new(Status::NotFound, format!("edit {}: {}", first.index, first.reason)));
         }
-        self.router = Router::new(edited.graph, DEFAULT_TABLE_LIMIT, 1);
+        self.router = Router::new(edited.graph, DEFAULT_LABEL_LIMIT, 1);
         self.forbidden = edited.forbidden;
         (self.closed, self.factors, self.live) = Default::default();
         (self.reported, self.repriced) = Default::default();

@@ -16,7 +16,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::reachability;
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{
     AbilitySet, BuildError, BuildSettings, Built, Caution, NavGraph, Progress, Query, Router, VertexId,
 };
@@ -62,7 +62,7 @@ fn build(
 
 impl Graph {
     fn of(graph: NavGraph, map: Option<Arc<Map>>, threads: usize) -> Self {
-        Self { router: Router::new(graph, DEFAULT_TABLE_LIMIT, threads), map }
+        Self { router: Router::new(graph, DEFAULT_LABEL_LIMIT, threads), map }
     }
 
     fn graph(&self) -> &NavGraph {

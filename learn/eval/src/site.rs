@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use surefoot_game_client::attempts::{Rules, attempt};
 use surefoot_game_client::{Game, Level, probes};
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::settings::BUILDER_VERSION;
 use surefoot_planner::threads::map_indices;
 use surefoot_planner::{BuildSettings, BuildStats, Built, NavGraph, Progress, Router};
@@ -220,7 +220,7 @@ impl<'a> Site<'a> {
                 Price::Risk => built.graph,
                 Price::Steps => built.graph.priced_by_decisions(),
             };
-            (Router::new(graph, DEFAULT_TABLE_LIMIT, config.thread_count), built.stats)
+            (Router::new(graph, DEFAULT_LABEL_LIMIT, config.thread_count), built.stats)
         });
         let Surveyed { map, reach, .. } = surveyed;
         Ok(Self { policy, config, name: choice.name(), map, reach, router, goals, seed })

@@ -386,7 +386,7 @@ pub fn saved_world(bytes: &[u8]) {
 }
 
 /// Most vertices of a graph that gets a table.
-const TABLE_LIMIT: usize = 64;
+const LABEL_LIMIT: usize = 64;
 
 /// A graph of three vertices in a row.
 static SOME_GRAPH: LazyLock<NavGraph> = LazyLock::new(|| {
@@ -397,7 +397,7 @@ static SOME_GRAPH: LazyLock<NavGraph> = LazyLock::new(|| {
 
 /// Checks that plans on a graph have a leg for each waypoint and end at the goal, or as near to it as paths lead.
 fn graph_answers(graph: NavGraph) {
-    let router = Router::new(graph, TABLE_LIMIT, 1);
+    let router = Router::new(graph, LABEL_LIMIT, 1);
     for (start, goal) in [([0.0; 3], [9.0, 1.0, 30.0]), ([1.0e9; 3], [-1.0e9; 3])] {
         for avoid in [vec![], vec![EdgeKey::new(0, 1).into()]] {
             let query = Query { avoid, ..Query::new(start.into(), goal.into()) };

@@ -6,7 +6,7 @@ use crate::terminal::print_json;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::path::PathBuf;
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{NavGraph, Router};
 use surefoot_report::render::Picture;
 use surefoot_rollout::ProbeContext;
@@ -47,7 +47,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let Loaded { context, graph, .. } = &loaded;
     super::check_scale(args.scale, &context.map)?;
     if let Some(path) = &args.png {
-        let router = Router::new(graph.clone(), DEFAULT_TABLE_LIMIT, core_count());
+        let router = Router::new(graph.clone(), DEFAULT_LABEL_LIMIT, core_count());
         let mut picture = Picture::top_view(&context.map, args.scale);
         draw_graph(&mut picture, graph);
         let arrived = draw_tracks(&mut picture, context, &router, args.tracks)?;

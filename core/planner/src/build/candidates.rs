@@ -1,8 +1,8 @@
 //! Selects candidate edges: the pairs of vertices that are worth probing.
 //!
-//! In the paper, each vertex is paired with its nearest neighbours. Special moves join vertices that are farther apart: a
-//! pad and its landing, the ends of a zip line, the top and foot of a cliff. [`by_features`] adds such pairs from the
-//! map's devices and ledges, so that they do not depend on chance.
+//! In the paper, each vertex is paired with its nearest neighbours. Special moves join vertices that are farther
+//! apart: a pad and its landing, the ends of a zip line, the top and foot of a cliff. [`by_features`] adds such pairs
+//! from the map's devices and ledges, so that they do not depend on chance.
 
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
@@ -180,8 +180,8 @@ pub fn by_ride_stops(ride_stops: &[Option<MoverAt>], vertices: &[Vec3], known: &
     found.into_iter().collect()
 }
 
-/// Returns up to `count` vertices within `reach` metres of `point` on the plane whose position satisfies `fits`, nearest
-/// first.
+/// Returns up to `count` vertices within `reach` metres of `point` on the plane whose position satisfies `fits`,
+/// nearest first.
 fn closest(
     grid: &PointGrid,
     vertices: &[Vec3],
@@ -250,7 +250,8 @@ mod tests {
         vertices.extend([0.0, 4.0, 8.0].map(|height| Vec3::new(100.0, height, 100.0)));
         vertices.push(Vec3::new(103.0, 0.0, 100.0));
         let mut ride_stops = vec![None; 200];
-        ride_stops.extend([(3, 0), (3, 1), (3, 2), (9, 0)].map(|(mover, stop)| Some(MoverAt { mover: MoverId(mover), stop: StopIdx(stop) })));
+        let at = |(mover, stop)| Some(MoverAt { mover: MoverId(mover), stop: StopIdx(stop) });
+        ride_stops.extend([(3, 0), (3, 1), (3, 2), (9, 0)].map(at));
         let found = by_ride_stops(&ride_stops, &vertices, &[EdgeKey::new(200, 202)]);
         let rides: Vec<Candidate> = found.iter().copied().filter(|key| key.from.0.min(key.to.0) >= 200).collect();
         let expected = [(200, 201), (201, 200), (201, 202), (202, 200), (202, 201)];

@@ -1,8 +1,8 @@
 //! The graph of a build that is still running, on which plans can be made before it ends.
 //!
-//! It has the edges that are proved so far. Candidates that have not been probed yet stand in as expected edges where the predictor,
-//! fitted to the probes so far, is sure of them and a miss is not fatal. While a build goes on, vertices keep their indices; further
-//! ones are added at the end.
+//! It has the edges that are proved so far. A candidate that has not been probed yet becomes an expected edge if the
+//! predictor, fitted to the probes so far, is sure of it and a miss is not fatal. During a build, vertices keep their
+//! indices, and new ones are added at the end.
 
 use crate::build::candidates::Candidate;
 use crate::build::predictor::{Geometry, Predictor, is_perilous};
@@ -17,9 +17,10 @@ use surefoot_world::{Map, Vec3};
 
 /// Least chance at which the predictor is sure of a candidate.
 const SURE: f64 = 0.8;
-/// Most expected edges that leave a vertex, the nearest: plans need no others, and each takes a look at the ground.
+/// Most expected edges that leave a vertex, the nearest first: plans need no others, and each requires rays to the
+/// ground.
 const MAX_EXPECTED: u32 = 4;
-/// Number of probes before which the predictor knows nothing.
+/// Number of probes below which the predictor is not used.
 const MIN_PROBES: u32 = 128;
 
 /// What a running build has found out so far.
@@ -34,24 +35,25 @@ struct Findings {
     vertices: Vec<Vec3>,
     candidates: Vec<Candidate>,
     evidence: Vec<Evidence>,
-    /// Of the candidates that the predictor can judge, which come first.
+    /// The ground along the candidates that the predictor can judge; they come first.
     geometry: Arc<[Geometry]>,
 }
 
 impl Interim {
-    /// The graph so far; `None` until enough probes have finished. `map` and `threshold` are those of the build.
+    /// Returns the graph so far; `None` until enough probes have finished. `map` and `threshold` are those of the
+    /// build.
     pub fn graph(&self, map: &Map, threshold: f64) -> Option<NavGraph> {
         let findings = self.lock().clone()?;
         let probes: u32 = findings.evidence.iter().map(|own| own.tries).sum();
         (probes >= MIN_PROBES).then(|| findings.graph(map, threshold))
     }
 
-    /// Notes the candidates of which the predictor measured the ground.
+    /// Sets the ground along the first candidates, as the predictor measured it.
     pub(crate) fn measure(&self, geometry: &[Geometry]) {
         self.lock().get_or_insert_default().geometry = geometry.into();
     }
 
-    /// Notes all that has been found out.
+    /// Sets all findings.
     pub(crate) fn renew(&self, vertices: &[Vec3], candidates: &[Candidate], evidence: &[Evidence]) {
         let mut findings = self.lock();
         let findings = findings.get_or_insert_default();
@@ -60,7 +62,7 @@ impl Interim {
         findings.evidence = evidence.to_vec();
     }
 
-    /// Notes the vertices and candidates that were added at the end.
+    /// Adds the vertices and candidates that were added at the end.
     pub(crate) fn extend(&self, vertices: &[Vec3], candidates: &[Candidate], evidence: &[Evidence]) {
         let mut findings = self.lock();
         let Findings { vertices: known, candidates: listed, evidence: own, .. } = findings.get_or_insert_default();
@@ -69,7 +71,7 @@ impl Interim {
         own.extend(&evidence[own.len().min(evidence.len())..]);
     }
 
-    /// Notes what a build has made of the probes of these candidates.
+    /// Sets the evidence of these candidates.
     pub(crate) fn replace(&self, which: &[u32], evidence: &[Evidence]) {
         if let Some(findings) = self.lock().as_mut() {
             which.iter().for_each(|&idx| findings.evidence[idx as usize] = evidence[idx as usize]);
@@ -84,7 +86,7 @@ impl Interim {
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<Findings>> {
-        // A probe that panicked has not been noted; all others have.
+        // A probe that panicked has not been added; all others have.
         self.findings.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -131,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_changes_step_by_step_is_what_a_copy_of_everything_is() {
+    fn changes_step_by_step_equal_a_copy_of_everything() {
         let (interim, outcome) = (Interim::default(), Outcome { reached: true, ..Outcome::begin(Vec3::ONE) });
         let mut vertices = vec![Vec3::ZERO, Vec3::X, Vec3::Z];
         let mut candidates = vec![EdgeKey::new(0, 1), EdgeKey::new(1, 2)];

@@ -1,6 +1,6 @@
 //! Joins what frugal probing left apart: candidates between islands that no path connects are probed again and again,
-//! over longer distances than elsewhere. A leg that rarely succeeds is worth more than none, since NPCs rehearse what may
-//! harm them.
+//! over longer distances than elsewhere. A leg that rarely succeeds is worth more than none, since NPCs rehearse what
+//! may harm them.
 
 use super::Probed;
 use super::candidates::Candidate;

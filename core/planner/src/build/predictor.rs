@@ -1,8 +1,8 @@
 //! Predicts whether a probe of a candidate edge will succeed.
 //!
 //! The predictor is a logistic regression on the ground between two vertices (distance, climb, steps, holes, hazards,
-//! walls, pads) and on the outcomes of their other probes. It is fitted during the build, to the probes run so far, so it
-//! adapts to the policy, the character and the map, and no weights need to be shipped.
+//! walls, pads) and on the outcomes of their other probes. It is fitted during the build, to the probes run so far,
+//! so it adapts to the policy, the character and the map, and no weights need to be shipped.
 
 use crate::build::candidates::Candidate;
 use crate::evidence::Evidence;
@@ -86,13 +86,14 @@ pub fn measure(map: &Map, from: Vec3, to: Vec3) -> Geometry {
     ]
 }
 
-/// Returns whether a body that strays a little from the straight way between two places, or overshoots its end, falls out of the
-/// map or into lava.
+/// Returns whether a body that strays a little from the straight line between two places, or overshoots its end,
+/// falls out of the map or into lava.
 pub fn is_perilous(map: &Map, from: Vec3, to: Vec3) -> bool {
-    /// Distance between the places that are looked at along the way, and how far aside and beyond the end, m.
+    /// Distance between the sampled places along the line, m.
     const STEP_M: f32 = 2.0;
+    /// How far aside and beyond the end the body strays, m.
     const STRAY_M: f32 = 1.5;
-    /// Height above the way at which a body is held back, m.
+    /// Height above the line at which an obstacle holds a body back, m.
     const KNEE_M: f32 = 0.6;
     let offset = to - from;
     let length = hypot(offset.x, offset.z).max(1.0e-3);
@@ -104,7 +105,7 @@ pub fn is_perilous(map: &Map, from: Vec3, to: Vec3) -> bool {
     let is_fatal = |point: Vec3, stray: Vec3| {
         let beside = point + stray + knee;
         let below = map.mesh().cast_ray(beside, DOWN, beside.y.max(KNEE_M));
-        // What is solid holds a body back.
+        // Solid obstacles hold a body back.
         let is_held =
             || map.mesh().cast_ray(point + knee, stray / STRAY_M, STRAY_M).is_some_and(|hit| hit.surface.is_solid());
         below.is_none_or(|hit| hit.surface == Surface::Lava) && !is_held()
@@ -112,7 +113,7 @@ pub fn is_perilous(map: &Map, from: Vec3, to: Vec3) -> bool {
     let steps = (length / STEP_M).ceil();
     (0..=steps as u32).any(|step| {
         let point = from + offset * (step as f32 / steps);
-        // The straight way may lead through a hill.
+        // The straight line may lead through a hill.
         let is_inside = || map.mesh().solid_depth_at(point + knee) > 0;
         (is_fatal(point, across) || is_fatal(point, -across)) && !is_inside()
     }) || is_fatal(to, along)

@@ -1,4 +1,4 @@
-//! Probes of candidate edges: their inputs, their outcomes, and the trait of those who run the policy, [`ProbeExecutor`].
+//! Probes of candidate edges: their inputs, their outcomes, and [`ProbeExecutor`], the trait that runs the policy.
 
 use crate::ids::EdgeKey;
 use crate::needs::{Needs, Ride};
@@ -10,13 +10,14 @@ use surefoot_world::{Ability, MoverAt, Vec3};
 pub struct Trial {
     /// Position of the feet at the start, m.
     pub start: Vec3,
-    /// Position that the feet should reach first, m: the goal is then headed for on the run, as NPCs do that follow a plan.
+    /// Position that the feet should reach first, m. The body then heads for the goal on the run, like an NPC with a
+    /// plan.
     pub via: Option<Vec3>,
     /// Position that the feet should reach, m.
     pub goal: Vec3,
     /// Number of the probe's random stream under the seed of the run.
     pub stream: u64,
-    /// Whether the body must not jump: it moves composed, as NPCs do on legs that can be walked.
+    /// Whether the body must not jump: it moves in the style of legs that can be walked.
     pub on_foot: bool,
     /// Whether to record the track.
     pub keep_track: bool,
@@ -72,12 +73,13 @@ pub struct Outcome {
     pub ability: Ability,
     /// Lower and upper corner of the bounding box of the track, m.
     pub bounds: [Vec3; 2],
-    /// Positions of the feet at the start and after each decision, m; `None` in the air. Empty unless the trial asked to record
-    /// the track.
+    /// Positions of the feet at the start and after each decision, m; `None` in the air. Empty unless the trial asked
+    /// to record the track.
     pub track: Vec<Option<Vec3>>,
-    /// What the probe hung on.
+    /// The movers that the probe depended on.
     pub needs: Needs,
-    /// Outcome of the way to [`Trial::via`], if there was one; all else is about the way from there to the goal.
+    /// Outcome of the run to [`Trial::via`], if there was one. All other fields describe the run from there to the
+    /// goal.
     pub approach: Option<Box<Outcome>>,
 }
 
@@ -96,13 +98,13 @@ impl Outcome {
         }
     }
 
-    /// Whether the way to the goal was begun: the way to [`Trial::via`] may have failed before.
+    /// Whether the run to the goal was begun: the run to [`Trial::via`] may have failed before.
     pub fn was_begun(&self) -> bool {
         self.approach.as_ref().is_none_or(|approach| approach.reached)
     }
 }
 
-/// Sees probes finish, in any order and on any thread, and may cancel the others.
+/// Watches probes finish, in any order and on any thread, and may cancel the others.
 pub trait ProbeWatch: Sync {
     /// Called once for each trial, by its index, as soon as its outcome is known.
     fn finished(&self, trial: usize, outcome: &Outcome);

@@ -1,19 +1,19 @@
-//! How far a build has come, for those who wait for it, cancel it, or plan on what it has proved so far.
+//! Progress of a build, which callers watch, cancel, or plan on.
 
 use crate::build::interim::Interim;
 use crate::build::probe::{Outcome, ProbeWatch};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Progress of a build, shared with those who watch or cancel it.
+/// Progress of a build, shared with its callers.
 #[derive(Debug, Default)]
 pub struct Progress {
     /// Number of probes that have finished.
     pub done: AtomicU64,
-    /// Number of probes that are known to be needed; 0 while vertices are placed, and grows as the build finds more to probe.
+    /// Number of probes that the build needs, as far as it knows: 0 while it places vertices, and growing afterwards.
     pub total: AtomicU64,
     /// Set to cancel the build.
     pub cancel: AtomicBool,
-    /// What has been found out so far.
+    /// The findings so far.
     pub interim: Interim,
 }
 

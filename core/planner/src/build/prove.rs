@@ -2,10 +2,10 @@
 //!
 //! Frugal probing proceeds in rounds, each with a predictor fitted to the rounds before. The nearest third of each
 //! vertex's candidates is probed once, then the middle third, then the farthest. The later rounds omit two kinds of
-//! candidates: hopeless ones, which are expected to fail, and needless ones, which no plan would use because proved edges
-//! already lead to the same vertex for less. A hopeless candidate is probed after all if no proved edges lead from its
-//! one end to the other. Finally, candidates with an outcome that the predictor did not clearly expect are probed again,
-//! up to the number of repeats in the settings.
+//! candidates: hopeless ones, which are expected to fail, and needless ones, which no plan would use because proved
+//! edges already lead to the same vertex for less. A hopeless candidate is probed after all if no proved edges lead
+//! from its one end to the other. Finally, candidates with an outcome that the predictor did not clearly expect are
+//! probed again, up to the number of repeats in the settings.
 //!
 //! Where a miss is fatal, beside a void or lava, edges are then probed as NPCs with a plan use them: on the run, from a
 //! preceding edge.
@@ -23,11 +23,11 @@ use crate::price::{Caution, price};
 use crate::search::csr::Csr;
 use crate::search::frontier::Frontier;
 use crate::settings::{BuildError, Probing};
-use crate::threads::with_threads;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
+use surefoot_world::parallel::with_threads;
 use surefoot_world::{Ability, Chance, MoverAt, Vec3};
 
 /// Probes candidate edges between vertices.

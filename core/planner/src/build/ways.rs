@@ -1,4 +1,5 @@
-//! The ways that the survey knows: walks over its cells and links between its islands, and the shortest of them between vertices.
+//! The ways that the survey finds: walks over its cells and links between its islands, and the shortest of them between
+//! vertices.
 
 use crate::search::csr::Csr;
 use crate::search::frontier::Frontier;
@@ -7,9 +8,9 @@ use surefoot_world::Vec3;
 use surefoot_world::reach::Reach;
 use surefoot_world::reach::ground::{Ground, NEIGHBOURS, SPACING_M};
 
-/// Length that a step between cells counts for where one of them lies at an edge or a wall, as a multiple of its own.
+/// Factor on the length of a step between cells if one of them is at an edge or a wall.
 const BORDER_WEIGHT: f32 = 2.0;
-/// Length that a link counts for beside the distance between its ends, m.
+/// Length that is added to the distance between the ends of a link, m.
 const LINK_M: f32 = 8.0;
 
 /// The cells of a survey as a directed graph.
@@ -37,7 +38,7 @@ pub(crate) struct Way {
     pub from: u32,
     /// Index of the last vertex.
     pub to: u32,
-    /// The two cells between which the way leaves what is nearest to `from`.
+    /// The last cell that is nearest to `from`, and the next cell of the way.
     pub border: (u32, u32),
     /// Weighted length, m.
     pub length_m: f32,
@@ -67,12 +68,12 @@ impl<'a> Ways<'a> {
         Self { ground, exits, entrances }
     }
 
-    /// For each cell, the vertex from which it is reached on the shortest way.
+    /// Finds for each cell the vertex with the shortest way to it.
     pub fn nearest_before(&self, vertices: &[Vec3]) -> Nearest {
         self.spread(vertices, &self.exits)
     }
 
-    /// For each cell, the vertex that is reached from it on the shortest way.
+    /// Finds for each cell the vertex with the shortest way from it.
     pub fn nearest_after(&self, vertices: &[Vec3]) -> Nearest {
         self.spread(vertices, &self.entrances)
     }
@@ -110,8 +111,8 @@ impl<'a> Ways<'a> {
         })
     }
 
-    /// The legs of a way, as the cells that each passes: between their ends, at most `leg_m` apart, one can walk straight on, or must
-    /// leap.
+    /// Splits a way into legs, each with the cells that it passes. The ends of a leg are at most `leg_m` apart and
+    /// joined by a straight walk, or the leg is a single step or leap.
     pub fn legs(&self, way: &Way, before: &Nearest, after: &Nearest, leg_m: f32) -> Vec<Vec<u32>> {
         let mut cells: Vec<u32> = trace(way.border.0, &before.next);
         cells.reverse();
@@ -135,7 +136,7 @@ impl<'a> Ways<'a> {
         self.ground.cells()[cell as usize].feet
     }
 
-    /// Makes the steps of a leg that failed count for more, so that other ways are preferred.
+    /// Lengthens the steps of a leg that failed, so that other ways are preferred.
     pub fn discourage(&mut self, leg: &[u32]) {
         /// Factor on the length of each step.
         const FACTOR: f32 = 4.0;
@@ -147,12 +148,12 @@ impl<'a> Ways<'a> {
         }
     }
 
-    /// Places that one cannot walk straight to from any of `vertices`, chosen so that each is walked straight to from many more such
-    /// places, one at a time; it ends where only few are left.
+    /// Places without a straight walk from any of `vertices`. Each is chosen to have straight walks from many other
+    /// such places. The iterator ends when only few are left.
     pub fn uncovered<'b>(&'b self, vertices: &[Vec3], reach_m: f32) -> impl Iterator<Item = Vec3> + 'b {
         /// Places that are compared before one is chosen.
         const CHOICES: usize = 24;
-        /// Fewest places that make it worth while.
+        /// Fewest places that a chosen place must cover.
         const FEWEST: usize = 6;
         let mut is_covered = vec![false; self.ground.cells().len()];
         let vertices: Vec<usize> = vertices.iter().filter_map(|&feet| self.ground.index_at(feet)).collect();
@@ -168,7 +169,7 @@ impl<'a> Ways<'a> {
         })
     }
 
-    /// The cells within `reach_m` to which one can walk straight from `cell`, itself included.
+    /// The cells within `reach_m` to which a straight walk leads from `cell`, itself included.
     fn covered_from(&self, cell: usize, reach_m: f32) -> impl Iterator<Item = usize> {
         let feet = self.ground.cells()[cell].feet;
         let (column, row) = self.ground.column_of(feet);
@@ -180,7 +181,7 @@ impl<'a> Ways<'a> {
             .filter(move |&idx| self.walks_straight(cell as u32, idx as u32))
     }
 
-    /// Whether one can walk from cell to cell along the straight line between two of them.
+    /// Whether a straight walk leads from one cell to another.
     fn walks_straight(&self, from: u32, to: u32) -> bool {
         let feet = |cell: usize| self.ground.cells()[cell].feet;
         let ((column, row), (last_column, last_row)) =

@@ -1,5 +1,5 @@
-//! A graph that is being changed: it finds vertices by position and edges by their ends, so that a change takes no time in proportion to the
-//! graph. The edges keep their order, and new ones come last.
+//! A graph that is being changed. It finds vertices by position and edges by their ends, so that the time of a change
+//! does not grow with the graph. The edges keep their order, and new ones come last.
 
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::grid::PointGrid;
@@ -18,15 +18,15 @@ const VERTICES_PER_COLUMN: f32 = 2.0;
 #[derive(Debug)]
 pub(crate) struct Editable {
     vertices: Vec<Vec3>,
-    /// Vertices that were removed: they keep their indices.
+    /// Vertices that were removed; they keep their indices.
     removed: BTreeSet<VertexId>,
-    /// All others, by square.
+    /// All other vertices, by square.
     squares: BTreeMap<Square, Vec<VertexId>>,
     /// Distance within which vertices are found, m.
     within_m: f32,
-    /// Edges in their order; none where one was removed.
+    /// Edges in their order; `None` in place of removed ones.
     edges: Vec<Option<Edge>>,
-    /// For each vertex the places in `edges` of those that begin or end there, in ascending order. Some may be removed edges.
+    /// For each vertex, the indices of the edges that begin or end there, in ascending order; some may be removed.
     edges_at: Vec<Vec<u32>>,
     legs: LegModel,
 }
@@ -65,8 +65,8 @@ impl Editable {
         &self.legs
     }
 
-    /// The remaining vertex nearest to `place`; of equally near ones the first. `None` if all are farther away than the distance within
-    /// which vertices are found.
+    /// The remaining vertex nearest to `place`; of equally near ones, the first. `None` if none is within the
+    /// distance at which vertices are found.
     pub fn vertex_at(&self, place: Vec3) -> Option<VertexId> {
         let (x, z) = self.square(place);
         let around = (x - 1..=x + 1).flat_map(|x| (z - 1..=z + 1).map(move |z| (x, z)));
@@ -76,7 +76,7 @@ impl Editable {
         (self.vertices[vertex.idx()].distance(place) <= self.within_m).then_some(vertex)
     }
 
-    /// For each of `vertices` the `most` remaining vertices nearest to it, the nearest first.
+    /// For each of `vertices`, the `most` remaining vertices nearest to it, the nearest first.
     pub fn neighbours<'a>(
         &'a self,
         vertices: impl Iterator<Item = VertexId> + 'a,
@@ -157,7 +157,8 @@ impl Editable {
         if self.edges_at[from.idx()].len() <= self.edges_at[to.idx()].len() { from } else { to }
     }
 
-    /// The square of a place. All places within the distance at which vertices are found lie in it or beside it.
+    /// The square of a place. All places within the distance at which vertices are found are in it or in a square
+    /// beside it.
     fn square(&self, place: Vec3) -> Square {
         let side = self.within_m * 1.01;
         // No graph is so large; places far outside share the last square.
@@ -231,7 +232,12 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 300, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 300,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
 
         #[test]
         fn changes_do_what_they_do_to_plain_lists(
@@ -268,7 +274,9 @@ mod tests {
                         plain.removed.insert(vertex(number));
                         plain.remove_edges_of(vertex(number));
                     }
-                    Change::AddEdge(from, to, decisions) if vertex(from) != vertex(to) && !is_gone(vertex(from)) && !is_gone(vertex(to)) => {
+                    Change::AddEdge(from, to, decisions)
+                        if vertex(from) != vertex(to) && !is_gone(vertex(from)) && !is_gone(vertex(to)) =>
+                    {
                         let edge = edge(from % count, to % count, decisions);
                         editable.add_edge(edge);
                         plain.edges.push(edge);
@@ -290,10 +298,12 @@ mod tests {
                 }
             }
             for place in asked {
-                let nearest = plain.nearest(place).first().filter(|(distance, _)| *distance <= WITHIN_M).map(|(_, vertex)| *vertex);
+                let near = plain.nearest(place);
+                let nearest = near.first().filter(|(distance, _)| *distance <= WITHIN_M).map(|(_, vertex)| *vertex);
                 prop_assert_eq!(editable.vertex_at(place), nearest);
             }
-            let standing: Vec<VertexId> = (0..plain.vertices.len()).map(VertexId::at).filter(|vertex| !plain.removed.contains(vertex)).collect();
+            let all = (0..plain.vertices.len()).map(VertexId::at);
+            let standing: Vec<VertexId> = all.filter(|vertex| !plain.removed.contains(vertex)).collect();
             for (vertex, near) in editable.neighbours(standing.into_iter(), 12) {
                 let others = plain.nearest(plain.vertices[vertex.idx()]).into_iter().map(|(_, other)| other);
                 prop_assert_eq!(near, others.filter(|other| *other != vertex).take(12).collect::<Vec<_>>());

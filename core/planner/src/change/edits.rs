@@ -1,8 +1,9 @@
 //! Designers' changes to a graph: named layers of edits that apply to the proved graph.
 //!
-//! Edits refer to vertices by position, not by index, so a layer outlives the graph that it was made for: it also applies
-//! to a graph that was rebuilt with other settings, another policy or a changed map. An edit that finds nothing to change
-//! is skipped and reported as [`Unapplied`]. Edits of vertices are applied first, in order, then edits of edges.
+//! Edits refer to vertices by position, not by index, so a layer outlives the graph that it was made for: it also
+//! applies to a graph that was rebuilt with other settings, another policy or a changed map. An edit with nothing to
+//! change is skipped and reported as [`Unapplied`]. Edits of vertices are applied first, in order, then edits of
+//! edges.
 
 use crate::build::Builder;
 use crate::build::Progress;
@@ -214,11 +215,12 @@ pub struct Edited {
 
 /// Access to the level that edits are applied on.
 pub trait Terrain {
-    /// Returns the position of the feet of a character that stands at `place`, m; `None` if the character cannot stand there.
+    /// Returns the position of the feet of a character that stands at `place`, m; `None` if the character cannot
+    /// stand there.
     fn stand(&self, place: Vec3) -> Option<Vec3>;
 
-    /// Probes candidate edges between vertices at these positions. Returns one evidence per candidate, in order; `None` if
-    /// cancelled.
+    /// Probes candidate edges between vertices at these positions. Returns one evidence per candidate, in order;
+    /// `None` if cancelled.
     fn prove(&self, vertices: &[Vec3], candidates: &[Candidate]) -> Option<Vec<Evidence>>;
 }
 

@@ -1,7 +1,7 @@
 //! Live evidence: traversals that have been reported since edges were proved, by reporter.
 //!
-//! Reports of trusted reporters count in full. Reports of all others together count at most half as many tries as the edge's
-//! own probes, so that they can raise a cost but never outweigh what was proved.
+//! Reports of trusted reporters count in full. Reports of all other reporters together count at most half as many
+//! tries as the edge's own probes: they can raise a cost, but never outweigh the proof.
 
 use crate::evidence::{Evidence, TryEnd};
 use crate::graph::{Edge, NavGraph};
@@ -10,14 +10,14 @@ use crate::price::EdgeCost;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Number of tries of an edge, of all trusted or of all other reporters, at which these tries are halved in weight, so that
-/// recent tries can change the estimate.
+/// Number of tries of an edge, of all trusted or of all other reporters, at which these tries are halved in weight,
+/// so that recent tries can change the estimate.
 pub const MEMORY: u32 = 64;
 /// Maximum number of reporters with an entry of their own; further ones share the entry [`OTHERS`].
 const MAX_REPORTERS: usize = 64;
-/// Name of the entry that reporters share who have none of their own.
+/// Name of the entry that all further reporters share.
 const OTHERS: &str = "(others)";
-/// Tries of probes for each try that reporters who are not trusted may add to an edge.
+/// Tries of probes for each try that reporters without trust may add to an edge.
 const PROBES_FOR_EACH: u32 = 2;
 
 /// A traversal of an edge.
@@ -31,7 +31,7 @@ pub struct Traversal {
     pub decisions: u32,
 }
 
-/// Somebody who reports traversals.
+/// A source of reported traversals.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Reporter {
     /// Name, unique among the reporters that are trusted and among those that are not.
@@ -40,7 +40,7 @@ pub struct Reporter {
     pub is_trusted: bool,
 }
 
-/// What a reporter's traversals amount to.
+/// The traversals of a reporter, counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reported {
     /// The reporter.
@@ -51,10 +51,10 @@ pub struct Reported {
     pub failures: u64,
 }
 
-/// Traversals of one edge by one reporter, as sums: those of several planners add up.
+/// Traversals of one edge by one reporter, as sums; the sums of several planners add up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Counts {
-    /// Who reported them.
+    /// The source of the reports.
     pub reporter: Reporter,
     /// The edge.
     pub edge: EdgeKey,
@@ -65,7 +65,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// The sum that consists of one traversal.
+    /// The sums of one traversal.
     pub fn of(reporter: &Reporter, traversal: &Traversal) -> Self {
         let arrived = traversal.end == TryEnd::Arrived;
         let decisions = if arrived { f64::from(traversal.decisions) } else { 0.0 };
@@ -102,7 +102,8 @@ impl LiveEvidence {
         Some(self.added_to(edge).edge_cost())
     }
 
-    /// Evidence that was counted elsewhere. Reporters beyond the limit share an entry; counts that contradict each other are left out.
+    /// Returns evidence that was counted elsewhere. Reporters beyond the limit share an entry. Counts that contradict
+    /// each other are left out.
     pub fn of_counts(counts: impl IntoIterator<Item = Counts>) -> Self {
         let mut live = Self::default();
         counts.into_iter().for_each(|counts| live.add(&counts));
@@ -122,8 +123,8 @@ impl LiveEvidence {
         }
     }
 
-    /// Takes over evidence that was counted elsewhere, but for edges with a vertex whose index is `count` or higher: these are added by
-    /// layers, and known here only.
+    /// Replaces the evidence by evidence that was counted elsewhere. Edges with a vertex whose index is `count` or
+    /// higher keep theirs: layers add these edges, and only this planner has them.
     pub fn renew(&mut self, counted: Self, count: usize) {
         let is_of_layer = |key: &EdgeKey| key.from.idx() >= count || key.to.idx() >= count;
         let old = std::mem::replace(self, counted);
@@ -171,7 +172,8 @@ impl LiveEvidence {
         edge.evidence.combined(&self.sum(edge.key, true)).combined(&others)
     }
 
-    /// Returns `graph` with the live evidence added to its edges. Evidence of edges that `graph` does not have is ignored.
+    /// Returns `graph` with the live evidence added to its edges. Evidence of edges that `graph` does not have is
+    /// ignored.
     pub fn apply_to(&self, graph: &NavGraph) -> NavGraph {
         let mut data = graph.to_data();
         for edge in &mut data.edges {
@@ -194,7 +196,7 @@ impl LiveEvidence {
                 }
             }
         }
-        // Beyond the limit there can be one shared entry of those who are trusted, and one of the others.
+        // Beyond the limit, there can be one shared entry of trusted reporters and one of all others.
         self.reporters.len() <= MAX_REPORTERS + 2 && tries.values().all(|&sum| sum < MEMORY)
     }
 
@@ -211,7 +213,7 @@ impl LiveEvidence {
         self.reports().iter().filter(|report| report.reporter.is_trusted).map(|report| report.traversals).sum()
     }
 
-    /// Returns what each reporter's traversals amount to, by name.
+    /// Returns the counted traversals of each reporter, by name.
     pub fn reports(&self) -> Vec<Reported> {
         let reported = |(reporter, edges): (&Reporter, &BTreeMap<EdgeKey, Evidence>)| Reported {
             reporter: reporter.clone(),
@@ -290,10 +292,15 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 100, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 100,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
 
         #[test]
-        fn whatever_is_reported_the_evidence_is_sound_and_strangers_count_half_as_much_as_probes(reports in reports()) {
+        fn evidence_stays_sound_and_strangers_count_half_as_much_as_probes(reports in reports()) {
             let graph = graph();
             let mut live = LiveEvidence::default();
             // By edge: all trusted reports, which count one by one until there are too many to remember.

@@ -1,9 +1,10 @@
 //! Updates a graph after a local change of its map: only candidate edges that the change may affect are probed again.
 //!
-//! Vertices keep their positions; a vertex where the character can no longer stand loses its edges. An edge is affected if
-//! the bounding box of its probes' tracks comes near changed geometry; a candidate that is not an edge, if the straight
-//! line between its vertices does. A change that an NPC only *sees* from afar may influence its decisions, too. Such edges
-//! keep their evidence until live evidence corrects it: this is the cost of probing so little.
+//! Vertices keep their positions. A vertex where the character can no longer stand loses its edges. An edge is
+//! affected if the bounding box of its probes' tracks comes near changed geometry; a candidate that is not an edge,
+//! if the straight line between its vertices does. A change that an NPC only *sees* from afar may influence its
+//! decisions, too. Such edges keep their evidence until live evidence corrects it. This is the cost of probing so
+//! little.
 
 use crate::aabb::Aabb;
 use crate::build::candidates::Candidate;
@@ -31,16 +32,16 @@ const MARGIN_M: f32 = 3.0;
 const DEVICE_M: f32 = 8.0;
 /// Height difference within which a vertex must find ground to stand on, m; it may shift by twice as much in all.
 const SHIFT_M: f32 = 0.3;
-/// Vertices within this distance of a change are paired with their nearest neighbours anew, in multiples of the mean length of an edge.
+/// Distance from a change within which vertices are paired again with their nearest neighbours, in mean edge lengths.
 const REACH_EDGES: f32 = 4.0;
-/// The same distance at least, m.
+/// Least value of this distance, m.
 const MIN_REACH_M: f32 = 40.0;
-/// A new vertex nearer than this to one that is there is not needed, m.
+/// Least distance of a new vertex from all others, m.
 const APART_M: f32 = 1.0;
 /// Most vertices that an update adds.
 const MAX_NEW: usize = 1024;
 
-/// Where two maps differ: a range of heights for each column that has changed.
+/// The difference between two maps: a range of heights for each column that has changed.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Change {
     columns: BTreeMap<(i32, i32), (f32, f32)>,
@@ -127,7 +128,7 @@ impl Change {
         let area = area.widened(MARGIN_M);
         let Some(bounds) = self.bounds.filter(|bounds| bounds.touches(area)) else { return false };
         let is_touched = |&(bottom, top): &(f32, f32)| bottom <= area.high.y && top >= area.low.y;
-        // Bounds in a file may be as large as numbers get: only the part around the change is looked at.
+        // Bounds in a file may be as large as numbers get: the search is limited to the part around the change.
         let (near, far) = (area.low.max(bounds.low), area.high.min(bounds.high));
         let (left, right, back, front) = (cell(near.x), cell(far.x), cell(near.z), cell(far.z));
         (left..=right)
@@ -177,14 +178,14 @@ pub struct Updated {
     pub lost: Vec<VertexId>,
 }
 
-/// A graph that is about to follow a change of its map: what the change leaves of it, and what it does not.
+/// A graph that is about to follow a change of its map.
 #[derive(Debug)]
 pub struct Update {
     change: Change,
-    /// Those of the graph, and new ones at the end.
+    /// The vertices of the graph, and new ones at the end.
     vertices: Vec<Vec3>,
     known_count: usize,
-    /// In ascending order.
+    /// Vertices where the character can no longer stand, in ascending order.
     lost: Vec<VertexId>,
     /// The edges of the graph, in its order.
     edges: Vec<Edge>,
@@ -205,7 +206,7 @@ impl Update {
         Self { change, vertices, known_count, lost, edges, known, legs: *graph.legs() }
     }
 
-    /// The graph without the edges that the change affects, on which plans can be made until these have been probed.
+    /// The graph without the edges that the change affects. Plans can use it until these have been probed.
     pub fn without_affected_edges(&self) -> NavGraph {
         let data = GraphData { vertices: self.vertices.clone(), edges: self.kept(), legs: self.legs };
         NavGraph::check(data).expect("known edges join vertices")
@@ -231,8 +232,8 @@ impl Update {
         self.edges.iter().filter(is_kept).copied().collect()
     }
 
-    /// The candidate edges that are to be probed, known ones and those of a new build, and the number of these that come from devices and
-    /// ledges.
+    /// The candidate edges to probe: edges of the graph and candidates of a new build. Also returns the number of the
+    /// latter that come from devices and ledges.
     fn affected(&self, site: &Site, settings: &BuildSettings) -> (Vec<Candidate>, u64) {
         let length = |key: &Candidate| self.vertices[key.from.idx()].distance(self.vertices[key.to.idx()]);
         let mean = self.edges.iter().map(|edge| length(&edge.key)).sum::<f32>() / self.edges.len().max(1) as f32;
@@ -260,7 +261,7 @@ impl Builder<'_> {
         self.finish_since(started_s, Update::of(graph, old_map, self.site))
     }
 
-    /// Probes what an update's change affects.
+    /// Probes the edges that the change of an update affects.
     ///
     /// # Errors
     /// If `progress.cancel` was set.

@@ -1,9 +1,9 @@
-//! Selects the edges that a NavMesh needs as off-mesh links: those that join places it cannot join, and those that save much
-//! time.
+//! Selects the edges that a NavMesh needs as off-mesh links: edges that join places it cannot join, and edges that save
+//! much time.
 //!
-//! The selection is a greedy spanner (Althöfer et al. 1993, "On Sparse Spanners of Weighted Graphs") on top of the NavMesh's
-//! own connections: links are considered from the fastest to the slowest, and each is kept unless the connections so far
-//! lead to the same place nearly as fast.
+//! The selection is a greedy spanner (Althöfer et al. 1993, "On Sparse Spanners of Weighted Graphs") on top of the
+//! NavMesh's own connections: links are considered from the fastest to the slowest, and each is kept unless the
+//! connections so far lead to the same place nearly as fast.
 
 use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
@@ -37,8 +37,8 @@ const STEP_M: f32 = 0.5;
 const SLOPE: f32 = 1.0;
 
 impl NavMesh<'_> {
-    /// Returns whether the NavMesh cannot take an edge by itself: the edge leaves its island, needs an ability other than
-    /// walking, or drops.
+    /// Returns whether the NavMesh cannot take an edge by itself: the edge leaves its island, needs an ability other
+    /// than walking, or drops.
     pub fn needs_link(&self, graph: &NavGraph, edge: &Edge) -> bool {
         let (from, to) = (self.islands[edge.key.from.idx()], self.islands[edge.key.to.idx()]);
         let offset = graph.position(edge.key.to) - graph.position(edge.key.from);
@@ -46,8 +46,9 @@ impl NavMesh<'_> {
         from.is_none() || from != to || edge.evidence.ability != Ability::Walk || is_drop
     }
 
-    /// Selects the edges that are worth a link, in ascending order of their keys, at their [`expected_seconds`]. `max_detour`, above 1, is the
-    /// greatest ratio of another route's duration to an edge's at which the edge is left out; smaller values keep more links.
+    /// Selects the edges that are worth a link at their [`expected_seconds`], in the order of the graph.
+    /// `max_detour`, above 1, is the greatest ratio of another route's duration to that of an edge at which the edge
+    /// is left out. Smaller values keep more links.
     pub fn links<'g>(&self, graph: &'g NavGraph, max_detour: f64) -> Vec<&'g Edge> {
         let needed = graph.edges().filter(|edge| self.needs_link(graph, edge));
         let candidates: Vec<(EdgeKey, f64)> = needed.map(|edge| (edge.key, expected_seconds(edge))).collect();
@@ -55,8 +56,8 @@ impl NavMesh<'_> {
         graph.edges().filter(|edge| kept.contains(&edge.key)).collect()
     }
 
-    /// Selects those of `candidates`, edges with their durations in seconds, that the NavMesh with the others does not replace within
-    /// `max_detour` times their duration.
+    /// Selects the `candidates`, edges with their durations in seconds, that the NavMesh and the other links do not
+    /// replace within `max_detour` times their duration.
     pub fn spanner(&self, graph: &NavGraph, candidates: &[(EdgeKey, f64)], max_detour: f64) -> BTreeSet<EdgeKey> {
         let mut routes = self.on_foot(graph);
         let walks = graph.edges().filter(|edge| !self.needs_link(graph, edge));
@@ -74,7 +75,8 @@ impl NavMesh<'_> {
         kept
     }
 
-    /// Connects the vertices of each island: each with its nearest ones, and all with the one nearest to the island's centre.
+    /// Connects the vertices of each island: each with its nearest ones, and all with the one nearest to the island's
+    /// centre.
     fn on_foot(&self, graph: &NavGraph) -> Routes {
         let mut routes = Routes::new(graph.vertex_count());
         let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
@@ -103,15 +105,15 @@ impl NavMesh<'_> {
     }
 }
 
-/// Returns the cost of an edge in seconds: the expected duration, including what failures cost, plus a term for risk, times the
-/// designers' factor.
+/// Returns the cost of an edge in seconds: the expected duration with the cost of failures, plus a term for risk, times
+/// the designers' factor.
 pub fn expected_seconds(edge: &Edge) -> f64 {
     edge.evidence.cost() * f64::from(DECISION_SECONDS)
 }
 
 /// The connections so far.
 struct Routes {
-    /// For each vertex the vertices that it leads to, with durations in seconds, the nearest first.
+    /// For each vertex, the vertices that it leads to, with durations in seconds, the nearest first.
     edges: Vec<Vec<(VertexId, f64)>>,
     frontier: Frontier<f64>,
 }
@@ -130,7 +132,7 @@ impl Routes {
         self.edges.iter_mut().for_each(|edges| edges.sort_by(|a, b| a.1.total_cmp(&b.1)));
     }
 
-    /// Adds a connection where it belongs.
+    /// Adds a connection, keeping the order.
     fn add(&mut self, from: VertexId, to: VertexId, seconds: f64) {
         let edges = &mut self.edges[from.idx()];
         edges.insert(edges.partition_point(|edge| edge.1.total_cmp(&seconds).is_lt()), (to, seconds));
@@ -144,7 +146,7 @@ impl Routes {
             if vertex == to.0 {
                 return true;
             }
-            // The middle of an island leads to all of it: the search skips what is too far.
+            // The middle of an island leads to all of it: the search skips vertices that are too far away.
             let near = self.edges[vertex as usize].iter().map(|&(next, seconds)| (next, after + seconds));
             for (next, then) in near.take_while(|(_, then)| *then <= limit) {
                 self.frontier.offer(next.0, then);
@@ -164,7 +166,8 @@ mod tests {
 
     const COUNT: u32 = 60;
 
-    /// The greedy spanner by its definition: all pairs on foot sorted by distance, and all connections tried for each candidate.
+    /// The greedy spanner by its definition: all pairs on foot sorted by distance, and all connections tried for each
+    /// candidate.
     fn by_definition(
         mesh: &NavMesh<'_>,
         graph: &NavGraph,
@@ -245,7 +248,12 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 60, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 60,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
 
         #[test]
         fn links_are_those_of_the_definition((graph, islands) in level(), max_detour in 1.1..6.0f64) {

@@ -4,10 +4,12 @@
 pub mod assets;
 pub mod links;
 
+use crate::evidence::Evidence;
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::{EdgeKey, VertexId};
+use crate::legs::LegModel;
 use serde::{Deserialize, Serialize};
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
 
 /// File format of an exported graph.
@@ -32,10 +34,10 @@ impl Format {
     }
 }
 
-/// What a graph's file says besides the graph.
+/// Facts about a graph that its file has besides the graph.
 #[derive(Debug, Clone, Default)]
 pub struct About {
-    /// Where the level's own origin lies on the map, m; `None` if that is not known.
+    /// Position of the level's own origin on the map, m, if known.
     pub origin: Option<Vec3>,
     /// The body for which the graph was proved.
     pub body: Option<CharacterProfile>,
@@ -46,7 +48,7 @@ pub fn export(graph: &NavGraph, format: Format) -> String {
     export_about(graph, format, About::default())
 }
 
-/// Writes `graph` in `format`, with what is known about it; only JSON has that.
+/// Writes `graph` in `format`; JSON also has the facts in `about`.
 pub fn export_about(graph: &NavGraph, format: Format, about: About) -> String {
     match format {
         Format::GraphMl => graphml(graph),
@@ -90,7 +92,7 @@ pub fn import_json(text: &str) -> Result<NavGraph, ImportError> {
     })?)
 }
 
-/// Reads the body for which a graph was proved from JSON that [`export_about`] wrote; `None` if it does not say.
+/// Reads the body for which a graph was proved from JSON that [`export_about`] wrote, if it has one.
 pub fn body_of(text: &str) -> Option<CharacterProfile> {
     #[derive(Deserialize)]
     struct File {
@@ -115,10 +117,10 @@ struct NodeLink {
 #[derive(Serialize, Deserialize)]
 struct GraphFields {
     units: String,
-    /// Where the level's own origin lies on the map, m.
+    /// Position of the level's own origin on the map, m.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     origin: Option<[f32; 3]>,
-    legs: crate::legs::LegModel,
+    legs: LegModel,
     /// The body for which the graph was proved.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     body: Option<CharacterProfile>,
@@ -142,7 +144,7 @@ struct Link {
     seconds: f64,
     chance: f64,
     ability: String,
-    evidence: crate::evidence::Evidence,
+    evidence: Evidence,
 }
 
 impl NodeLink {
@@ -155,7 +157,7 @@ impl NodeLink {
             source: edge.key.from.0,
             target: edge.key.to.0,
             weight: edge.evidence.cost(),
-            seconds: seconds(edge),
+            seconds: seconds(&edge.evidence),
             chance: edge.evidence.chance().get(),
             ability: edge.evidence.ability.name().to_owned(),
             evidence: edge.evidence,
@@ -176,8 +178,8 @@ impl NodeLink {
 }
 
 /// Returns the mean duration of the probes that arrived, s.
-fn seconds(edge: &Edge) -> f64 {
-    edge.evidence.decisions_mean().0 * f64::from(DECISION_SECONDS)
+fn seconds(evidence: &Evidence) -> f64 {
+    evidence.decisions_mean().0 * f64::from(DECISION_SECONDS)
 }
 
 fn graphml(graph: &NavGraph) -> String {
@@ -200,32 +202,24 @@ fn graphml(graph: &NavGraph) -> String {
         line(&mut text, format_args!("  <key id=\"{name}\" for=\"{of}\" attr.name=\"{name}\" attr.type=\"{kind}\"/>"));
     }
     text += "  <graph id=\"surefoot\" edgedefault=\"directed\">\n";
+    let data = |fields: &[(&str, &dyn Display)]| -> String {
+        fields.iter().map(|(key, value)| format!("<data key=\"{key}\">{value}</data>")).collect()
+    };
     for (vertex, island) in graph.vertices().zip(graph.islands()) {
         let at = graph.position(vertex);
-        line(
-            &mut text,
-            format_args!(
-                "    <node id=\"{vertex}\"><data key=\"x\">{}</data><data key=\"y\">{}</data><data key=\"z\">{}</data><data key=\"island\">{island}</data></node>",
-                at.x, at.y, at.z
-            ),
-        );
+        let data = data(&[("x", &at.x), ("y", &at.y), ("z", &at.z), ("island", island)]);
+        line(&mut text, format_args!("    <node id=\"{vertex}\">{data}</node>"));
     }
-    for edge in graph.edges() {
-        let evidence = &edge.evidence;
-        line(
-            &mut text,
-            format_args!(
-                "    <edge source=\"{}\" target=\"{}\"><data key=\"weight\">{}</data><data key=\"seconds\">{}</data><data key=\"chance\">{}</data><data key=\"ability\">{}</data><data key=\"tries\">{}</data><data key=\"successes\">{}</data></edge>",
-                edge.key.from,
-                edge.key.to,
-                evidence.cost(),
-                seconds(edge),
-                evidence.chance().get(),
-                evidence.ability.name(),
-                evidence.tries,
-                evidence.successes
-            ),
-        );
+    for Edge { key, evidence } in graph.edges() {
+        let data = data(&[
+            ("weight", &evidence.cost()),
+            ("seconds", &seconds(evidence)),
+            ("chance", &evidence.chance().get()),
+            ("ability", &evidence.ability.name()),
+            ("tries", &evidence.tries),
+            ("successes", &evidence.successes),
+        ]);
+        line(&mut text, format_args!("    <edge source=\"{}\" target=\"{}\">{data}</edge>", key.from, key.to));
     }
     text + "  </graph>\n</graphml>\n"
 }

@@ -1,4 +1,4 @@
-//! Plans where there is no path to the goal: why there is none, and the way to the place that is nearest to it.
+//! Plans to a goal that no path reaches: the reason, and the path to the reachable vertex nearest to the goal.
 
 use super::{Router, is_start_open};
 use crate::ids::VertexId;
@@ -8,11 +8,11 @@ use crate::search::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS
 use crate::search::connectivity::{self, flood};
 
 impl Router {
-    /// Finds a plan where no path joins the cheapest attachments, of which `goals` are those of the goal: between more of them, or else to
-    /// the reachable vertex that is nearest to the goal.
+    /// Finds a plan if no path joins the cheapest attachments; `goals` are those of the goal. Tries more attachments,
+    /// and then leads to the reachable vertex nearest to the goal.
     pub(super) fn plan_from_afar(&self, query: &Query, goals: Vec<Attachment>, repriced: &EdgeCosts) -> Plan {
         let starts = self.attach_start_widely(query);
-        // Fewer than were asked for are all that there are.
+        // Fewer than the limit are all that exist.
         let goals = if goals.len() < ATTACHMENTS { goals } else { self.attach_goal(query, MORE_ATTACHMENTS) };
         if let Some(path) = self.join(&starts, &goals, query, repriced) {
             return self.assemble(query, &path);
@@ -24,7 +24,7 @@ impl Router {
         }
     }
 
-    /// Finds more vertices to walk to from the start, none of them farther away than any character is known to get on foot.
+    /// Finds more vertices to walk to from the start, within the range of the edges that were proved on foot.
     fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
         let closed = self.closed_from(query.start);
         let accept = |vertex, leg| {
@@ -37,7 +37,7 @@ impl Router {
         self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices(query), reach_m, Direction::Away, accept)
     }
 
-    /// Why there is no path between these attachments.
+    /// Returns why there is no path between these attachments.
     pub(super) fn explain(&self, query: &Query, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
         if starts.is_empty() {
             return NoPath::StartOffGraph;
@@ -50,7 +50,7 @@ impl Router {
         if leads_back { NoPath::OneWay } else { NoPath::DifferentIslands }
     }
 
-    /// The plan to the vertex `nearest`, because there is none to the goal.
+    /// Plans to the vertex `nearest`, because no path leads to the goal.
     fn lead_to(
         &self,
         query: &Query,
@@ -60,21 +60,21 @@ impl Router {
         repriced: &EdgeCosts,
     ) -> Plan {
         let ends = [(nearest, 0.0)];
-        let path = if query.is_usual() && repriced.is_empty() && self.knows_all() {
+        let path = if query.is_usual() && repriced.is_empty() && self.labels().is_some() {
             self.look_up_path(starts, &ends)
         } else {
             self.a_star(starts, &ends, query, repriced)
         };
-        // Avoided legs may cut off what the table knows.
+        // Avoided legs may cut off a path that was looked up.
         let Some(path) = path else { return self.direct(query, Some(reason)) };
         let mut plan = self.assemble(query, &path);
-        // The leg from the last vertex to the goal.
+        // Without the leg from the last vertex to the goal.
         plan.waypoints.pop();
         plan.legs.pop();
         Plan { no_path: Some(reason), nearest: Some(self.graph.position(nearest)), ..plan }
     }
 
-    /// The vertex that is nearest to the goal among those that a path leads to from any of `starts`.
+    /// Returns the vertex nearest to the goal among those that a path leads to from any of `starts`.
     fn nearest_reachable(&self, query: &Query, starts: &[Attachment]) -> Option<VertexId> {
         let reached = self.reached_from(starts, query);
         let mut best: Option<(f32, VertexId)> = None;
@@ -93,7 +93,8 @@ impl Router {
         best.map(|(_, vertex)| vertex)
     }
 
-    /// The vertices that paths that a query may take lead to from any of `from`, these included.
+    /// The vertices that open paths lead to from any of `from`, these included. All vertices of an island reach the
+    /// same set, unless the query bans an ability or a mover stop.
     fn reached_from(&self, from: &[Attachment], query: &Query) -> Reached<'_> {
         let from = from.iter().map(|&(vertex, _)| vertex);
         match &self.closure {
@@ -110,9 +111,9 @@ impl Router {
 
 /// The vertices that paths lead to.
 enum Reached<'a> {
-    /// The closure of the islands knows them.
+    /// Looked up in the closure of the islands.
     Known(connectivity::Reached<'a>),
-    /// A search has found them: whether it reached each vertex.
+    /// Found by a flood: whether it reached each vertex.
     Searched(Vec<bool>),
 }
 
@@ -157,17 +158,26 @@ mod tests {
         NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
     }
 
+    fn ability() -> impl Strategy<Value = Ability> {
+        prop::sample::select(vec![Ability::Walk, Ability::Jump])
+    }
+
     fn vertices() -> impl Strategy<Value = Vec<Attachment>> {
         prop::collection::vec((0..COUNT).prop_map(|vertex| (VertexId(vertex), 1.0)), 1..6)
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 500, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 500,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
 
-        /// The definition: a search from each start and each goal of its own.
+        /// The definition: one search from each start and each goal.
         #[test]
         fn answers_are_those_of_a_search_from_each_start_and_goal(
-            edges in prop::collection::vec((0..COUNT, 0..COUNT, prop::sample::select(vec![Ability::Walk, Ability::Jump]), 0..3u16), 0..45),
+            edges in prop::collection::vec((0..COUNT, 0..COUNT, ability(), 0..3u16), 0..45),
             (starts, goals) in (vertices(), vertices()),
             goal in (0..100u8, 0..90u8),
             (is_without, stops) in (any::<bool>(), 0..3u16),
@@ -196,7 +206,8 @@ mod tests {
                 (0..graph.vertex_count()).map(|idx| searches.iter().any(|reached| reached[idx])).collect()
             };
             let leads_back = reached(&goals);
-            let reason = if starts.iter().any(|(start, _)| leads_back[start.idx()]) { NoPath::OneWay } else { NoPath::DifferentIslands };
+            let is_one_way = starts.iter().any(|(start, _)| leads_back[start.idx()]);
+            let reason = if is_one_way { NoPath::OneWay } else { NoPath::DifferentIslands };
             prop_assert_eq!(router.explain(&query, &starts, &goals), reason);
             let reached = reached(&starts);
             let distance = |vertex: VertexId| graph.position(vertex).distance_squared(query.goal);

@@ -1,4 +1,4 @@
-//! Attaches places to a graph: the vertices from or to which an unproved leg costs least.
+//! Attaches positions to a graph: the vertices to or from which an unproved leg costs least.
 
 use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
@@ -8,7 +8,7 @@ use surefoot_world::{Ability, Vec3};
 
 /// Maximum number of vertices that a start or goal is attached to at first.
 pub(crate) const ATTACHMENTS: usize = 6;
-/// Maximum number where no path joins the first.
+/// Maximum number if no path joins the first attachments.
 pub(crate) const MORE_ATTACHMENTS: usize = 48;
 
 /// Least limit on the climb of the leg to a goal, m: the height of a double jump with the default profile.
@@ -22,13 +22,13 @@ pub(crate) struct VertexIndex {
     grid: PointGrid,
     /// Positions, m, and ids of the vertices, in the grid's order.
     places: Vec<(Vec3, VertexId)>,
-    /// The positions once more, axis by axis, and [`LANES`] zeros after them.
+    /// The same positions, axis by axis, followed by [`LANES`] zeros.
     axes: [Vec<f32>; 3],
     /// The least and the greatest height of the vertices, m.
     heights: [f32; 2],
 }
 
-/// Whether a leg leads from the point that is attached or to it.
+/// Whether a leg leads from the attached point or to it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Direction {
     /// From the point to the vertex.
@@ -51,8 +51,8 @@ impl VertexIndex {
         Self { grid, places, axes, heights }
     }
 
-    /// Visits the vertices in square rings around `point`, while `visit` returns true. It gets a lower bound on the square of the
-    /// distance of this ring and all further ones, m2, and some of the ring's vertices.
+    /// Visits the vertices in square rings around `point`, while `visit` returns true. `visit` gets a lower bound on
+    /// the square of the distance of this ring and all further ones, m2, and some of the ring's vertices.
     pub fn visit_from(&self, point: Vec3, mut visit: impl FnMut(f32, &[(Vec3, VertexId)]) -> bool) {
         let mut goes_on = true;
         let beyond = (self.heights[0] - point.y).max(point.y - self.heights[1]).max(0.0);
@@ -66,8 +66,8 @@ impl VertexIndex {
         }
     }
 
-    /// The cheapest attachments of `point` among the vertices that `accept` lets pass with their legs, at most `most` and not much farther
-    /// away than `reach_m` on the plane, in ascending order of cost.
+    /// Finds the cheapest attachments of `point` among the vertices that `accept` accepts with their legs, in ascending
+    /// order of cost: at most `most`, and not much farther away than `reach_m` on the plane.
     pub fn cheapest(
         &self,
         point: Vec3,
@@ -78,7 +78,7 @@ impl VertexIndex {
         accept: impl Fn(VertexId, Vec3) -> bool,
     ) -> Vec<Attachment> {
         let mut best = Cheapest { entries: Vec::with_capacity(most + 1), most, prices, reach_m, limit_m: reach_m };
-        // Vertices that may be among the cheapest, and their legs, until there are enough of them to be priced together.
+        // Vertices that may be among the cheapest wait until there are enough of them to be priced together.
         let mut waiting = Waiting { vertices: [VertexId(0); LANES], legs: [[0.0; LANES]; 3], count: 0 };
         let (mut seen, mut next) = (0, 2);
         loop {
@@ -133,7 +133,7 @@ struct Waiting {
 }
 
 impl Waiting {
-    /// Adds a vertex with its leg; true if there is no room for another one.
+    /// Adds a vertex with its leg. Returns true if there is no room for another one.
     fn push(&mut self, vertex: VertexId, leg: [f32; 3]) -> bool {
         self.vertices[self.count] = vertex;
         self.legs.iter_mut().zip(leg).for_each(|(axis, value)| axis[self.count] = value);
@@ -153,7 +153,7 @@ struct Cheapest<'a> {
 }
 
 impl Cheapest<'_> {
-    /// Prices those that wait and keeps the cheapest.
+    /// Prices the waiting vertices and keeps the cheapest.
     fn insert(&mut self, waiting: &mut Waiting) {
         if waiting.count == 0 {
             return;
@@ -173,18 +173,19 @@ impl Cheapest<'_> {
     }
 }
 
-/// Limits of the unproved leg to a goal. A goal beyond them from every vertex stands on ground that no vertex leads to, or on none.
+/// Limits of the unproved leg to a goal. A goal that is beyond them from every vertex is on ground that no vertex leads
+/// to, or in the air.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Reach {
+pub(crate) struct LegLimits {
     /// Greatest length, m.
     pub length_m: f32,
     /// Greatest climb, m.
     climb_m: f32,
 }
 
-impl Reach {
-    /// The longest and the highest edge that was proved on foot, without devices, but at least
-    /// `least_length_m` and [`LEAST_CLIMB_M`]. Without such edges, the range of the leg model stands in for both.
+impl LegLimits {
+    /// The length of the longest edge that was proved without devices, but at least `least_length_m`, and the climb
+    /// of the highest one, but at least [`LEAST_CLIMB_M`]. Without such edges, both are the range of the leg model.
     pub fn of(graph: &NavGraph, least_length_m: f32) -> Self {
         let range_m = graph.legs().range_m() as f32;
         let is_on_foot = |edge: &&Edge| edge.evidence.bounds.is_some() && edge.evidence.ability <= Ability::DoubleJump;
@@ -227,7 +228,12 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 200, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 200,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
 
         #[test]
         fn attachments_cost_what_the_cheapest_of_all_vertices_cost(
@@ -244,7 +250,8 @@ mod tests {
             let accept = |vertex: VertexId, leg: Vec3| !vertex.0.is_multiple_of(7) && leg.y < 9.0;
             let leg = |vertex| (graph.position(vertex) - point) * if is_away { 1.0 } else { -1.0 };
             let direction = if is_away { Direction::Away } else { Direction::Back };
-            let found = VertexIndex::new(&graph, cell_m, holds).cheapest(point, most, &prices, reach_m, direction, accept);
+            let index = VertexIndex::new(&graph, cell_m, holds);
+            let found = index.cheapest(point, most, &prices, reach_m, direction, accept);
 
             for (vertex, cost) in &found {
                 prop_assert!(holds(*vertex) && accept(*vertex, leg(*vertex)));
@@ -296,11 +303,11 @@ mod tests {
         };
         let vertices = vec![Vec3::ZERO, Vec3::new(40.0, 6.0, 0.0), Vec3::new(300.0, 0.0, 0.0)];
         let edges = vec![edge(0, 1, Ability::Jump), edge(0, 2, Ability::Teleporter)];
-        let reach = Reach::of(&graph(vertices, edges), 20.0);
+        let reach = LegLimits::of(&graph(vertices, edges), 20.0);
         assert!(reach.contains(Vec3::new(40.0, 6.0, 0.0)) && reach.contains(Vec3::new(0.0, -30.0, 0.0)));
         assert!(!reach.contains(Vec3::new(45.0, 0.0, 0.0)) && !reach.contains(Vec3::new(0.0, 6.5, 0.0)));
         // Without edges, the range of the model of legs counts.
-        let bare = Reach::of(&graph(vec![Vec3::ZERO], Vec::new()), 20.0);
+        let bare = LegLimits::of(&graph(vec![Vec3::ZERO], Vec::new()), 20.0);
         assert!(bare.contains(Vec3::new(30.0, 0.0, 0.0)) && !bare.contains(Vec3::new(31.0, 0.0, 0.0)));
     }
 }

@@ -1,4 +1,5 @@
-//! What is reachable from where: islands (strongly connected components), the islands that paths lead to, and one flood.
+//! What is reachable from where: islands (strongly connected components), the islands that paths lead to, and one
+//! flood.
 
 use crate::ids::{EdgeKey, VertexId};
 use crate::search::csr::Csr;

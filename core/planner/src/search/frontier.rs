@@ -1,4 +1,5 @@
-//! The one search for shortest paths: Dijkstra's algorithm, or A* if the caller adds a lower bound on the rest of the path.
+//! The one search for shortest paths: Dijkstra's algorithm, or A* if the caller adds a lower bound on the rest of the
+//! path.
 //!
 //! A [`Frontier`] keeps the least cost of each node and the order in which nodes are settled. The caller supplies the
 //! edges, so that one search serves graphs of any form:
@@ -87,8 +88,8 @@ impl<C: Cost> Frontier<C> {
         is_less
     }
 
-    /// Settles the node with the lowest bound, the highest of several, and returns it with its cost. `None` if there is no
-    /// node left whose bound is at most `limit`.
+    /// Settles the node with the lowest bound, the highest of several, and returns it with its cost. `None` if there
+    /// is no node left whose bound is at most `limit`.
     pub fn settle(&mut self, limit: C) -> Option<(u32, C)> {
         while let Some(Entry { bound, node, cost }) = self.open.pop() {
             if bound > limit {

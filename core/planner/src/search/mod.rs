@@ -1,11 +1,10 @@
 //! Path search: plans from a start along proved edges to a goal.
 //!
 //! Start and goal are each attached to several near vertices, at the cost that the graph's [model](crate::legs) of
-//! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest vertex, which a query may ask for.
-//! For graphs that are small enough, a [`Router`] keeps a table of the next hop from every vertex to every other, so that
-//! a plan is looked up rather than searched; for larger ones it can [prepare hub labels](Router::prepare_labels). It searches with A*
-//! where a graph has neither, or where the path that was looked up uses an avoided or repriced edge, or an ability that the
-//! query does without.
+//! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest
+//! vertex, which a query may ask for. A [`Router`] looks the path up in hub labels. It searches with A* while there
+//! are no labels, and if the path that was looked up uses an avoided or repriced edge, or an ability that the query
+//! excludes.
 
 pub(crate) mod adjacency;
 mod afar;
@@ -14,23 +13,21 @@ pub(crate) mod connectivity;
 pub(crate) mod csr;
 pub(crate) mod frontier;
 pub(crate) mod labels;
-pub(crate) mod table;
 pub mod traffic;
 
 use crate::graph::NavGraph;
-use crate::grid::{PointGrid, spacing};
+use crate::grid::spacing;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::LegPrices;
 use crate::needs::Needs;
 use crate::plan::{Attach, Leg, NoPath, Plan, Query};
 use crate::price::{Caution, EdgeCosts};
 use crate::search::adjacency::{Adjacency, EdgeIdx};
-use crate::search::attach::{ATTACHMENTS, Attachment, Direction, Reach, VertexIndex};
+use crate::search::attach::{ATTACHMENTS, Attachment, Direction, LegLimits, VertexIndex};
 use crate::search::connectivity::Closure;
 use crate::search::frontier::Frontier;
-use crate::search::labels::Hierarchy;
-use crate::search::table::Table;
-use crate::search::traffic::Passing;
+use crate::search::labels::Labels;
+use crate::search::traffic::EdgesBySquare;
 pub use crate::search::traffic::Traffic;
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -39,20 +36,19 @@ use surefoot_world::{Seconds, Vec3};
 
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
-/// Distance from a vertex within which a start or goal counts as lying at it, m: that at which an NPC has reached it.
+/// Distance within which a start or goal counts as being at a vertex, m: the distance at which an NPC has reached it.
 const AT_VERTEX_M: f32 = 1.0;
-/// Default for the largest vertex count at which a router keeps a table; the table then takes 84 MB.
-pub const DEFAULT_TABLE_LIMIT: usize = 4096;
+/// Default for the largest vertex count at which a router prepares hub labels at once, which takes a few seconds.
+pub const DEFAULT_LABEL_LIMIT: usize = 4096;
 
 /// A graph prepared for queries.
 #[derive(Debug)]
 pub struct Router {
     graph: NavGraph,
     adjacency: Adjacency,
-    table: Option<Table>,
-    /// Hub labels, once they are prepared; none if they cannot be had.
-    labels: OnceLock<Option<Hierarchy>>,
-    /// Which islands lead to which; none for graphs in crumbs.
+    /// Hub labels, once they are prepared; `None` if a vertex has too many arcs.
+    labels: OnceLock<Option<Labels>>,
+    /// Which islands lead to which; `None` above 8,192 islands.
     closure: Option<Closure>,
     /// All vertices.
     vertices: VertexIndex,
@@ -64,82 +60,75 @@ pub struct Router {
     metres_per_cost: f32,
     prices: LegPrices,
     /// Limits of the unproved leg from the last vertex to the goal.
-    reach: Reach,
-    /// Edges that unproved legs must not stand in for, and the same edges reversed: by first and by second vertex.
+    reach: LegLimits,
+    /// Edges that unproved legs must not replace, and the same edges reversed: by first and by second vertex.
     forbidden: [BTreeSet<EdgeKey>; 2],
-    /// What edges hang on, of those that do.
+    /// Mover requirements, for edges that have any.
     needs: HashMap<EdgeKey, Needs>,
-    /// Which edges pass where, once somebody asks for a plan around traffic.
-    passing: OnceLock<Passing>,
-    /// The ride_stops on movers, which unproved legs lead to or from only where they begin or end there.
+    /// The edges that pass each square, computed for the first plan around traffic.
+    edges_by_square: OnceLock<EdgesBySquare>,
+    /// The vertices on lifts and platforms. Unproved legs lead to or from them only if they begin or end there.
     ride_stops: HashSet<VertexId>,
 }
 
 impl Router {
-    /// Prepares `graph` for queries on `thread_count` threads; with a table if it has at most `table_limit` vertices.
-    pub fn new(graph: NavGraph, table_limit: usize, thread_count: usize) -> Self {
-        let adjacency = Adjacency::new(&graph);
-        let fits = graph.vertex_count() <= table_limit && adjacency.fits_table();
-        let positions: Vec<Vec3> = graph.vertices().map(|vertex| graph.position(vertex)).collect();
-        let cell_m = spacing(&positions);
-        let table =
-            fits.then(|| Table::fill(&adjacency, PointGrid::new(&positions, 2.0 * cell_m).order(), thread_count));
+    /// Prepares `graph` for queries. If it has at most `label_limit` vertices, hub labels are prepared at once, on
+    /// `thread_count` threads.
+    pub fn new(graph: NavGraph, label_limit: usize, thread_count: usize) -> Self {
+        let cell_m = spacing(graph.positions());
         let mut metres_per_cost = f32::MIN_POSITIVE;
         for edge in graph.edges() {
             let metres = graph.position(edge.key.from).distance(graph.position(edge.key.to));
             let least_cost = edge.evidence.cost_at(Caution::BOLD) as f32;
             metres_per_cost = metres_per_cost.max(metres / least_cost.max(f32::MIN_POSITIVE));
         }
-        let hanging = graph.edges().filter(|edge| !edge.evidence.needs.is_empty());
+        let edges_with_needs = graph.edges().filter(|edge| !edge.evidence.needs.is_empty());
         let rides = graph.edges().filter(|edge| edge.evidence.needs.ride.is_some());
-        Self {
-            needs: hanging.map(|edge| (edge.key, edge.evidence.needs)).collect(),
+        let router = Self {
+            needs: edges_with_needs.map(|edge| (edge.key, edge.evidence.needs)).collect(),
             ride_stops: rides.flat_map(|edge| [edge.key.from, edge.key.to]).collect(),
             vertices: VertexIndex::new(&graph, cell_m, |_| true),
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.has_exit(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.has_entrance(vertex)),
             prices: LegPrices::new(graph.legs(), Caution::CAREFUL),
-            reach: Reach::of(&graph, DIRECT_M),
+            reach: LegLimits::of(&graph, DIRECT_M),
             forbidden: Default::default(),
             closure: Closure::new(graph.connectivity()),
             labels: OnceLock::new(),
-            passing: OnceLock::new(),
+            edges_by_square: OnceLock::new(),
+            adjacency: Adjacency::new(&graph),
             graph,
-            adjacency,
-            table,
             metres_per_cost,
+        };
+        if router.graph.vertex_count() <= label_limit {
+            router.prepare_labels(thread_count);
         }
+        router
     }
 
-    /// Prepares hub labels on `thread_count` threads, unless there is a table. Until they are ready, plans are searched with A*. A hundred
-    /// thousand vertices take a minute or two.
+    /// Prepares hub labels on `thread_count` threads. Until they are ready, plans are searched with A*. A graph of a
+    /// hundred thousand vertices takes a minute or two.
     pub fn prepare_labels(&self, thread_count: usize) {
-        if self.table.is_none() {
-            self.labels.get_or_init(|| Hierarchy::new(&self.adjacency, thread_count));
-        }
+        self.labels.get_or_init(|| Labels::new(&self.adjacency, thread_count));
     }
 
-    /// Whether plans are searched with A* until labels are prepared.
+    /// Whether plans are searched with A* because labels are not prepared.
     pub fn wants_labels(&self) -> bool {
-        self.table.is_none() && self.labels.get().is_none()
+        self.labels.get().is_none()
     }
 
     /// Returns the size of the hub labels in memory, bytes; 0 without any.
     pub fn labels_bytes(&self) -> usize {
-        self.labels().map_or(0, Hierarchy::memory_bytes)
+        self.labels().map_or(0, Labels::memory_bytes)
     }
 
-    fn labels(&self) -> Option<&Hierarchy> {
+    fn labels(&self) -> Option<&Labels> {
         self.labels.get().and_then(Option::as_ref)
     }
 
-    /// Whether the cheapest path between any vertices can be looked up.
-    fn knows_all(&self) -> bool {
-        self.table.is_some() || self.labels().is_some()
-    }
-
-    /// The same router, for a graph that lacks these edges because designers forbid them: neither do unproved legs lead along them, from a
-    /// start at their first vertex or to a goal at their second one, within 1 m.
+    /// Returns this router for a graph that lacks these edges because designers forbid them. Unproved legs do not
+    /// replace them: no leg leads to their second vertex from a start within 1 m of the first one, or from their
+    /// first vertex to a goal within 1 m of the second one.
     ///
     /// # Panics
     /// If an edge names a vertex that the graph lacks.
@@ -149,7 +138,7 @@ impl Router {
         self
     }
 
-    /// Replaces the edges that unproved legs must not stand in for; see [`forbidding`](Self::forbidding).
+    /// Sets the edges that unproved legs must not replace; see [`forbidding`](Self::forbidding).
     ///
     /// # Panics
     /// If an edge names a vertex that the graph lacks.
@@ -164,18 +153,14 @@ impl Router {
         &self.graph
     }
 
-    /// Returns whether the router has a table of next hops.
-    pub fn has_table(&self) -> bool {
-        self.table.is_some()
-    }
-
-    /// Finds the cheapest plan. If there is no path, the plan says why and leads to the reachable vertex nearest to the goal.
+    /// Finds the cheapest plan. If there is no path, the plan says why and leads to the reachable vertex nearest to
+    /// the goal.
     pub fn find_path(&self, query: &Query) -> Plan {
         self.find_path_at(query, &EdgeCosts::new())
     }
 
-    /// Finds the cheapest plan at current costs. If an edge has become cheaper, the plan may not be the cheapest, because the
-    /// table and the A* heuristic use the costs that the router was made with.
+    /// Finds the cheapest plan at current costs. If an edge has become cheaper, the plan may not be the cheapest,
+    /// because the labels and the A* heuristic use the costs that the router was made with.
     pub fn find_path_at(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
         if query.attach == Attach::Nearest {
             return self.find_path_between_nearest(query, repriced);
@@ -221,13 +206,13 @@ impl Router {
         best.map(|(_, vertex)| vertex)
     }
 
-    /// Finds the plan of an NPC that gets in others' way, and adds it to their traffic: around the largest crowd that it would meet, if that
-    /// takes less time than waiting for it.
+    /// Finds the plan of an NPC that gets in others' way, and adds it to their traffic. The plan leads around the
+    /// largest crowd that the NPC would meet, if that takes less time than waiting for it.
     pub fn find_path_in(&self, traffic: &mut Traffic, query: &Query, repriced: &EdgeCosts) -> Plan {
         let mut plan = self.find_path_at(query, repriced);
         if let Some(met) = traffic.met_by(query.start, &plan) {
-            let passing = self.passing.get_or_init(|| Passing::new(&self.graph, &self.adjacency));
-            let around = self.find_path_at(query, &passing.delayed(&self.adjacency, met, repriced));
+            let edges_by_square = self.edges_by_square.get_or_init(|| EdgesBySquare::new(&self.graph, &self.adjacency));
+            let around = self.find_path_at(query, &edges_by_square.delayed(&self.adjacency, met, repriced));
             let wait = traffic.met_by(query.start, &around).map_or(Seconds(0.0), |met| met.delay.seconds());
             if around.no_path == plan.no_path && around.seconds() + wait < plan.seconds() + met.delay.seconds() {
                 plan = around;
@@ -239,7 +224,7 @@ impl Router {
 
     /// The cheapest path from one of `starts` to one of `goals`.
     fn join(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
-        if !self.knows_all() || query.caution != Caution::CAREFUL {
+        if self.labels().is_none() || query.caution != Caution::CAREFUL {
             return self.a_star(starts, goals, query, repriced);
         }
         let path = self.look_up_path(starts, goals)?;
@@ -258,8 +243,8 @@ impl Router {
         self.a_star(&[(from, 0.0)], &[(to, 0.0)], &query, &EdgeCosts::new()).map(|path| self.vertices_of(&path))
     }
 
-    /// Looks up the cheapest path between two vertices in the table or in hub labels. Returns its cost in decisions and its vertices;
-    /// `None` if there is no path, or neither.
+    /// Looks up the cheapest path between two vertices in hub labels. Returns its cost in decisions and its vertices;
+    /// `None` if there is no path, or no labels.
     pub fn look_up(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
         self.look_up_path(&[(from, 0.0)], &[(to, 0.0)]).map(|path| self.vertices_of(&path))
     }
@@ -278,8 +263,8 @@ impl Router {
         self.sources.cheapest(query.start, ATTACHMENTS, &self.prices(query), f32::INFINITY, Direction::Away, accept)
     }
 
-    /// Finds the cheapest vertices to walk from to the goal. Those without incoming edges are left out, and those farther from
-    /// the goal than any character is known to get on foot.
+    /// Finds the cheapest vertices to walk from to the goal, within the range of the edges that were proved on foot.
+    /// Those without incoming edges are left out.
     fn attach_goal(&self, query: &Query, most: usize) -> Vec<Attachment> {
         let closed = self.closed_to(query.goal);
         let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
@@ -290,7 +275,7 @@ impl Router {
         self.targets.cheapest(query.goal, most, &self.prices(query), self.reach.length_m, Direction::Back, accept)
     }
 
-    /// What unproved legs cost in the plans that a query asks for.
+    /// The prices of unproved legs at the caution of a query.
     fn prices(&self, query: &Query) -> Cow<'_, LegPrices> {
         if query.caution == Caution::CAREFUL {
             Cow::Borrowed(&self.prices)
@@ -309,7 +294,7 @@ impl Router {
         self.closed_at(goal, &self.forbidden[1])
     }
 
-    /// The second vertices of those edges of `forbidden` whose first one is at `point`.
+    /// The second vertices of the edges of `forbidden` that have their first vertex at `point`.
     fn closed_at(&self, point: Vec3, forbidden: &BTreeSet<EdgeKey>) -> Vec<VertexId> {
         let mut closed = Vec::new();
         if forbidden.is_empty() {
@@ -331,48 +316,34 @@ impl Router {
 
     /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.
     fn look_up_path(&self, starts: &[Attachment], goals: &[Attachment]) -> Option<Path> {
-        let Some(table) = &self.table else {
-            return self.labels()?.path(starts, goals).map(|(cost, first, edges)| Path { cost, first, edges });
-        };
-        let mut best = None;
-        let mut least = f32::INFINITY;
-        for &(goal, exit) in goals {
-            for &(start, entry) in starts {
-                let cost = entry + table.cost(start, goal) + exit;
-                if cost < least {
-                    (least, best) = (cost, Some((start, goal)));
-                }
-            }
-        }
-        let (first, goal) = best?;
-        Some(Path { cost: least, first, edges: table.path(&self.adjacency, first, goal) })
+        self.labels()?.path(starts, goals).map(|(cost, first, edges)| Path { cost, first, edges })
     }
 
-    /// Whether an unproved leg between `point` and a vertex makes sense: to a ride_stop only close by.
+    /// Whether an unproved leg may join `point` and a vertex: a ride stop only if `point` is there.
     fn is_boarded(&self, point: Vec3, vertex: VertexId) -> bool {
         self.ride_stops.is_empty() || !self.ride_stops.contains(&vertex) || self.is_at(point, vertex)
     }
 
-    /// What an edge hangs on.
+    /// The mover requirements of an edge.
     fn needs_of(&self, key: EdgeKey) -> Option<&Needs> {
         if self.needs.is_empty() { None } else { self.needs.get(&key) }
     }
 
-    /// Whether the query neither avoids an edge nor does without its ability, and the movers that it hangs on stand where it needs them.
+    /// Whether a plan may use an edge: it is [possible](Self::is_possible), and the query does not avoid it.
     fn is_open(&self, query: &Query, edge: EdgeIdx) -> bool {
         self.is_possible(query, edge)
             && (query.avoid.is_empty() || !query.avoid.contains(&self.adjacency.key(edge).into()))
     }
 
-    /// Whether an edge needs no ability that the query does without, and the movers it depends on stand where it needs them.
+    /// Whether an edge needs no ability that the query excludes, and the movers stand where it needs them.
     fn is_possible(&self, query: &Query, edge: EdgeIdx) -> bool {
         let is_met = |needs: &Needs| needs.are_met(&query.stops);
         (query.without.is_empty() || !query.without.rules_out(self.adjacency.ability(edge)))
             && (query.stops.is_empty() || self.needs_of(self.adjacency.key(edge)).is_none_or(is_met))
     }
 
-    /// Runs A* from all of `starts` to the best of `goals`, attachments included. The heuristic is the straight-line distance
-    /// at the graph's greatest distance per cost, which never overestimates, so the path is the cheapest.
+    /// Runs A* from all of `starts` to the best of `goals`, attachments included. The heuristic is the straight-line
+    /// distance at the graph's greatest distance per cost. It never overestimates, so the path is the cheapest.
     fn a_star(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
         if goals.is_empty() {
             // Without a goal, the heuristic would put vertices into no useful order.
@@ -437,7 +408,7 @@ impl Router {
         let leg_count = path.edges.len() + 2;
         let (mut waypoints, mut legs) = (Vec::with_capacity(leg_count), Vec::with_capacity(leg_count));
         let model = self.graph.legs();
-        let mut hanging = Vec::new();
+        let mut needs_of_legs = Vec::new();
         let mut last = path.first;
         let mut at = self.graph.position(last);
         waypoints.push(at);
@@ -445,14 +416,14 @@ impl Router {
         for &edge in &path.edges {
             let hop = self.adjacency.hop(edge);
             let needs = self.needs_of(EdgeKey { from: last, to: hop.to });
-            hanging.extend(needs.map(|needs| (legs.len(), *needs)));
+            needs_of_legs.extend(needs.map(|needs| (legs.len(), *needs)));
             (last, at) = (hop.to, hop.end);
             waypoints.push(at);
             legs.push(hop.leg);
         }
         waypoints.push(query.goal);
         legs.push(Leg::unproved(model, LegKey { from: Stop::Vertex(last), to: Stop::Goal }, [at, query.goal]));
-        Plan { waypoints, legs, no_path: None, needs: hanging, nearest: None }
+        Plan { waypoints, legs, no_path: None, needs: needs_of_legs, nearest: None }
     }
 }
 

@@ -1,9 +1,9 @@
-//! Traffic: where NPCs that get in each other's way are about to be, and what waiting for them costs.
+//! Traffic: where NPCs that get in each other's way are about to be, and how long others wait for them.
 //!
-//! Each NPC counts once in each square of 2 m that the next stretch of its plan passes. So a door that many plans lead through is crowded,
-//! whichever edges they use. Who meets a crowd waits until it has passed, one after another, or goes around all of it, to another door, if
-//! that takes less time: a step aside gains nothing. Crowds are counted in steps, and an NPC on its way keeps its plan, so that crowds do
-//! not swing from one way to another.
+//! Each NPC counts once in each square of 2 m that the next stretch of its plan passes. A door that many plans lead
+//! through is therefore crowded, whichever edges they use. An NPC that meets a crowd waits until it has passed, or goes
+//! around the whole crowd, for example to another door, if that takes less time; a step aside gains nothing. Crowds are
+//! counted in steps, and an NPC on its way keeps its plan, so that crowds do not swing between routes.
 
 use crate::graph::NavGraph;
 use crate::plan::Plan;
@@ -12,22 +12,23 @@ use crate::search::adjacency::{Adjacency, EdgeIdx};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use surefoot_world::{Decisions, Vec3};
 
-/// Side of a square, m, and how high it reaches.
+/// Side of a square, m.
 const SQUARE_M: f32 = 2.0;
+/// Height of a square, m.
 const STOREY_M: f32 = 4.0;
-/// Length of the way on which an NPC counts, m: what it covers in about 5 s.
+/// Length of the stretch on which an NPC counts, m: it covers this in about 5 s.
 const AHEAD_M: f32 = 40.0;
-/// Distance between two places of a way that are looked at, m.
+/// Distance between two sampled places of a stretch, m.
 const STRIDE_M: f32 = 1.0;
-/// Length of an edge on which it counts as passing squares, m. Longer ones are no ways on foot, but devices.
+/// Length of an edge on which it counts as passing squares, m. Longer edges use devices and are not walked.
 const PASSING_M: f32 = 200.0;
-/// Squares on each side of one that belong to the same crowd: whoever goes around a crowd goes around all of them.
+/// Number of squares on each side of a square that belong to the same crowd.
 const AROUND: i32 = 1;
 /// NPCs in a square that do not delay each other.
 const FREE: u32 = 8;
 /// Crowds are counted in steps of this many NPCs.
 const STEP: u32 = 8;
-/// Time for which each further NPC delays those behind it, decisions: about nine pass a door of 1.2 m in a second.
+/// Time for which each further NPC delays those behind it, decisions: about nine NPCs pass a door of 1.2 m in a second.
 const HEADWAY_DECISIONS: f64 = 0.66;
 
 /// A square, and its storey.
@@ -39,7 +40,7 @@ fn square(place: Vec3) -> Square {
     (number(place.x, SQUARE_M), number(place.y, STOREY_M), number(place.z, SQUARE_M))
 }
 
-/// Calls `pass` with places on the straight lines between `way`'s places, up to `most` metres from the first.
+/// Calls `pass` with places on the straight lines between the places of `way`, up to `most` metres from the first.
 fn walk(way: impl Iterator<Item = Vec3>, most: f32, mut pass: impl FnMut(Vec3)) {
     let mut left = most;
     let mut last: Option<Vec3> = None;
@@ -60,20 +61,20 @@ fn walk(way: impl Iterator<Item = Vec3>, most: f32, mut pass: impl FnMut(Vec3)) 
     }
 }
 
-/// The places to which a plan leads from its leg `leg` on, after the one where the NPC is.
+/// The position of the NPC, and the waypoints of its plan from leg `leg` on.
 fn way(feet: Vec3, plan: &Plan, leg: usize) -> impl Iterator<Item = Vec3> {
     std::iter::once(feet).chain(plan.waypoints.iter().skip(leg).copied())
 }
 
-/// A crowd on the way of a plan.
+/// A crowd on the route of a plan.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Met {
+pub(crate) struct CrowdAhead {
     square: Square,
-    /// For how long one waits for it.
+    /// How long an NPC waits for the crowd.
     pub delay: Decisions,
 }
 
-/// How many NPCs are about to be where.
+/// The number of NPCs that are about to be in each square.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Traffic {
     npcs: BTreeMap<Square, u32>,
@@ -109,7 +110,7 @@ impl Traffic {
     }
 
     /// The largest crowd that an NPC at `feet`, m, meets on a plan.
-    pub(crate) fn met_by(&self, feet: Vec3, plan: &Plan) -> Option<Met> {
+    pub(crate) fn met_by(&self, feet: Vec3, plan: &Plan) -> Option<CrowdAhead> {
         let mut met: Option<(u32, Square)> = None;
         walk(way(feet, plan, 0), AHEAD_M, |place| {
             let square = square(place);
@@ -119,7 +120,7 @@ impl Traffic {
             }
         });
         let (npcs, square) = met?;
-        delay(npcs).map(|delay| Met { square, delay })
+        delay(npcs).map(|delay| CrowdAhead { square, delay })
     }
 
     /// The squares in which crowds are densest, with their NPCs.
@@ -127,7 +128,7 @@ impl Traffic {
         self.npcs.iter().filter(|(square, npcs)| delay(**npcs).is_some() && self.is_densest(**square, **npcs))
     }
 
-    /// Whether no square around has more NPCs; of equal ones the first counts.
+    /// Whether no square around it has more NPCs; of equal ones, the first counts.
     fn is_densest(&self, square: Square, npcs: u32) -> bool {
         around(square).filter(|other| *other != square).all(|other| {
             let others = self.npcs.get(&other).copied().unwrap_or(0);
@@ -141,7 +142,7 @@ fn around((x, storey, z): Square) -> impl Iterator<Item = Square> {
     (-AROUND..=AROUND).flat_map(move |dx| (-AROUND..=AROUND).map(move |dz| (x + dx, storey, z + dz)))
 }
 
-/// Time that an NPC waits for a crowd; `None` if that is too small to delay anybody.
+/// Time that an NPC waits for a crowd; `None` if the crowd is too small to delay others.
 fn delay(npcs: u32) -> Option<Decisions> {
     let steps = npcs.saturating_sub(FREE) / STEP;
     (steps > 0).then(|| Decisions(f64::from(steps) * f64::from(STEP) * HEADWAY_DECISIONS))
@@ -149,9 +150,9 @@ fn delay(npcs: u32) -> Option<Decisions> {
 
 /// The edges that pass each square.
 #[derive(Debug)]
-pub(crate) struct Passing(HashMap<Square, Vec<EdgeIdx>>);
+pub(crate) struct EdgesBySquare(HashMap<Square, Vec<EdgeIdx>>);
 
-impl Passing {
+impl EdgesBySquare {
     pub fn new(graph: &NavGraph, adjacency: &Adjacency) -> Self {
         let mut edges: HashMap<Square, Vec<EdgeIdx>> = HashMap::new();
         for vertex in graph.vertices() {
@@ -168,15 +169,16 @@ impl Passing {
         Self(edges)
     }
 
-    /// `costs` with the delay of a crowd on every edge that passes it: a path with these costs goes around it if it can in less time.
-    pub fn delayed(&self, adjacency: &Adjacency, met: Met, costs: &EdgeCosts) -> EdgeCosts {
+    /// `costs` with the delay of a crowd on every edge that passes it: the cheapest path goes around the crowd if
+    /// that takes less time.
+    pub fn delayed(&self, adjacency: &Adjacency, crowd: CrowdAhead, costs: &EdgeCosts) -> EdgeCosts {
         let passing: BTreeSet<&EdgeIdx> =
-            around(met.square).filter_map(|square| self.0.get(&square)).flatten().collect();
+            around(crowd.square).filter_map(|square| self.0.get(&square)).flatten().collect();
         let mut costs = costs.clone();
         for &edge in passing {
             let key = adjacency.key(edge);
             let cost = costs.get(&key).copied().unwrap_or_else(|| adjacency.cost(edge));
-            costs.insert(key, cost.delayed(met.delay));
+            costs.insert(key, cost.delayed(crowd.delay));
         }
         costs
     }
@@ -205,7 +207,8 @@ mod tests {
         (-30.0..30.0f32, 0.0..9.0f32, -30.0..30.0f32).prop_map(|(x, y, z)| Vec3::new(x, y, z))
     }
 
-    /// The places on straight lines between those of a way, every millimetre, up to `most` metres from the first.
+    /// The places on the straight lines between the places of a way, every millimetre, up to `most` metres from the
+    /// first.
     fn closely(way: &[Vec3], most: f32) -> Vec<Vec3> {
         let mut places = vec![way[0]];
         let mut gone = 0.0;
@@ -220,10 +223,18 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 100, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 100,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
 
         #[test]
-        fn a_walk_visits_every_metre_of_a_way_and_nothing_else(way in prop::collection::vec(place(), 1..6), most in 5.0..90.0f32) {
+        fn a_walk_visits_every_metre_of_a_way_and_nothing_else(
+            way in prop::collection::vec(place(), 1..6),
+            most in 5.0..90.0f32,
+        ) {
             let mut visited = Vec::new();
             walk(way.iter().copied(), most, |place| visited.push(place));
             let close = closely(&way, most);
@@ -265,15 +276,17 @@ mod tests {
             ends in prop::collection::btree_set((0..12u32, 0..12u32), 0..30),
             crowd in place(),
         ) {
-            let edges: Vec<(u32, u32, f64)> = ends.into_iter().filter(|(from, to)| from != to).map(|(from, to)| (from, to, 7.0)).collect();
+            let ends = ends.into_iter().filter(|(from, to)| from != to);
+            let edges: Vec<(u32, u32, f64)> = ends.map(|(from, to)| (from, to, 7.0)).collect();
             let graph = graph(vertices, &edges);
             let adjacency = Adjacency::new(&graph);
-            let met = Met { square: square(crowd), delay: Decisions(12.0) };
-            let costs = Passing::new(&graph, &adjacency).delayed(&adjacency, met, &EdgeCosts::new());
+            let met = CrowdAhead { square: square(crowd), delay: Decisions(12.0) };
+            let costs = EdgesBySquare::new(&graph, &adjacency).delayed(&adjacency, met, &EdgeCosts::new());
             for edge in graph.edges() {
                 let mut passes = false;
                 let ends = [edge.key.from, edge.key.to].map(|end| graph.position(end));
-                walk(ends.into_iter(), f32::INFINITY, |place| passes |= around(met.square).any(|near| near == square(place)));
+                let is_near = |place| around(met.square).any(|near| near == square(place));
+                walk(ends.into_iter(), f32::INFINITY, |place| passes |= is_near(place));
                 let expected = passes.then(|| edge.evidence.edge_cost().delayed(met.delay));
                 prop_assert_eq!(costs.get(&edge.key).copied(), expected);
             }
@@ -283,7 +296,7 @@ mod tests {
     #[test]
     fn the_longest_edges_pass_a_bounded_number_of_squares() {
         let graph = graph(vec![Vec3::ZERO, Vec3::new(9999.0, 0.0, 0.0)], &[(0, 1, 50.0), (1, 0, 50.0)]);
-        let passing = Passing::new(&graph, &Adjacency::new(&graph));
+        let passing = EdgesBySquare::new(&graph, &Adjacency::new(&graph));
         assert!(passing.0.len() <= 2 * (PASSING_M / SQUARE_M) as usize + 4, "{} squares", passing.0.len());
     }
 

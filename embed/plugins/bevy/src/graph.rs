@@ -10,7 +10,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 use surefoot_planner::price::{EdgeCost, EdgeCosts};
 use surefoot_planner::export::{body_of, import_json};
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{EdgeKey, NavGraph, Plan, Query, Router};
 use surefoot_world::character::MoveScratch;
 use surefoot_world::{CharacterProfile, navigable};
@@ -49,7 +49,7 @@ impl SurefootGraph {
     pub fn from_json(text: &str) -> Result<Self, SurefootError> {
         let graph = import_json(text).map_err(|error| SurefootError::Graph(chain(&error)))?;
         let paths = Paths {
-            proved: Router::new(graph, DEFAULT_TABLE_LIMIT, 1),
+            proved: Router::new(graph, DEFAULT_LABEL_LIMIT, 1),
             open: None,
             closed: BTreeSet::new(),
             live: LiveEvidence::default(),
@@ -146,7 +146,7 @@ impl SurefootGraph {
             let mut data = paths.proved.graph().to_data();
             data.edges.retain(|edge| !paths.closed.contains(&edge.key));
             let graph = NavGraph::check(data).expect("a checked graph with fewer edges");
-            let mut router = Router::new(graph, DEFAULT_TABLE_LIMIT, 1);
+            let mut router = Router::new(graph, DEFAULT_LABEL_LIMIT, 1);
             // Unproved legs must not stand in for them.
             router.forbid(paths.closed.iter().copied().collect());
             router

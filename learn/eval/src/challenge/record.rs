@@ -6,7 +6,7 @@ use super::set::{GoalSet, SetMap};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::threads::map_indices;
 use surefoot_planner::{BuildError, BuildSettings, Progress, Router, store};
 use surefoot_policy::Policy;
@@ -67,7 +67,7 @@ fn map_run(entry: &Entry, map: &Arc<Map>, body: &CharacterProfile, of_set: &SetM
             let context = ProbeContext { map: map.clone(), profile: body.clone(), policy: entry.policy.clone() };
             let built = build(&context, &settings, entry.thread_count, &Progress::default())?;
             bytes = store::encode_entry(&built).len() as u64;
-            Some(Router::new(built.graph, DEFAULT_TABLE_LIMIT, entry.thread_count))
+            Some(Router::new(built.graph, DEFAULT_LABEL_LIMIT, entry.thread_count))
         }
     };
     let build_s = started.elapsed().as_secs_f64();

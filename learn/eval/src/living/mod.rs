@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 use std::sync::Arc;
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::attempts::{AttemptResult, Rollout};
@@ -191,7 +191,7 @@ impl Suite<'_> {
         let context = ProbeContext::new(map.clone(), self.policy.clone());
         let threads = self.config.thread_count;
         let built = build(&context, &self.config.settings, threads, &Progress::default())?;
-        Ok(Level { map, router: Router::new(built.graph, DEFAULT_TABLE_LIMIT, threads) })
+        Ok(Level { map, router: Router::new(built.graph, DEFAULT_LABEL_LIMIT, threads) })
     }
 
     fn run(

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use surefoot_cli::commands::core_count;
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::Progress;
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::store::GraphStore;
 use surefoot_planner::{BuildSettings, Built, NavGraph, Query, Router, Stop, VertexId};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
@@ -80,9 +80,9 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         Figure::new("interim_1600_s", big_interim.as_ref().map_or(f64::NAN, |(seconds, _)| *seconds), "s"),
     ];
     let mut router = None;
-    let fill = timed(|| router = Some(Router::new(big.graph.clone(), DEFAULT_TABLE_LIMIT, core_count())));
+    let fill = timed(|| router = Some(Router::new(big.graph.clone(), DEFAULT_LABEL_LIMIT, core_count())));
     let router = router.expect("the closure has run");
-    figures.push(Figure::new("plan_table_s", fill, "s"));
+    figures.push(Figure::new("plan_labels_s", fill, "s"));
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let points = navigable::sample_many(&context.map, &context.profile, 2000, &mut rng)?;
     let mut draw = || points[rng.random_range(0..points.len())];
@@ -196,7 +196,7 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
 /// Plans in a world of many tiles, each with the graph and the `points` of a square kilometre.
 fn far_away(graph: &NavGraph, points: &[Vec3]) -> anyhow::Result<Vec<Figure>> {
     let graph = tiled(graph, TILE_M, TILES)?;
-    let router = Router::new(graph, DEFAULT_TABLE_LIMIT, core_count());
+    let router = Router::new(graph, DEFAULT_LABEL_LIMIT, core_count());
     let mut rng = ChaCha8Rng::seed_from_u64(12);
     let mut draw = || {
         let [x, z] = [(); 2].map(|()| rng.random_range(0..TILES) as f32 * TILE_M);

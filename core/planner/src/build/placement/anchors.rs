@@ -1,5 +1,5 @@
-//! Places vertices beside devices and movers, so that every pad, zip line and teleporter has one at each end, every door one on each side,
-//! and every lift some around each of its stops.
+//! Places vertices beside devices and movers: one at each end of every pad, zip line and teleporter, one on each side
+//! of every door, and some around each stop of every lift.
 
 use crate::grid::GrowingGrid;
 use surefoot_world::character::MoveScratch;
@@ -13,8 +13,8 @@ const RISE_M: f32 = 2.5;
 /// Greatest horizontal distance of a landing from its pad, m.
 const LANDING_M: f32 = 11.0;
 
-/// Returns up to `count` positions to stand at entrances, exits and landings, m, device by device. Any two are more than 2.5 m
-/// apart.
+/// Returns up to `count` positions to stand at entrances, exits and landings, m, device by device. Any two are more
+/// than 2.5 m apart.
 pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Vec<Vec3> {
     let placed = map.placed();
     // Centre, greatest horizontal distance and greatest height difference of each search, m.
@@ -53,12 +53,15 @@ pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Ve
     anchors.points().to_vec()
 }
 
-/// Distance from a mover at which an NPC waits for it, m, and how far from there and how much higher or lower a vertex may be.
+/// Distance from a mover at which an NPC waits for it, m.
 const WAIT_M: f32 = 1.3;
+/// Greatest horizontal distance of a vertex from there, m.
 const WAIT_REACH_M: f32 = 1.2;
+/// Greatest height difference between a vertex and there, m.
 const WAIT_RISE_M: f32 = 1.0;
 
-/// Places on both sides of doors, and around the stops of lifts and platforms: centre, and greatest distances of each search, m.
+/// Positions on both sides of doors, and around the stops of lifts and platforms: centre, and greatest distances of
+/// each search, m.
 fn beside_movers(map: &Map) -> Vec<(Vec3, f32, f32)> {
     let mut spots = Vec::new();
     for mover in map.movers() {
@@ -72,7 +75,7 @@ fn beside_movers(map: &Map) -> Vec<(Vec3, f32, f32)> {
             let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
             let level = if mover.kind == MoverKind::Door { low.y } else { high.y };
             let aside = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].into_iter().filter(|side| {
-                // Only across a door.
+                // A door has vertices only in front of it and behind it.
                 mover.kind != MoverKind::Door || (half.x < half.z) == (side.x != 0.0)
             });
             spots.extend(aside.map(|side| {

@@ -1,4 +1,4 @@
-//! Vertices at a piece that was put onto a map: on top of it, and beside it, where NPCs walk round.
+//! Vertices at a piece that was added to a map: on top of it, and beside it, where NPCs walk around it.
 
 use surefoot_world::float::turned;
 use surefoot_world::map::{Outline, Piece, PieceShape};
@@ -8,12 +8,12 @@ use surefoot_world::{CharacterProfile, Vec3};
 const SPACING_M: f32 = 8.0;
 /// Most vertices along one side.
 const MAX_ALONG: usize = 12;
-/// Distance of a vertex from the piece that it lies beside, beyond the radius of the body, m.
+/// Distance between a piece and a vertex beside it, in addition to the radius of the body, m.
 const ROOM_M: f32 = 0.9;
-/// How much higher or lower than a spot its ground may lie, m.
+/// Greatest height difference between a spot and its ground, m.
 pub(crate) const RISE_M: f32 = 2.0;
 
-/// Places where vertices belong, roughly: whether one can stand there is for the map to say.
+/// Approximate positions for vertices; the map decides whether a body can stand there.
 pub(crate) fn spots(piece: &Piece, profile: &CharacterProfile) -> Vec<Vec3> {
     let room = profile.radius + ROOM_M;
     match piece.shape {
@@ -52,7 +52,7 @@ pub(crate) fn spots(piece: &Piece, profile: &CharacterProfile) -> Vec<Vec3> {
     }
 }
 
-/// Positions along a side of twice this length, a little inside its ends, m: its middle alone if it is short.
+/// Positions along a side of length `2 * half`, a little inside its ends, m. A short side has only its middle.
 fn along(half: f32) -> impl Iterator<Item = f32> {
     let count = ((2.0 * half / SPACING_M) as usize + 1).min(MAX_ALONG);
     (0..count).map(move |idx| half * ((2 * idx + 1) as f32 / count as f32 - 1.0))

@@ -1,9 +1,9 @@
 //! Density-based placement. The paper's authors built it but do not describe it; this is our interpretation.
 //!
-//! A uniform sample puts few vertices where navigable ground is scarce, such as ledges, roofs and steps of a canyon, yet
-//! routes depend on these places. Density-biased sampling (Palmer and Faloutsos, "Density biased sampling: an improved
-//! method for data mining and clustering", SIGMOD 2000) draws from a pool with probabilities inverse to the local density
-//! of the pool, which favours scarce places.
+//! A uniform sample puts few vertices where navigable ground is scarce, such as ledges, roofs and steps of a canyon,
+//! yet routes depend on these places. Density-biased sampling (Palmer and Faloutsos, "Density biased sampling: an
+//! improved method for data mining and clustering", SIGMOD 2000) draws from a pool with probabilities inverse to the
+//! local density of the pool, which favours scarce places.
 
 use super::{PlacementContext, even_spacing};
 use crate::grid::PointGrid;
@@ -16,8 +16,8 @@ const POOL: usize = 8;
 /// Factor on height differences in distances, so that points on different storeys are not near each other.
 const HEIGHT_WEIGHT: f32 = 3.0;
 
-/// Draws as many points as the settings ask for without replacement from a pool of navigable samples, with probabilities inverse to the
-/// number of pool points within the even spacing.
+/// Draws as many points as the settings ask for without replacement from a pool of navigable samples, with
+/// probabilities inverse to the number of pool points within the even spacing.
 ///
 /// # Errors
 /// If the map has no navigable ground, or the build was cancelled.

@@ -1,9 +1,9 @@
-//! Placement by flooding. The paper's authors built it but do not describe it; this is our interpretation.
+//! Placement by flooding. The paper's authors built it but do not describe it. This is our interpretation.
 //!
-//! The policy is sent from a first vertex to points around it. Each point where it arrives becomes a vertex unless another
-//! one is near, and the flood continues from the new vertices, breadth first. When it finds nothing new, it starts again
-//! from a random place, until all vertices are placed. Parents and children are candidate edges in both directions; with
-//! grandchild edges, so are grandparents and grandchildren, which lets plans cut corners.
+//! The policy is sent from a first vertex to points around it. Each point where it arrives becomes a vertex unless
+//! another one is near, and the flood continues from the new vertices, breadth first. If it finds nothing new, it
+//! starts again from a random place, until all vertices are placed. Parents and children are candidate edges in both
+//! directions; with grandchild edges, so are grandparents and grandchildren, which lets plans cut corners.
 
 use super::{Draft, PlacementContext, even_spacing};
 use crate::build::candidates::Candidate;

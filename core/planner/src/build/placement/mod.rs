@@ -45,7 +45,7 @@ pub struct PlacementContext<'a> {
     pub site: &'a Site,
     /// Settings of the build.
     pub settings: &'a BuildSettings,
-    /// The ride_stops of the map, which become vertices.
+    /// The ride stops of the map, which become vertices.
     pub ride_stops: &'a RideStops,
     /// Runs episodes.
     pub executor: &'a dyn ProbeExecutor,
@@ -58,7 +58,7 @@ impl PlacementContext<'_> {
         if self.progress.is_cancelled() { Err(BuildError::Cancelled) } else { Ok(()) }
     }
 
-    /// Draws places to stand.
+    /// Draws positions to stand at.
     fn sample(&self, count: usize, rng: &mut impl Rng) -> Result<Vec<Vec3>, BuildError> {
         let mut scratch = MoveScratch::default();
         let draw = |_| {
@@ -79,7 +79,7 @@ pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
     let (map, profile, count) = (&site.map, &site.profile, settings.vertices);
     let clearance = Clearance::of(site);
     let only = |mut vertices: Vec<Vec3>| {
-        // Who waits where a mover goes stops it.
+        // A body waiting in a mover's path would block it.
         vertices.retain(|feet| clearance.is_clear(*feet));
         Draft { vertices, ..Draft::default() }
     };

@@ -15,7 +15,8 @@ const DECAY: f32 = 0.98;
 
 /// Adds vertices until there are as many as the settings ask for, each at least the spacing from all others.
 ///
-/// The spacing starts at [`even_spacing`](super::even_spacing) and shrinks by 2 % after a hundred consecutive rejections.
+/// The spacing starts at [`even_spacing`](super::even_spacing) and shrinks by 2 % after a hundred consecutive
+/// rejections.
 ///
 /// # Errors
 /// If the map has no navigable ground, or the build was cancelled.

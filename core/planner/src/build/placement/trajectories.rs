@@ -69,7 +69,8 @@ pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Dra
     }
     let Merger { vertices, seen, .. } = merger;
     let mut vertices = vertices.points().to_vec();
-    // Runs stop finding new places where a map is small or fragmented: the remaining vertices are random, without edges.
+    // Runs stop finding new places where a map is small or fragmented: the remaining vertices are random, without
+    // edges.
     while vertices.len() < settings.vertices {
         vertices.push(pool[rng.random_range(0..pool.len())]);
     }
@@ -88,7 +89,8 @@ struct Merger {
 }
 
 impl Merger {
-    /// Adds one run: new vertices where it stood far from all others, and evidence for each pair of vertices that it passed.
+    /// Adds one run: new vertices where it stood far from all others, and evidence for each pair of vertices that it
+    /// passed.
     fn add(&mut self, outcome: &Outcome) {
         let mut last: Option<(u32, u32)> = None;
         for (decision, place) in (0u32..).zip(&outcome.track) {
@@ -107,8 +109,8 @@ impl Merger {
         }
     }
 
-    /// Returns the vertex that a place merges with: the nearest within [`merge_m`](Self::merge_m), or else a new one, unless the
-    /// limit is reached.
+    /// Returns the vertex that a place merges with: the nearest within [`merge_m`](Self::merge_m), or else a new one,
+    /// unless the limit is reached.
     fn vertex_at(&mut self, feet: Vec3) -> Option<u32> {
         let near = self.vertices.within(feet, self.merge_m).filter(|(_, vertex)| vertex.distance(feet) <= self.merge_m);
         let distance = |vertex: &Vec3| vertex.distance_squared(feet);

@@ -7,14 +7,14 @@ use surefoot_world::Vec3;
 pub enum Axes {
     /// Right-handed, y up, metres: ours, and those of glTF, Godot, Recast and Bevy.
     Ours,
-    /// Left-handed, y up, metres: Unity. x is mirrored, as importers of glTF do.
+    /// Left-handed, y up, metres: Unity. x is mirrored, as in importers of glTF.
     Unity,
-    /// Left-handed, z up, centimetres: Unreal Engine. y and z change places, as importers of glTF do.
+    /// Left-handed, z up, centimetres: Unreal Engine. y and z change places, as in importers of glTF.
     Unreal,
 }
 
 impl Axes {
-    /// A point of ours, m, on these axes.
+    /// A point on our axes, m, on these axes.
     pub fn point(self, Vec3 { x, y, z }: Vec3) -> [f32; 3] {
         match self {
             Self::Ours => [x, y, z],
@@ -23,7 +23,7 @@ impl Axes {
         }
     }
 
-    /// The point of ours, m, that is at `point` on these axes.
+    /// The point on our axes, m, that is at `point` on these axes.
     pub fn ours(self, [x, y, z]: [f32; 3]) -> Vec3 {
         match self {
             Self::Ours => Vec3::new(x, y, z),
@@ -32,12 +32,12 @@ impl Axes {
         }
     }
 
-    /// How many units of length make a metre.
+    /// Units of length per metre.
     pub fn units_per_metre(self) -> f32 {
         if self == Self::Unreal { 100.0 } else { 1.0 }
     }
 
-    /// What a file says of its axes.
+    /// The description of the axes in files.
     pub(super) fn words(self) -> &'static str {
         match self {
             Self::Ours => "right-handed, y up, metres",

@@ -10,7 +10,7 @@ const FIRST_AREA: u8 = 1;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct OffMeshLinks {
-    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    /// The level's own origin on the map, if known. Subtract it from positions to get the level's coordinates.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     origin: Option<[f32; 3]>,
     /// Number of links.
@@ -28,7 +28,8 @@ pub(super) struct OffMeshLinks {
     /// Index of each link's edge in the graph's JSON export.
     #[serde(rename = "offMeshConUserID")]
     off_mesh_con_user_id: Vec<u32>,
-    /// What a search should minimise, s. Detour has neither this field nor those that follow; area costs can be derived from it.
+    /// The cost that a search should minimise, s. This field and the following ones are not part of Detour. Area
+    /// costs can be derived from it.
     off_mesh_con_seconds: Vec<f32>,
     /// Estimated chance that an NPC with the policy gets through each link, 0 to 1.
     off_mesh_con_chance: Vec<f32>,

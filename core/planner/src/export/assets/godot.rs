@@ -21,7 +21,7 @@ pub(super) fn scene(set: &LinkSet) -> String {
 fn node(text: &mut String, idx: usize, link: &Link, speed: f32) {
     let about = About::of(link, Axes::Ours);
     let (start, end) = (link.passage.start, link.passage.end);
-    // Godot adds what entering costs to the length times what travelling costs.
+    // Godot adds the cost of entering to the length times the cost of travelling.
     let (cost, length) = (link.cost_metres(speed), start.distance(end));
     let travel_cost = link.cost_ratio(speed).min(1.0);
     writeln!(text, "\n[node name=\"Link{idx}\" type=\"NavigationLink3D\" parent=\".\"]").expect("a String takes all");
@@ -52,7 +52,8 @@ fn leaps(leaps: &[Hint]) -> String {
         let [take_off, apex, landing] = [leap.take_off, leap.apex, leap.landing].map(|it| vector(Vec3::from_array(it)));
         let second_jump = leap.second_jump.map_or(String::new(), |it| format!(", \"second_jump\": {it}"));
         format!(
-            "{{\"ability\": \"{}\", \"take_off\": {take_off}, \"apex\": {apex}, \"landing\": {landing}, \"seconds\": {}, \"speed\": {}{second_jump}}}",
+            "{{\"ability\": \"{}\", \"take_off\": {take_off}, \"apex\": {apex}, \"landing\": {landing}, \
+             \"seconds\": {}, \"speed\": {}{second_jump}}}",
             leap.ability, leap.seconds, leap.speed
         )
     });

@@ -5,14 +5,14 @@ use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
 use surefoot_world::float::hypot;
 
-/// Length of the edges of a link, m: as far as a NavMesh keeps away from ledges.
+/// Length of the edges of a link, m: the distance that a NavMesh keeps from ledges.
 const EDGE_M: f32 = 0.75;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LandmassLinks {
     version: u32,
     axes: String,
-    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    /// The level's own origin on the map, if known. Subtract it from positions to get the level's coordinates.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     origin: Option<[f32; 3]>,
     /// Number of each ability, by which agents permit links.
@@ -20,7 +20,7 @@ pub(super) struct LandmassLinks {
     links: Vec<LandmassLink>,
 }
 
-/// The fields of `AnimationLink` under their names, and what else is known.
+/// The fields of `AnimationLink` under their names, and further ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct LandmassLink {
     start_edge: [[f32; 3]; 2],
@@ -56,7 +56,8 @@ impl LandmassLinks {
     }
 }
 
-/// The edges where agents enter and leave a link. They lie along it, from its ends to where a NavMesh that keeps away from ledges has ground.
+/// The edges where agents enter and leave a link. They extend it beyond its ends, to the ground of a NavMesh that keeps
+/// away from ledges.
 fn edges(start: Vec3, end: Vec3) -> [[Vec3; 2]; 2] {
     let way = end - start;
     let length = hypot(way.x, way.z);

@@ -1,8 +1,8 @@
-//! Links as assets: what a NavMesh cannot walk, as pieces that engines import. A link runs from where a body takes off to where it lands; what
-//! lies before and after it on its edge is walked on the NavMesh.
+//! Links as assets: the parts of edges that a NavMesh cannot walk, in files that engines import. A link leads from the
+//! take-off of a body to its landing. Bodies walk the rest of the edge on the NavMesh.
 //!
-//! [`LinkSet::of`] makes links of a graph and the measured [`Shape`]s of its edges; each format is a module. Who measures shapes is none of
-//! this crate's business. docs/links.md describes the formats to those who import them.
+//! [`LinkSet::of`] makes links of a graph and the measured [`Shape`]s of its edges; each format is a module. Callers
+//! measure the shapes. docs/links.md describes the formats.
 
 mod axes;
 mod connected;
@@ -27,13 +27,13 @@ use surefoot_world::{Ability, Chance, DECISION_SECONDS, Decisions, Vec3};
 /// One leap: off the ground by one move, until the body stands again.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leap {
-    /// How the body leaves the ground and what it uses in flight; [`Ability::Walk`] for a drop.
+    /// The ability by which the body leaves the ground and flies; [`Ability::Walk`] for a drop.
     pub ability: Ability,
-    /// Position of the feet where they last stand, m; the centre of a device that is used.
+    /// Last position of the feet on the ground, m, or the centre of a device.
     pub take_off: Vec3,
     /// Highest position of the feet, m.
     pub apex: Vec3,
-    /// Position of the feet where they stand again, m.
+    /// First position of the feet on the ground again, m.
     pub landing: Vec3,
     /// Duration, s.
     pub seconds: f32,
@@ -43,14 +43,15 @@ pub struct Leap {
     pub second_jump: Option<f32>,
 }
 
-/// A part of a run along an edge that a NavMesh cannot walk: leaps, with the ground between them that belongs to no island of the NavMesh.
+/// A part of a run along an edge that a NavMesh cannot walk: leaps, with ground between them that is not on the
+/// NavMesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Passage {
     /// Position of the feet at the start, m.
     pub start: Vec3,
     /// Position of the feet at the end, m.
     pub end: Vec3,
-    /// The leaps, in order; none where ground is walked that the NavMesh does not have.
+    /// The leaps, in order; empty if the body walks on ground that is not on the NavMesh.
     pub leaps: Vec<Leap>,
     /// Duration, s.
     pub seconds: f32,
@@ -70,7 +71,7 @@ impl Passage {
     }
 }
 
-/// What a run along an edge does besides walking on the NavMesh.
+/// The parts of a run along an edge that are not a walk on the NavMesh.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Shape {
     /// The passages, in order; none if the NavMesh walks the whole edge.
@@ -89,7 +90,7 @@ impl Shape {
 pub struct ShapedEdge<'g> {
     /// The edge.
     pub edge: &'g Edge,
-    /// What a run along it does.
+    /// The shape of a run along it.
     pub shape: Shape,
 }
 
@@ -100,61 +101,61 @@ pub struct Link {
     pub edge_idx: u32,
     /// The edge.
     pub edge: EdgeKey,
-    /// What is done from where to where.
+    /// The part of the run that the link replaces.
     pub passage: Passage,
     /// The most demanding ability.
     pub ability: Ability,
     /// Estimated chance that an NPC with the policy gets through, in (0, 1].
     pub chance: f64,
-    /// Expected duration with what failures cost and a term for risk, times the designers' factor, s: what a search should minimise.
+    /// The cost that a search should minimise, s: the expected duration with the cost of failures and a term for
+    /// risk, times the designers' factor.
     pub cost_seconds: f64,
 }
 
 impl Link {
-    /// What a search should minimise as the length of a walk at `speed`, m/s, that takes as long; m.
+    /// The cost as the length of a walk at `speed`, m/s, that takes as long; m.
     fn cost_metres(&self, speed: f32) -> f32 {
         self.cost_seconds as f32 * speed
     }
 
-    /// How many times as long as the straight line between its ends a walk is that takes as long as a search should think.
+    /// The ratio of this length to the distance between the ends of the link.
     fn cost_ratio(&self, speed: f32) -> f32 {
-        /// m.
-        const SHORTEST: f32 = 0.1;
-        self.cost_metres(speed) / self.passage.start.distance(self.passage.end).max(SHORTEST)
+        const SHORTEST_M: f32 = 0.1;
+        self.cost_metres(speed) / self.passage.start.distance(self.passage.end).max(SHORTEST_M)
     }
 }
 
 /// The links of a graph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkSet {
-    /// The links, by edge and in the order in which a run along it takes them.
+    /// The links, by edge, and in the order of a run along the edge.
     pub links: Vec<Link>,
     /// Radius of the agents, m.
     pub radius: f32,
     /// Speed of the agents, m/s.
     pub speed: f32,
-    /// What the links connect.
+    /// The shares of pairs that the links connect.
     pub connected: Connected,
-    /// Where the level's own origin lies on the map, m, if that is known.
+    /// Position of the level's own origin on the map, m, if known.
     pub origin: Option<Vec3>,
 }
 
-/// Least share of the tries of a plain controller that counts: what none of eight took, one in sixteen may.
+/// Floor for edges that no trial drove: 8 tries cannot show less than 1/16.
 const LEAST_DRIVEN: f64 = 1.0 / 16.0;
 
 impl LinkSet {
-    /// The same links on the map of a level whose own origin lies at `origin` there, m, if that is known.
+    /// Returns these links for a level with its own origin at `origin` on the map, m, if known.
     pub fn on_level(self, origin: Option<Vec3>) -> Self {
         Self { origin, ..self }
     }
 
-    /// Where the level's own origin lies, on the axes of a format.
+    /// The level's own origin on the axes of a format.
     fn origin_on(&self, axes: Axes) -> Option<[f32; 3]> {
         self.origin.map(|origin| axes.point(origin))
     }
 
-    /// Makes links of the edges among `shaped` that are worth one at `max_detour` ([`NavMesh::spanner`]); without `max_detour`, of all.
-    /// `island_at` returns the island of the NavMesh at a place.
+    /// Makes links of the edges among `shaped` that are worth one at `max_detour` ([`NavMesh::spanner`]); without
+    /// `max_detour`, of all. `island_at` returns the island of the NavMesh at a place.
     pub fn of(
         graph: &NavGraph,
         shaped: &[ShapedEdge<'_>],
@@ -179,7 +180,8 @@ impl LinkSet {
 }
 
 impl ShapedEdge<'_> {
-    /// What following the edge by script costs, s: its expected duration over the share of a plain controller's tries that get through.
+    /// The cost of following the edge by script, s: its expected duration, divided by the share of a plain
+    /// controller's tries that get through.
     fn seconds(&self) -> f64 {
         expected_seconds(self.edge) / f64::from(self.shape.driven()).max(LEAST_DRIVEN)
     }
@@ -221,7 +223,7 @@ pub enum AssetFormat {
     Unreal,
     /// JSON with the fields of `AnimationLink` of the crate landmass.
     Landmass,
-    /// All that is known of the links, as JSON.
+    /// All fields of the links, as JSON.
     Links,
 }
 
@@ -261,7 +263,7 @@ fn json(document: &impl Serialize) -> String {
 /// Version of the JSON formats: grows when a field changes its meaning or is removed.
 const VERSION: u32 = 1;
 
-/// Name of the ability of a link: what walks without ground underneath drops.
+/// Name of the ability of a link; a walk without ground underneath is a drop.
 fn name_of(ability: Ability) -> &'static str {
     if ability == Ability::Walk { "drop" } else { ability.name() }
 }
@@ -287,7 +289,7 @@ struct Hint {
     second_jump: Option<f32>,
 }
 
-/// What all JSON formats say of a link besides its ends, on the axes of a format.
+/// The fields of a link besides its ends that all JSON formats have, on the axes of a format.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct About {
     /// Index of the edge in the graph's JSON export.
@@ -299,7 +301,7 @@ struct About {
     driven: f32,
     /// Duration of a run that gets through, s.
     seconds: f32,
-    /// What a search should minimise, s.
+    /// The cost that a search should minimise, s.
     cost_seconds: f32,
     /// The leaps, in order.
     leaps: Vec<Hint>,

@@ -1,4 +1,4 @@
-//! All that is known of the links, as JSON on our axes: docs/links.md has the schema.
+//! All fields of the links, as JSON on our axes: docs/links.md has the schema.
 
 use super::{About, Axes, Connected, LinkSet, VERSION};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub(super) struct PlainLinks {
     version: u32,
     axes: String,
-    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    /// The level's own origin on the map, if known. Subtract it from positions to get the level's coordinates.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     origin: Option<[f32; 3]>,
     agent: Agent,

@@ -1,4 +1,4 @@
-//! Links as an importer makes `NavMeshLink` components of them (Unity, package AI Navigation).
+//! Links for an importer that makes `NavMeshLink` components (Unity, package AI Navigation).
 
 use super::{About, Axes, Kind, LinkSet, VERSION, kind_of, kinds};
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ const FIRST_AREA: u8 = 3;
 pub(super) struct UnityLinks {
     version: u32,
     axes: String,
-    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    /// The level's own origin on the map, if known. Subtract it from positions to get the level's coordinates.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     origin: Option<Vector3>,
     /// Area of each ability.
@@ -18,7 +18,7 @@ pub(super) struct UnityLinks {
     links: Vec<UnityLink>,
 }
 
-/// The fields that `NavMeshLink` has, under their names, and what else is known.
+/// The fields of `NavMeshLink` under their names, and further ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct UnityLink {

@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 pub(super) struct UnrealLinks {
     version: u32,
     axes: String,
-    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    /// The level's own origin on the map, if known. Subtract it from positions to get the level's coordinates.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     origin: Option<Vector>,
     links: Vec<UnrealLink>,
 }
 
-/// The fields of `FNavigationLink` under their names, and what else is known.
+/// The fields of `FNavigationLink` under their names, and further ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "PascalCase")]
 struct UnrealLink {

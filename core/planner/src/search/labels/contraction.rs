@@ -1,8 +1,8 @@
-//! Contraction of a graph, vertex by vertex (Geisberger et al. 2008, "Contraction Hierarchies"): shortcuts keep the costs between
-//! those that remain.
+//! Contraction of a graph, vertex by vertex (Geisberger et al. 2008, "Contraction Hierarchies"): shortcuts keep the
+//! costs between the remaining vertices.
 //!
-//! The order follows RoutingKit's measure of importance: the level of a vertex, and how many edges, and how long ones, its contraction
-//! adds for those that it removes.
+//! The order follows RoutingKit's measure of importance: the level of a vertex, and the number and the length of the
+//! edges that its contraction adds, relative to those that it removes.
 
 use crate::ids::VertexId;
 use crate::search::adjacency::{Adjacency, EdgeIdx};
@@ -10,7 +10,8 @@ use crate::search::frontier::Frontier;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Most vertices that a search for a detour settles before the shortcut is added: while importance is estimated, and in earnest.
+/// Most vertices that a search for a detour settles before the shortcut is added: for an estimate of importance, and
+/// for the contraction.
 const SETTLED: [usize; 2] = [24, 160];
 /// Bit of an origin that is the middle of a shortcut.
 const SHORTCUT: u32 = 1 << 31;
@@ -33,7 +34,7 @@ impl Origin {
         if self.0 & SHORTCUT == 0 { Meaning::Edge(self.0) } else { Meaning::Via(self.0 & !SHORTCUT) }
     }
 
-    /// The same with the vertices numbered anew.
+    /// Returns this origin with the new numbers of the vertices.
     pub fn renumbered(self, numbers: &[u32]) -> Self {
         match self.meaning() {
             Meaning::Edge(_) => self,
@@ -49,9 +50,8 @@ pub struct Arc {
     pub other: u32,
     /// Cost in decisions.
     pub cost: f32,
-    /// What it stands for.
     pub origin: Origin,
-    /// Number of edges that it stands for.
+    /// Number of edges that the arc stands for.
     pub hops: u32,
 }
 
@@ -59,16 +59,16 @@ pub struct Arc {
 pub struct Contracted {
     /// Vertices in the order in which they were contracted.
     pub order: Vec<u32>,
-    /// For each vertex the arcs that lead from it to later ones.
+    /// For each vertex, the arcs that lead from it to later ones.
     pub leaving: Vec<Vec<Arc>>,
-    /// For each vertex the arcs that lead to it from later ones.
+    /// For each vertex, the arcs that lead to it from later ones.
     pub entering: Vec<Vec<Arc>>,
 }
 
 /// Contracts all vertices of a graph.
 pub fn contract(adjacency: &Adjacency) -> Contracted {
     let count = adjacency.vertex_count();
-    let mut rest = Rest::new(count);
+    let mut rest = Uncontracted::new(count);
     for from in 0..count {
         for (edge, to, cost) in adjacency.outgoing(VertexId::at(from)) {
             rest.add(from as u32, to.0, cost, Origin(edge), 1);
@@ -78,7 +78,7 @@ pub fn contract(adjacency: &Adjacency) -> Contracted {
         (0..count as u32).map(|vertex| Reverse((rest.importance(vertex), vertex))).collect();
     let mut order = Vec::with_capacity(count);
     while let Some(Reverse((_, vertex))) = queue.pop() {
-        // Others have been contracted since its importance was estimated.
+        // Other vertices have been contracted since the estimate of its importance.
         let importance = rest.importance(vertex);
         if queue.peek().is_some_and(|Reverse((next, _))| importance > *next) {
             queue.push(Reverse((importance, vertex)));
@@ -90,16 +90,16 @@ pub fn contract(adjacency: &Adjacency) -> Contracted {
     Contracted { order, leaving: rest.leaving, entering: rest.entering }
 }
 
-/// What is not contracted yet; contracted vertices keep their arcs, but nobody's arcs lead to them any more.
-struct Rest {
+/// The vertices that are not contracted yet. Contracted vertices keep their arcs, but no arcs lead to them any more.
+struct Uncontracted {
     leaving: Vec<Vec<Arc>>,
     entering: Vec<Vec<Arc>>,
-    /// One more than that of any contracted neighbour.
+    /// One more than the level of any contracted neighbour.
     level: Vec<u32>,
     detours: Frontier<f32>,
 }
 
-impl Rest {
+impl Uncontracted {
     fn new(count: usize) -> Self {
         Self {
             leaving: vec![Vec::new(); count],
@@ -109,7 +109,7 @@ impl Rest {
         }
     }
 
-    /// Adds an arc unless there is one that costs no more, which it replaces otherwise.
+    /// Adds an arc, in place of one with the same ends, unless that costs no more.
     fn add(&mut self, from: u32, to: u32, cost: f32, origin: Origin, hops: u32) {
         for (list, other) in [(&mut self.leaving[from as usize], to), (&mut self.entering[to as usize], from)] {
             let arc = Arc { other, cost, origin, hops };
@@ -121,7 +121,8 @@ impl Rest {
         }
     }
 
-    /// How late a vertex should be contracted. Shortcuts number up to the square of a vertex's arcs: their hops do not fit into 32 bits.
+    /// How late a vertex should be contracted. There are up to as many shortcuts as the square of a vertex's arcs:
+    /// their hops do not fit into 32 bits.
     fn importance(&mut self, vertex: u32) -> u64 {
         let (mut added, mut added_hops): (u64, u64) = (0, 0);
         self.for_each_shortcut(vertex, SETTLED[0], |_, _, _, hops| {
@@ -151,7 +152,7 @@ impl Rest {
         }
     }
 
-    /// Calls `note` with ends, cost and hops of each shortcut that is needed once `vertex` is gone.
+    /// Calls `note` with the ends, cost and hops of each shortcut that the contraction of `vertex` requires.
     fn for_each_shortcut(&mut self, vertex: u32, settled: usize, mut note: impl FnMut(u32, u32, f32, u32)) {
         let leaving = &self.leaving[vertex as usize];
         let farthest = leaving.iter().map(|arc| arc.cost).fold(0.0, f32::max);
@@ -199,7 +200,7 @@ mod tests {
     fn the_importance_of_a_vertex_with_many_long_shortcuts_is_exact() {
         const SIDE: u32 = 200;
         let middle = 2 * SIDE;
-        let mut rest = Rest::new(middle as usize + 1);
+        let mut rest = Uncontracted::new(middle as usize + 1);
         for idx in 0..SIDE {
             rest.add(idx, middle, 1.0, Origin(idx), 150);
             rest.add(middle, SIDE + idx, 1.0, Origin(SIDE + idx), 150);

@@ -1,28 +1,29 @@
-//! Hub labels: what a plan looks up in graphs that are too large for a table of all pairs.
+//! Hub labels, in which plans look up the cheapest path.
 //!
-//! A [contraction](contraction) orders the vertices. The label of a vertex lists later ones, its hubs, with the cost of getting to
-//! them (and another label that of coming from them): whatever two vertices a path joins, the cheapest one passes a hub of
-//! both (Abraham et al. 2011, "A Hub-Based Labeling Algorithm for Shortest Paths on Road Networks"). A query compares the labels of its
-//! starts and goals.
+//! A contraction orders the vertices. Each vertex has two labels. They list later vertices, its hubs, with the cost
+//! of the path to each hub and from each hub. The cheapest path between any two vertices passes a hub of both
+//! (Abraham et al. 2011, "A Hub-Based Labeling Algorithm for Shortest Paths on Road Networks"). A query compares the
+//! labels of its starts and goals.
 
 mod contraction;
 
 use crate::ids::VertexId;
 use crate::search::adjacency::{Adjacency, EdgeIdx};
 use crate::search::csr::Csr;
-use crate::threads::with_threads;
 use contraction::{Arc, Contracted, Meaning, Origin, contract};
 use rayon::prelude::*;
 use std::cell::RefCell;
+use surefoot_world::parallel::with_threads;
 
 /// Share of a cost within which two costs count as equal, since sums of floats depend on their order.
 const ROUNDING: f32 = 1.0e-6;
 /// Stands for the entry of a vertex in its own label.
 const ITSELF: u16 = u16::MAX;
 
-/// Labels of all vertices. Inside, vertices are numbered in the order of the contraction.
+/// Labels of all vertices. Internally, vertices are numbered in the order of the contraction.
 #[derive(Debug)]
-pub(crate) struct Hierarchy {
+pub(crate) struct Labels {
+    /// The number of each vertex.
     numbers: Vec<u32>,
     /// From each vertex to its hubs.
     leaving: Half,
@@ -49,7 +50,7 @@ struct Entry {
     via: u16,
 }
 
-impl Hierarchy {
+impl Labels {
     /// Prepares the labels of a graph on `thread_count` threads; `None` if a vertex gets too many arcs.
     pub fn new(adjacency: &Adjacency, thread_count: usize) -> Option<Self> {
         let Contracted { order, leaving, entering } = contract(adjacency);
@@ -76,8 +77,8 @@ impl Hierarchy {
         size_of_val(&self.numbers[..]) + half(&self.leaving) + half(&self.entering)
     }
 
-    /// The cheapest path from one of `starts` to one of `goals`, whose costs are added: its cost in decisions, its first vertex, and its
-    /// edges in order.
+    /// Finds the cheapest path from one of `starts` to one of `goals`, including their costs. Returns its cost in
+    /// decisions, its first vertex, and its edges in order.
     pub fn path(&self, starts: &[(VertexId, f32)], goals: &[(VertexId, f32)]) -> Option<(f32, VertexId, Vec<EdgeIdx>)> {
         let number = |vertex: VertexId| self.numbers[vertex.idx()];
         let best = SCRATCH.with_borrow_mut(|scratch| {
@@ -102,11 +103,11 @@ impl Hierarchy {
         });
         let (cost, hub, start, goal) = best?;
         let (first, _) = starts[start as usize];
-        let mut edges = Vec::with_capacity(64);
+        let (mut edges, mut stack) = (Vec::with_capacity(64), Vec::new());
         let mut at = number(first);
         while at != hub {
             let arc = self.leaving.arc_towards(at, hub);
-            self.unpack(at, arc.other, arc.origin, &mut edges);
+            self.unpack((at, arc.other, arc.origin), &mut stack, &mut edges);
             at = arc.other;
         }
         let mut arcs = Vec::new();
@@ -116,26 +117,28 @@ impl Hierarchy {
             arcs.push((arc, at));
             at = arc.other;
         }
-        arcs.into_iter().rev().for_each(|(arc, to)| self.unpack(arc.other, to, arc.origin, &mut edges));
+        for (arc, to) in arcs.into_iter().rev() {
+            self.unpack((arc.other, to, arc.origin), &mut stack, &mut edges);
+        }
         Some((cost, first, edges))
     }
 
-    /// Appends the edges that an arc stands for.
-    fn unpack(&self, from: u32, to: u32, origin: Origin, edges: &mut Vec<EdgeIdx>) {
-        let mut waiting = vec![(from, to, origin)];
-        while let Some((from, to, origin)) = waiting.pop() {
+    /// Appends the edges that an arc stands for. `stack` is empty before and after.
+    fn unpack(&self, arc: (u32, u32, Origin), stack: &mut Vec<(u32, u32, Origin)>, edges: &mut Vec<EdgeIdx>) {
+        stack.push(arc);
+        while let Some((from, to, origin)) = stack.pop() {
             match origin.meaning() {
                 Meaning::Edge(edge) => edges.push(edge),
                 Meaning::Via(middle) => {
-                    waiting.push((middle, to, self.leaving.arc_with(middle, to).origin));
-                    waiting.push((from, middle, self.entering.arc_with(middle, from).origin));
+                    stack.push((middle, to, self.leaving.arc_with(middle, to).origin));
+                    stack.push((from, middle, self.entering.arc_with(middle, from).origin));
                 }
             }
         }
     }
 }
 
-/// Arcs with their vertices numbered anew, by their other ends; `None` if there are too many.
+/// Arcs with the new numbers of their vertices, by their other ends; `None` if there are too many.
 fn renumbered(arcs: &[Arc], numbers: &[u32]) -> Option<Vec<Arc>> {
     let renumber =
         |arc: &Arc| Arc { other: numbers[arc.other as usize], origin: arc.origin.renumbered(numbers), ..*arc };
@@ -144,8 +147,8 @@ fn renumbered(arcs: &[Arc], numbers: &[u32]) -> Option<Vec<Arc>> {
     (arcs.len() < usize::from(ITSELF)).then_some(arcs)
 }
 
-/// Labels for the arcs of both directions. Those of a vertex follow from the labels of the later ones that its arcs lead to, so that all of one
-/// depth are made at once.
+/// Computes the labels of all vertices for the arcs of both directions. The labels of a vertex follow from those of the
+/// later vertices that its arcs lead to, so that all labels of one depth are computed in parallel.
 fn label(arcs: [&[Vec<Arc>]; 2]) -> [Vec<Vec<Entry>>; 2] {
     let count = arcs[0].len();
     let mut depth = vec![0; count];
@@ -175,8 +178,8 @@ fn label(arcs: [&[Vec<Arc>]; 2]) -> [Vec<Vec<Entry>>; 2] {
     labels
 }
 
-/// The label of a vertex: what its arcs and the labels of their ends lead to, without hubs that are reached for less through others, as the
-/// labels of the other direction tell.
+/// Computes the label of a vertex from its arcs and the labels of their ends. Hubs that the labels of the opposite
+/// direction reach for less are left out.
 fn label_one(
     vertex: u32,
     arcs: &[Arc],
@@ -221,7 +224,7 @@ impl Half {
         (self.hubs.row(vertex as usize), &self.costs[self.hubs.range(vertex as usize)])
     }
 
-    /// The arc on the way between a vertex and one of its hubs.
+    /// The first arc of the path between a vertex and one of its hubs.
     fn arc_towards(&self, vertex: u32, hub: u32) -> Arc {
         let at = self.hubs.row(vertex as usize).binary_search(&hub);
         let at = at.expect("all vertices on the path to a hub have that hub");
@@ -240,7 +243,7 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-/// The least cost to each hub, with a note of how; infinite but for those touched.
+/// The least cost to each hub, with a note of its origin. Costs are infinite except for the touched hubs.
 #[derive(Debug, Default)]
 struct Scratch {
     best: Vec<(f32, u32)>,
