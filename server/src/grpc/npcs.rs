@@ -187,8 +187,11 @@ pub(super) async fn list_npcs(
     Ok(wire::ListNpcsResponse { npcs, next_page_token: page.next_token, tick: tick.0 })
 }
 
-/// The items of a batch that has nothing but ids.
-fn ids(field: &str, ids: Vec<u64>) -> Result<Vec<Result<(NpcId, ()), WorldsError>>, Status> {
+/// An item of a batch that consists of ids.
+type IdItem = Result<(NpcId, ()), WorldsError>;
+
+/// The items of a batch that consists of ids.
+fn ids(field: &str, ids: Vec<u64>) -> Result<Vec<IdItem>, Status> {
     check_count(ids.len(), field)?;
     Ok(ids.into_iter().map(|id| Ok((NpcId(id), ()))).collect())
 }
