@@ -6,9 +6,9 @@
 
 use noise::{NoiseFn, Perlin};
 use rayon::prelude::*;
-use surefoot_world::{Vec3, parallel};
 use surefoot_world::float::hypot;
 use surefoot_world::map::MapSize;
+use surefoot_world::{Vec3, parallel};
 
 /// Spacing of the density lattice in metres.
 pub(crate) const VOXEL_M: f32 = 1.25;
