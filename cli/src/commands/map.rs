@@ -449,7 +449,7 @@ fn show(args: &ShowArgs) -> anyhow::Result<()> {
         "load_s": seconds,
         "features": counts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
     });
-    let stats = reach.as_ref().filter(|_| args.stats).map(|reach| Stats::of(reach));
+    let stats = reach.as_ref().filter(|_| args.stats).map(Stats::of);
     if let (Some(stats), Some(object)) = (&stats, description.as_object_mut()) {
         object.extend(stats.to_json());
     }
