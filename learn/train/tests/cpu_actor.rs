@@ -8,7 +8,7 @@ use std::path::Path;
 use surefoot_policy::config::RAY_LEN;
 use surefoot_policy::{ActorConfig, Batch, Manifest, Policy, Scratch};
 use surefoot_train::networks::{module_bytes, with_burn};
-use surefoot_train::{Learner, SacConfig};
+use surefoot_train::{Learner, Processor, SacConfig};
 use surefoot_world::Action;
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
@@ -45,7 +45,7 @@ fn observations(policy: &Policy, rows: usize, rng: &mut ChaCha8Rng) -> Vec<f32> 
 fn it_decides_as_burn_does_step_after_step() {
     for policy in [odd(0, false), odd(7, false), odd(5, true)].map(|odd| odd.policy("odd")).into_iter().chain(shipped())
     {
-        let burn = with_burn(policy.clone(), Device::flex()).unwrap();
+        let burn = with_burn(policy.clone(), Processor::Cpu).unwrap();
         for rows in [1, 2, 3, 5, 17, 64, 200] {
             let mut scratch = Scratch::default();
             let mut rng = ChaCha8Rng::seed_from_u64(3);

@@ -4,11 +4,13 @@ use super::actor::{ActionDistribution, ActorNetwork};
 use super::record::load_module;
 use super::state::HiddenState;
 use super::trunk::Past;
+use crate::config::Processor;
+use crate::error::TrainError;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
-use surefoot_policy::{Actor, Batch, CheckpointError, Policy, Scratch};
+use surefoot_policy::{Actor, Batch, Policy, Scratch};
 use surefoot_world::Action;
 use surefoot_world::character::ACTION_LEN;
 
@@ -19,11 +21,12 @@ struct BurnActor {
     device: Device,
 }
 
-/// The same policy, whose network is evaluated by burn on `device`.
+/// The same policy, whose network is evaluated by burn. The last bits of its actions depend on the batch.
 ///
 /// # Errors
-/// If the weights do not fit the network.
-pub fn with_burn(policy: Policy, device: Device) -> Result<Policy, CheckpointError> {
+/// If the weights do not fit the network, or this program was built without support for the processor.
+pub fn with_burn(policy: Policy, processor: Processor) -> Result<Policy, TrainError> {
+    let device = processor.device()?;
     let network = ActorNetwork::new(&policy.manifest().actor, &device, &mut ChaCha8Rng::seed_from_u64(0));
     let network = load_module(network, policy.weights())?;
     Ok(policy.with_actor(Arc::new(BurnActor { network, device })))

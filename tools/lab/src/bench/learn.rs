@@ -8,16 +8,17 @@ use std::sync::Arc;
 use surefoot_cli::commands::load_policy;
 use surefoot_policy::{Batch as Rows, Policy, Scratch};
 use surefoot_rollout::env::{Env, Episodes};
-use surefoot_train::Learner;
-use surefoot_train::Run;
-use surefoot_train::TrainConfig;
+use surefoot_train::networks::with_burn;
 use surefoot_train::replay::Batch;
+use surefoot_train::{Learner, Processor, Run, TrainConfig};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
 
 /// Batch sizes at which inference is timed, with the names of the figures for the reactive and the recurrent agent.
-const INFERENCE: [(usize, &str, &str); 3] = [
+const INFERENCE: [(usize, &str, &str); 5] = [
+    (1, "infer_1_us", "infer_lstm_1_us"),
     (64, "infer_64_us", "infer_lstm_64_us"),
+    (192, "infer_192_us", "infer_lstm_192_us"),
     (256, "infer_256_us", "infer_lstm_256_us"),
     (512, "infer_512_us", "infer_lstm_512_us"),
 ];
@@ -34,8 +35,11 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     figures.push(Figure::new("env_steps_s", env_steps_per_second(&shipped)?, "1/s on one thread, with inference"));
     let lstm = untrained(&recurrent);
     for (rows, reactive_name, lstm_name) in INFERENCE {
-        figures.push(Figure::new(reactive_name, inference_us(&shipped, rows), "us"));
-        figures.push(Figure::new(lstm_name, inference_us(&lstm, rows), "us"));
+        for (name, policy) in [(reactive_name, &shipped), (lstm_name, &lstm)] {
+            let burn = with_burn(policy.clone(), Processor::Cpu)?;
+            let figure = Figure::new(name, inference_us(policy, rows), "us");
+            figures.push(figure.with_reference("burn", inference_us(&burn, rows), false));
+        }
     }
     Ok(figures)
 }
