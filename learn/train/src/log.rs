@@ -3,7 +3,7 @@
 use super::collector::CollectorStats;
 use super::config::TrainConfig;
 use super::error::TrainError;
-use super::inflow::Traffic;
+use super::experience::Traffic;
 use super::learner::UpdateStats;
 use super::mlflow::FileStore;
 use super::tensorboard::EventWriter;

@@ -5,12 +5,12 @@
 use super::actors::Listener;
 use super::config::{CONFIG_FILE, TrainConfig};
 use super::error::TrainError;
-use super::inflow::Collected;
+use super::experience::Collected;
 use super::learner::{Learner, UpdateStats};
 use super::log::Log;
 use super::networks::ActorNetwork;
 use super::replay::{self, Batch, Census, Replay, Sampling, census};
-use super::source::{Source, Ties};
+use super::source::{Source, RunIo};
 use super::stages::{STAGES_FILE, holds, stages};
 use super::validation::ValidationSet;
 use super::worlds::Connect;
@@ -54,7 +54,7 @@ pub struct Run {
 }
 
 /// Where a run is, and how it reaches worlds.
-pub struct Launch<'a> {
+pub struct RunArgs<'a> {
     /// Folder of the run.
     pub folder: &'a Path,
     /// Whether to continue the run in the folder.
@@ -69,7 +69,7 @@ pub struct Launch<'a> {
     pub revision: Option<String>,
 }
 
-impl<'a> Launch<'a> {
+impl<'a> RunArgs<'a> {
     /// A run whose worlds are in this process.
     pub fn here(folder: &'a Path, resume: bool) -> Self {
         Self { folder, resume, worlds: Vec::new(), connect: nowhere(), listener: None, revision: None }
@@ -98,14 +98,14 @@ impl Run {
     /// # Errors
     /// If the configuration is invalid, or the model to start from cannot be used.
     pub fn new(config: TrainConfig) -> Result<Self, TrainError> {
-        Self::create(config, Ties { connect: nowhere(), listener: None })
+        Self::create(config, RunIo { connect: nowhere(), listener: None })
     }
 
     /// Creates a new run.
     ///
     /// # Errors
     /// As [`new`](Self::new).
-    pub(super) fn create(config: TrainConfig, ties: Ties) -> Result<Self, TrainError> {
+    pub(super) fn create(config: TrainConfig, io: RunIo) -> Result<Self, TrainError> {
         config.validate()?;
         let stream = |number: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
@@ -115,8 +115,8 @@ impl Run {
         let mut learner = Learner::on(config.processor.device()?, config.sac.clone(), stream(11));
         let start = config.start_from.as_deref().map(|folder| learner.start_from(folder)).transpose()?;
         let started_from = start.as_ref().map(stages);
-        let connect = ties.connect.clone();
-        let source = Source::new(&config, stream(10), learner.policy(&config.name), ties)?;
+        let connect = io.connect.clone();
+        let source = Source::new(&config, stream(10), learner.policy(&config.name), io)?;
         let buffers = source.buffers(config.replay_capacity);
         let best = Best { score: -1.0, updates: 0, validated: 0 };
         Ok(Self {
@@ -244,13 +244,13 @@ fn learn(learner: &mut Learner, buffers: &[Replay], sampling: Sampling, update_c
 /// does not fit.
 pub fn run(
     config: TrainConfig,
-    launch: Launch<'_>,
+    args: RunArgs<'_>,
     stop: &AtomicBool,
     mut report: impl FnMut(&str),
 ) -> Result<(), TrainError> {
-    let folder = launch.folder;
-    let revision = launch.revision.clone();
-    let mut run = if launch.resume { Run::load(launch)? } else { start(config, launch)? };
+    let folder = args.folder;
+    let revision = args.revision.clone();
+    let mut run = if args.resume { Run::load(args)? } else { start(config, args)? };
     run.revision = revision;
     let validation_set = ValidationSet::new(&run.config);
     let mut log = Log::create(folder, &run.config, run.updates(), &mut report)?;
@@ -270,8 +270,8 @@ pub fn run(
             log.progress(run.updates(), run.decisions(), stats)?;
             let elapsed = std::mem::replace(&mut logged, Instant::now()).elapsed();
             let learn = std::mem::take(&mut run.learned).as_secs_f64() / elapsed.as_secs_f64();
-            if let Source::Elsewhere(inflow) = &mut run.source {
-                log.traffic(run.learner.updates(), learn, inflow.take_traffic())?;
+            if let Source::Elsewhere(receiver) = &mut run.source {
+                log.traffic(run.learner.updates(), learn, receiver.take_traffic())?;
             }
         }
         run.hours += started.elapsed().as_secs_f64() / 3600.0;
@@ -288,7 +288,7 @@ pub fn run(
 }
 
 /// Starts a new run in a folder without one.
-fn start(config: TrainConfig, Launch { folder, connect, listener, .. }: Launch<'_>) -> Result<Run, TrainError> {
+fn start(config: TrainConfig, RunArgs { folder, connect, listener, .. }: RunArgs<'_>) -> Result<Run, TrainError> {
     if folder.join(CONFIG_FILE).exists() {
         return Err(TrainError::Exists(folder.to_owned()));
     }
@@ -299,7 +299,7 @@ fn start(config: TrainConfig, Launch { folder, connect, listener, .. }: Launch<'
         });
     }
     let text = serde_json::to_vec_pretty(&config).expect("a config is plain data");
-    let run = Run::create(config, Ties { connect, listener })?;
+    let run = Run::create(config, RunIo { connect, listener })?;
     std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     if let Some(stages) = &run.started_from {
         // The model that the run started from may be replaced before the run is continued.

@@ -1,10 +1,10 @@
-//! Where the experience of a run comes from.
+//! The source of a run's experience: worlds in this process, or sources in other processes.
 
 use super::actors::{self, Listener};
 use super::collector::{Collector, CollectorState, CollectorStats};
 use super::config::TrainConfig;
 use super::error::TrainError;
-use super::inflow::{Collected, Inflow, InflowState};
+use super::experience::{Collected, ExperienceReceiver, ExperienceState};
 use super::replay::{Replay, Step};
 use super::worlds::{self, Connect};
 use rand::rngs::ChaCha8Rng;
@@ -12,56 +12,56 @@ use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
 use surefoot_policy::Policy;
 
-/// What a run needs of the world outside.
-pub(super) struct Ties {
+/// Connections of a run to other processes.
+pub(super) struct RunIo {
     /// Connects to worlds.
     pub connect: Connect,
-    /// Where actors connect.
+    /// The endpoint for actors.
     pub listener: Option<Listener>,
 }
 
-/// A source of experience. Its steps come from one or several environments, each with a replay buffer of its own.
+/// A source of experience. Each of its environments or actors has a replay buffer.
 #[derive(Debug)]
 pub(super) enum Source {
-    /// Worlds of this process, step by step: a pure function of the configuration.
+    /// Worlds in this process: a pure function of the configuration.
     Here(Box<Collector>),
-    /// Worlds or actors elsewhere, as they come.
-    Elsewhere(Box<Inflow>),
+    /// Worlds or actors in other processes, at their own pace.
+    Elsewhere(Box<ExperienceReceiver>),
 }
 
 /// A source as plain data.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum SourceState {
     Here(Box<CollectorState>),
-    Elsewhere(InflowState),
+    Elsewhere(ExperienceState),
 }
 
 impl Source {
-    /// The source that `config` asks for; `policy` is that of the run at its beginning.
+    /// Creates the source that `config` describes; `policy` is the run's initial policy.
     ///
     /// # Errors
-    /// If actors are to feed the run, but cannot connect.
-    pub fn new(config: &TrainConfig, rng: ChaCha8Rng, policy: Policy, ties: Ties) -> Result<Self, TrainError> {
+    /// If the run needs actors but has no endpoint for them.
+    pub fn new(config: &TrainConfig, rng: ChaCha8Rng, policy: Policy, io: RunIo) -> Result<Self, TrainError> {
         if config.is_here() {
             let collector = Collector::new(config.collector.clone(), &config.sac.network, rng);
             return Ok(Self::Here(Box::new(collector)));
         }
-        Self::elsewhere(config, policy, ties, InflowState::default())
+        Self::elsewhere(config, policy, io, ExperienceState::default())
     }
 
-    fn elsewhere(config: &TrainConfig, policy: Policy, ties: Ties, state: InflowState) -> Result<Self, TrainError> {
-        let inflow = match ties.listener {
-            _ if config.actors == 0 => worlds::start(config, policy, &ties.connect, state),
+    fn elsewhere(config: &TrainConfig, policy: Policy, io: RunIo, state: ExperienceState) -> Result<Self, TrainError> {
+        let receiver = match io.listener {
+            _ if config.actors == 0 => worlds::start(config, policy, &io.connect, state),
             Some(listener) => actors::listen(config, policy, listener, state),
             None => {
-                let problem = "is above 0, but there is no address at which actors connect: give --listen";
+                let problem = "is above 0, but actors have no address to connect to: give --listen";
                 return Err(TrainError::Config { field: "actors", problem });
             }
         };
-        Ok(Self::Elsewhere(Box::new(inflow)))
+        Ok(Self::Elsewhere(Box::new(receiver)))
     }
 
-    /// Restores a source; `None` if this cannot be the state of one with this configuration.
+    /// Restores a source; `None` if the state does not fit the configuration.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -69,31 +69,31 @@ impl Source {
         config: &TrainConfig,
         state: SourceState,
         policy: Policy,
-        ties: Ties,
+        io: RunIo,
     ) -> Result<Option<Self>, TrainError> {
         Ok(match state {
             SourceState::Here(state) if config.is_here() => {
                 let collector = Collector::restore(config.collector.clone(), &config.sac.network, *state);
                 collector.map(|collector| Self::Here(Box::new(collector)))
             }
-            SourceState::Elsewhere(state) if !config.is_here() => Some(Self::elsewhere(config, policy, ties, state)?),
+            SourceState::Elsewhere(state) if !config.is_here() => Some(Self::elsewhere(config, policy, io, state)?),
             _ => None,
         })
     }
 
-    /// The whole state; of worlds elsewhere, what remains of it.
+    /// Returns the state to save. Running attempts in other processes are not part of it.
     pub fn save(&self) -> SourceState {
         match self {
             Self::Here(collector) => SourceState::Here(Box::new(collector.save())),
-            Self::Elsewhere(inflow) => SourceState::Elsewhere(inflow.save()),
+            Self::Elsewhere(receiver) => SourceState::Elsewhere(receiver.save()),
         }
     }
 
-    /// Number of environments or actors whose NPCs decide together.
+    /// Number of replay buffers: one for each environment or actor.
     pub fn buffer_count(&self) -> usize {
         match self {
             Self::Here(_) => 1,
-            Self::Elsewhere(inflow) => inflow.source_count(),
+            Self::Elsewhere(receiver) => receiver.source_count(),
         }
     }
 
@@ -101,7 +101,7 @@ impl Source {
     pub fn lane_count(&self) -> usize {
         match self {
             Self::Here(collector) => collector.lane_count(),
-            Self::Elsewhere(inflow) => inflow.lane_count(),
+            Self::Elsewhere(receiver) => receiver.lane_count(),
         }
     }
 
@@ -111,11 +111,11 @@ impl Source {
         (0..count).map(|_| Replay::new(self.lane_count() / count, capacity / count)).collect()
     }
 
-    /// Number of decisions since the beginning of the run.
+    /// Number of decisions since the start of the run.
     pub fn total_decisions(&self) -> u64 {
         match self {
             Self::Here(collector) => collector.total_decisions(),
-            Self::Elsewhere(inflow) => inflow.total_decisions(),
+            Self::Elsewhere(receiver) => receiver.total_decisions(),
         }
     }
 
@@ -123,15 +123,14 @@ impl Source {
     pub fn take_stats(&mut self) -> CollectorStats {
         match self {
             Self::Here(collector) => collector.take_stats(),
-            Self::Elsewhere(inflow) => inflow.take_stats(),
+            Self::Elsewhere(receiver) => receiver.take_stats(),
         }
     }
 
-    /// Collects `step_count` decisions of as many NPCs as there are; fewer if `stop` is set meanwhile. `version` is the number of updates
-    /// behind `policy`.
+    /// Collects `step_count` decisions per NPC, fewer if `stop` is set. `version` is the policy's number of updates.
     ///
     /// # Errors
-    /// If worlds or actors elsewhere send nothing for too long.
+    /// If other processes send nothing for too long.
     pub fn collect(
         &mut self,
         (policy, version): (Policy, u64),
@@ -143,7 +142,7 @@ impl Source {
             Self::Here(collector) => {
                 Ok(collector.collect(&policy, version, step_count).into_iter().map(only).collect())
             }
-            Self::Elsewhere(inflow) => inflow.collect((policy, version), step_count, stop),
+            Self::Elsewhere(receiver) => receiver.collect((policy, version), step_count, stop),
         }
     }
 }

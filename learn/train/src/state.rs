@@ -5,8 +5,8 @@ use super::error::TrainError;
 use super::learner::{CRITICS_FILE, Learner, LearnerState};
 use super::networks::module_bytes;
 use super::replay::{Census, Replay, census};
-use super::run::{Best, Launch, Run};
-use super::source::{Source, SourceState, Ties};
+use super::run::{Best, RunArgs, Run};
+use super::source::{Source, SourceState, RunIo};
 use super::stages::{STAGES_FILE, total};
 use super::validation::Validation;
 use serde::{Deserialize, Serialize};
@@ -119,7 +119,7 @@ impl Run {
     ///
     /// # Errors
     /// If a file cannot be read, is damaged, or does not fit the others.
-    pub(super) fn load(Launch { folder, worlds, connect, listener, .. }: Launch<'_>) -> Result<Self, TrainError> {
+    pub(super) fn load(RunArgs { folder, worlds, connect, listener, .. }: RunArgs<'_>) -> Result<Self, TrainError> {
         let path = folder.join(CONFIG_FILE);
         let bytes = std::fs::read(&path).map_err(|source| TrainError::Io { path: path.clone(), source })?;
         let mut config: TrainConfig =
@@ -128,10 +128,10 @@ impl Run {
             config.worlds = worlds;
         }
         config.validate()?;
-        let ties = Ties { connect: connect.clone(), listener };
+        let io = RunIo { connect: connect.clone(), listener };
         if !folder.join(STATE_FILE).exists() {
             // It was killed before its first checkpoint.
-            return Self::create(config, ties);
+            return Self::create(config, io);
         }
         let (state, path) = read_state(folder)?;
         let started_from = read_stages(folder)?;
@@ -139,7 +139,7 @@ impl Run {
         let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
         let learner = Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?;
         let policy = learner.policy(&config.name);
-        let source = Source::restore(&config, state.source, policy, ties)?.ok_or_else(foreign)?;
+        let source = Source::restore(&config, state.source, policy, io)?.ok_or_else(foreign)?;
         let lane_count = source.lane_count() / source.buffer_count();
         let fits = |buffer: &Replay| buffer.fits(lane_count, config.replay_capacity, &config.sac.network);
         let is_here = matches!(source, Source::Here(_));

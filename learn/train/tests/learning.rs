@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use surefoot_policy::{ActorConfig, Batch, Manifest, Policy, Scratch};
 use surefoot_train::CollectorConfig;
 use surefoot_train::SacConfig;
-use surefoot_train::{Launch, Processor, Run, TrainConfig, TrainError, run};
+use surefoot_train::{RunArgs, Processor, Run, TrainConfig, TrainError, run};
 
 fn tiny() -> TrainConfig {
     TrainConfig {
@@ -68,15 +68,15 @@ fn a_resumed_run_continues_bit_for_bit() {
     for config in [tiny(), tiny_recurrent(), tiny_social()] {
         let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let stop = AtomicBool::new(false);
-        run(TrainConfig { total_updates: 24, ..config.clone() }, Launch::here(folders[0].path(), false), &stop, |_| {})
+        run(TrainConfig { total_updates: 24, ..config.clone() }, RunArgs::here(folders[0].path(), false), &stop, |_| {})
             .unwrap();
 
         // The same run, stopped half-way and resumed from its files.
-        run(config, Launch::here(folders[1].path(), false), &stop, |_| {}).unwrap();
+        run(config, RunArgs::here(folders[1].path(), false), &stop, |_| {}).unwrap();
         let path = folders[1].path().join("config.json");
         let text = std::fs::read_to_string(&path).unwrap().replace("\"total_updates\": 12", "\"total_updates\": 24");
         std::fs::write(&path, text).unwrap();
-        run(tiny(), Launch::here(folders[1].path(), true), &stop, |_| {}).unwrap();
+        run(tiny(), RunArgs::here(folders[1].path(), true), &stop, |_| {}).unwrap();
         assert_eq!(decisions(&folders[0]), decisions(&folders[1]));
     }
 }
@@ -85,10 +85,10 @@ fn a_resumed_run_continues_bit_for_bit() {
 fn a_recurrent_run_may_start_from_a_reactive_one() {
     let (first, second) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let stop = AtomicBool::new(false);
-    run(tiny(), Launch::here(first.path(), false), &stop, |_| {}).unwrap();
+    run(tiny(), RunArgs::here(first.path(), false), &stop, |_| {}).unwrap();
     let start_from = Some(first.path().join("last"));
     let config = TrainConfig { start_from, total_updates: 0, ..tiny_recurrent() };
-    run(config.clone(), Launch::here(second.path(), false), &stop, |_| {}).unwrap();
+    run(config.clone(), RunArgs::here(second.path(), false), &stop, |_| {}).unwrap();
     for (before, after) in decisions(&first).into_iter().zip(decisions(&second)) {
         assert!((f32::from_bits(before) - f32::from_bits(after)).abs() < 1.0e-4, "the LSTM has no influence yet");
     }
@@ -105,16 +105,16 @@ fn a_run_that_starts_from_weights_copies_their_stages() {
     let stop = AtomicBool::new(false);
     let last = |idx: usize| folders[idx].path().join("last");
     let manifest = |idx: usize| Manifest::load(&last(idx)).unwrap();
-    run(tiny(), Launch::here(folders[0].path(), false), &stop, |_| {}).unwrap();
+    run(tiny(), RunArgs::here(folders[0].path(), false), &stop, |_| {}).unwrap();
     let from_first = TrainConfig { start_from: Some(last(0)), ..tiny() };
-    let launch = Launch { revision: Some("abc".to_owned()), ..Launch::here(folders[1].path(), false) };
-    run(from_first, launch, &stop, |_| {}).unwrap();
+    let run_args = RunArgs { revision: Some("abc".to_owned()), ..RunArgs::here(folders[1].path(), false) };
+    run(from_first, run_args, &stop, |_| {}).unwrap();
     let second = manifest(1);
     let from_second = TrainConfig { start_from: Some(last(1)), ..tiny() };
-    run(from_second, Launch::here(folders[2].path(), false), &stop, |_| {}).unwrap();
+    run(from_second, RunArgs::here(folders[2].path(), false), &stop, |_| {}).unwrap();
     // What the run started from may be gone when it is continued.
     std::fs::remove_dir_all(last(1)).unwrap();
-    run(tiny(), Launch::here(folders[2].path(), true), &stop, |_| {}).unwrap();
+    run(tiny(), RunArgs::here(folders[2].path(), true), &stop, |_| {}).unwrap();
 
     let training = manifest(2).training;
     assert!(training["config"].get("start_from").is_none());
@@ -132,11 +132,11 @@ fn a_run_that_starts_from_weights_copies_their_stages() {
 fn a_run_does_not_start_from_its_own_folder() {
     let folder = tempfile::tempdir().unwrap();
     let stop = AtomicBool::new(false);
-    run(tiny(), Launch::here(folder.path(), false), &stop, |_| {}).unwrap();
+    run(tiny(), RunArgs::here(folder.path(), false), &stop, |_| {}).unwrap();
     let model = folder.path().join("last");
     for start in [model.clone(), folder.path().join("last/../last")] {
         let config = TrainConfig { start_from: Some(start), ..tiny() };
-        let refusal = run(config, Launch::here(&model, false), &stop, |_| {}).unwrap_err().to_string();
+        let refusal = run(config, RunArgs::here(&model, false), &stop, |_| {}).unwrap_err().to_string();
         assert!(refusal.contains("start_from") && refusal.contains("own folder"), "{refusal}");
     }
 }
@@ -162,7 +162,7 @@ fn a_run_ends_early_when_validation_no_longer_improves() {
     let config =
         TrainConfig { total_updates: 10_000, stop_after: std::num::NonZeroU64::new(30), validate_every: 1, ..tiny() };
     let mut last = String::new();
-    run(config, Launch::here(folder.path(), false), &AtomicBool::new(false), |line| last = line.to_owned()).unwrap();
+    run(config, RunArgs::here(folder.path(), false), &AtomicBool::new(false), |line| last = line.to_owned()).unwrap();
     let updates: u64 = last.split_whitespace().nth(3).unwrap().parse().unwrap();
     assert!((30..10_000).contains(&updates), "{last}");
 }
@@ -171,14 +171,14 @@ fn a_run_ends_early_when_validation_no_longer_improves() {
 fn a_run_is_not_overwritten_and_damaged_state_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let stop = AtomicBool::new(true);
-    run(tiny(), Launch::here(folder.path(), false), &stop, |_| {}).unwrap();
-    assert!(matches!(run(tiny(), Launch::here(folder.path(), false), &stop, |_| {}), Err(TrainError::Exists(_))));
+    run(tiny(), RunArgs::here(folder.path(), false), &stop, |_| {}).unwrap();
+    assert!(matches!(run(tiny(), RunArgs::here(folder.path(), false), &stop, |_| {}), Err(TrainError::Exists(_))));
     let state = folder.path().join("state.bin");
     let mut bytes = std::fs::read(&state).unwrap();
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&state, &bytes).unwrap();
-    assert!(matches!(run(tiny(), Launch::here(folder.path(), true), &stop, |_| {}), Err(TrainError::Damaged { .. })));
+    assert!(matches!(run(tiny(), RunArgs::here(folder.path(), true), &stop, |_| {}), Err(TrainError::Damaged { .. })));
     let events = std::fs::read_dir(folder.path().join("tensorboard")).unwrap().count();
     assert!(events >= 1, "an event file was written");
 }
@@ -211,7 +211,7 @@ fn a_state_that_was_made_up_is_refused_or_resumes() {
     let stop = AtomicBool::new(true);
     run(
         TrainConfig { total_updates: 4, ..tiny() },
-        Launch::here(folder.path(), false),
+        RunArgs::here(folder.path(), false),
         &AtomicBool::new(false),
         |_| {},
     )
@@ -234,7 +234,7 @@ fn a_state_that_was_made_up_is_refused_or_resumes() {
         }
         let checksum = crc32c::crc32c(&made_up).to_le_bytes();
         std::fs::write(&path, [&made_up[..], &checksum].concat()).unwrap();
-        match run(tiny(), Launch::here(folder.path(), true), &stop, |_| {}) {
+        match run(tiny(), RunArgs::here(folder.path(), true), &stop, |_| {}) {
             Ok(()) => resumed += 1,
             Err(error) => {
                 assert!(error.to_string().len() > 10, "{error}");
@@ -250,7 +250,7 @@ fn a_run_whose_configuration_was_changed_to_other_lanes_says_so() {
     let folder = tempfile::tempdir().unwrap();
     run(
         TrainConfig { total_updates: 4, ..tiny() },
-        Launch::here(folder.path(), false),
+        RunArgs::here(folder.path(), false),
         &AtomicBool::new(false),
         |_| {},
     )
@@ -258,6 +258,6 @@ fn a_run_whose_configuration_was_changed_to_other_lanes_says_so() {
     let path = folder.path().join("config.json");
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("\"npcs_per_world\": 4", "\"npcs_per_world\": 5")).unwrap();
-    let refusal = run(tiny(), Launch::here(folder.path(), true), &AtomicBool::new(true), |_| {}).unwrap_err();
+    let refusal = run(tiny(), RunArgs::here(folder.path(), true), &AtomicBool::new(true), |_| {}).unwrap_err();
     assert!(refusal.to_string().contains("other lanes"), "{refusal}");
 }

@@ -17,7 +17,7 @@ use surefoot_net::client::Credentials;
 use surefoot_net::serving::Endpoint;
 use surefoot_train::actors::Listener;
 use surefoot_train::worlds::Connect;
-use surefoot_train::{self, Launch, Processor, TrainConfig};
+use surefoot_train::{self, Processor, RunArgs, TrainConfig};
 use surefoot_world::map::{Features, MapKind, MoverDensities};
 
 /// Default number of actors that can connect.
@@ -133,8 +133,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         println!("actors connect to {}", listener.endpoint.address());
     }
     let (resume, worlds) = (args.resume, args.worlds);
-    let launch = Launch { folder: &args.folder, resume, worlds, connect, listener, revision: revision() };
-    surefoot_train::run(config, launch, &stop, |line| println!("{line}"))?;
+    let run_args = RunArgs { folder: &args.folder, resume, worlds, connect, listener, revision: revision() };
+    surefoot_train::run(config, run_args, &stop, |line| println!("{line}"))?;
     Ok(())
 }
 

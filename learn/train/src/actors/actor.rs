@@ -1,12 +1,12 @@
-//! An actor: NPCs that act with the learner's weights, and whose experience goes to the learner.
+//! An actor: runs NPCs with the learner's weights, and sends their steps to the learner.
 
 use super::wire as messages;
 use crate::collector::CollectorStats;
 use crate::config::TrainConfig;
 use crate::error::TrainError;
-use crate::inflow::Collected;
+use crate::experience::Collected;
 use crate::replay::Step;
-use crate::source::{Source, Ties};
+use crate::source::{Source, RunIo};
 use crate::worlds::Connect;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -28,45 +28,45 @@ use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status};
 
-/// Steps that may be on their way; then the NPCs wait.
-const MAX_UNTAKEN: usize = 8;
-/// Wait before a learner that went away is tried again.
+/// Most unacknowledged steps; then the NPCs wait.
+const MAX_UNACKNOWLEDGED: usize = 8;
+/// Wait before a lost learner is retried.
 const RETRY: Duration = Duration::from_secs(1);
-/// Longest wait for the learner's first words.
+/// Longest wait for the learner's first messages.
 const WELCOME_LIMIT: Duration = Duration::from_secs(30);
-/// Interval at which an actor that waits looks whether it should stop.
+/// Interval at which a waiting actor checks whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
-/// Interval between two lines that tell how it goes.
-const TELL_EVERY: Duration = Duration::from_secs(10);
+/// Interval of progress lines.
+const REPORT_EVERY: Duration = Duration::from_secs(10);
 
-/// What an actor is told besides the learner's configuration.
+/// Configuration of an actor, besides the learner's.
 pub struct ActorConfig {
     /// Address of the learner.
     pub learner: String,
-    /// What the learner is shown.
+    /// Credentials for the learner.
     pub credentials: Credentials,
-    /// Name of this actor, which must be no other's; kept while it runs.
+    /// Id of this actor, unique in the run.
     pub actor_id: String,
-    /// Seed of goals and noise; each actor of a run needs another one.
+    /// Seed of goals and noise, different for each actor of a run.
     pub seed: u64,
-    /// Saved levels to run instead of the learner's, whose files are elsewhere.
+    /// Saved levels to run instead of the learner's, whose files are on another machine.
     pub levels: Vec<PathBuf>,
-    /// A game or server in which the NPCs move, instead of this process.
+    /// Address of a game or server that runs the NPCs; `None`: this process does.
     pub world: Option<String>,
-    /// Connects to it.
+    /// Connects to that address.
     pub connect: Connect,
 }
 
-/// Why an actor cannot go on.
+/// Why an actor cannot continue.
 #[derive(Debug, thiserror::Error)]
 pub enum ActorError {
     /// The address or the credentials of the learner are unusable.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// The learner does not want this actor, or what it feeds.
+    /// The learner refused this actor or its steps.
     #[error("the learner refused: {0}")]
     Refused(String),
-    /// What the learner sent makes no sense.
+    /// The learner sent an unexpected message.
     #[error("the learner sent {0}")]
     Contract(String),
     /// The learner's configuration cannot be used here.
@@ -80,20 +80,20 @@ pub enum ActorError {
     Threads(#[from] std::io::Error),
 }
 
-/// Feeds a learner until `stop` is set; while it is away, waits for it to come back. Lines that tell how it goes are passed to `report`.
+/// Feeds a learner until `stop` is set, and reconnects whenever the connection is lost. Progress lines go to `report`.
 ///
 /// # Errors
 /// If the learner cannot be used: its address, its configuration, or its answers.
 pub fn act(config: ActorConfig, stop: &AtomicBool, mut report: impl FnMut(&str)) -> Result<(), ActorError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let mut actor =
-        Actor { config, crew: None, untaken: VecDeque::new(), last_number: 0, is_cut: false, tally: Tally::new() };
+        Actor { config, npcs: None, unacknowledged: VecDeque::new(), last_number: 0, is_cut: false, tally: Tally::new() };
     while !stop.load(Ordering::Relaxed) {
         match actor.run_session(&runtime, stop, &mut report) {
             Ok(()) => {}
-            Err(Broken::ForGood(error)) => return Err(error),
-            Err(Broken::Away(reason)) => {
-                report(&format!("the learner at {} is away: {reason}", actor.config.learner));
+            Err(Broken::Fatal(error)) => return Err(error),
+            Err(Broken::Lost(reason)) => {
+                report(&format!("the learner at {} is unreachable: {reason}; retrying", actor.config.learner));
                 pause(RETRY, stop);
             }
         }
@@ -110,15 +110,15 @@ fn pause(time: Duration, stop: &AtomicBool) {
 
 /// What ends a connection.
 enum Broken {
-    /// The learner may come back.
-    Away(String),
-    /// It is of no use.
-    ForGood(ActorError),
+    /// The connection was lost; retry.
+    Lost(String),
+    /// Retrying would not help.
+    Fatal(ActorError),
 }
 
 impl<E: Into<ActorError>> From<E> for Broken {
     fn from(error: E) -> Self {
-        Self::ForGood(error.into())
+        Self::Fatal(error.into())
     }
 }
 
@@ -129,25 +129,25 @@ impl Broken {
             | Code::Unauthenticated
             | Code::PermissionDenied
             | Code::Unimplemented
-            | Code::ResourceExhausted => Self::ForGood(ActorError::Refused(status.message().to_owned())),
-            _ => Self::Away(status.message().to_owned()),
+            | Code::ResourceExhausted => Self::Fatal(ActorError::Refused(status.message().to_owned())),
+            _ => Self::Lost(status.message().to_owned()),
         }
     }
 }
 
 struct Actor {
     config: ActorConfig,
-    /// The NPCs, once the learner has said what to do.
-    crew: Option<Crew>,
-    /// Messages that the learner has not said to have taken.
-    untaken: VecDeque<wire::FeedStep>,
+    /// The NPCs, once the learner has sent its configuration.
+    npcs: Option<NpcSource>,
+    /// Steps that the learner has not acknowledged.
+    unacknowledged: VecDeque<wire::FeedStep>,
     last_number: u64,
-    /// Whether the next step does not continue the one before.
+    /// Whether the next step does not continue the previous one.
     is_cut: bool,
     tally: Tally,
 }
 
-struct Crew {
+struct NpcSource {
     config: TrainConfig,
     source: Source,
     version: (Policy, u64),
@@ -160,14 +160,14 @@ struct Session {
 }
 
 impl Session {
-    /// Opens a connection, and says who we are.
+    /// Opens a connection, and sends the hello.
     fn open(runtime: &Runtime, config: &ActorConfig) -> Result<Self, Broken> {
         let dialer = config.credentials.dial(&config.learner).map_err(ActorError::from)?;
-        let link = runtime.block_on(dialer.connect()).map_err(|error| Broken::Away(error.to_string()))?;
+        let link = runtime.block_on(dialer.connect()).map_err(|error| Broken::Lost(error.to_string()))?;
         let mut client = LearnerServiceClient::new(link)
             .max_decoding_message_size(MAX_MESSAGE_BYTES)
             .max_encoding_message_size(MAX_MESSAGE_BYTES);
-        let (requests, outgoing) = mpsc::channel(MAX_UNTAKEN + 1);
+        let (requests, outgoing) = mpsc::channel(MAX_UNACKNOWLEDGED + 1);
         let hello = FromActor::Hello(wire::Hello { actor_id: config.actor_id.clone() });
         let session = |responses| Self { requests: requests.clone(), responses };
         let (sender, responses) = channel();
@@ -188,27 +188,27 @@ impl Session {
         Ok(session(responses))
     }
 
-    /// Waits for a message of the learner.
+    /// Waits for a message from the learner.
     fn receive(&self, limit: Duration) -> Result<Option<ToActor>, Broken> {
         match self.responses.recv_timeout(limit) {
             Ok(message) => message.map(Some).map_err(|status| Broken::of(&status)),
             Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => Err(Broken::Away("it ended the connection".to_owned())),
+            Err(RecvTimeoutError::Disconnected) => Err(Broken::Lost("it closed the connection".to_owned())),
         }
     }
 
-    /// A message of the learner that is there already.
+    /// Returns a message from the learner if one has arrived.
     fn poll(&self) -> Result<Option<ToActor>, Broken> {
         match self.responses.try_recv() {
             Ok(message) => message.map(Some).map_err(|status| Broken::of(&status)),
             Err(TryRecvError::Empty) => Ok(None),
-            Err(TryRecvError::Disconnected) => Err(Broken::Away("it ended the connection".to_owned())),
+            Err(TryRecvError::Disconnected) => Err(Broken::Lost("it closed the connection".to_owned())),
         }
     }
 
     fn send(&self, step: &wire::FeedStep) -> Result<(), Broken> {
         let request = wire::FeedRequest { message: Some(FromActor::Step(step.clone())) };
-        self.requests.blocking_send(request).map_err(|_| Broken::Away("it ended the connection".to_owned()))
+        self.requests.blocking_send(request).map_err(|_| Broken::Lost("it closed the connection".to_owned()))
     }
 }
 
@@ -228,38 +228,38 @@ impl Actor {
         };
         self.prepare(&welcome, &weights)?;
         report(&format!("feeding {} with weights of {} updates", self.config.learner, weights.version));
-        self.untaken.retain(|step| step.number > welcome.taken);
-        if welcome.taken < self.last_number && self.untaken.front().is_none_or(|step| step.number > welcome.taken + 1) {
-            // The learner has lost steps of ours that it had taken, since it went on from an older checkpoint. Numbers go on.
+        self.unacknowledged.retain(|step| step.number > welcome.taken);
+        if welcome.taken < self.last_number && self.unacknowledged.front().is_none_or(|step| step.number > welcome.taken + 1) {
+            // The learner resumed from an older checkpoint and lost steps that it had taken. Numbers continue.
             self.is_cut = true;
         }
-        for step in &self.untaken {
+        for step in &self.unacknowledged {
             session.send(step)?;
         }
         while !stop.load(Ordering::Relaxed) {
             while let Some(message) = session.poll()? {
                 self.note(message)?;
             }
-            while self.untaken.len() >= MAX_UNTAKEN && !stop.load(Ordering::Relaxed) {
+            while self.unacknowledged.len() >= MAX_UNACKNOWLEDGED && !stop.load(Ordering::Relaxed) {
                 if let Some(message) = session.receive(LOOK)? {
                     self.note(message)?;
                 }
             }
             for step in self.collect(stop)? {
                 session.send(&step)?;
-                self.untaken.push_back(step);
+                self.unacknowledged.push_back(step);
             }
-            if let Some(line) = self.tally.line(&self.crew) {
+            if let Some(line) = self.tally.line(&self.npcs) {
                 report(&line);
             }
         }
         Ok(())
     }
 
-    /// Makes NPCs as the learner wants them, or checks that those at hand are so.
+    /// Creates the NPCs that the learner's configuration describes, unless they exist already.
     fn prepare(&mut self, welcome: &wire::Welcome, weights: &wire::Weights) -> Result<(), ActorError> {
         let mut config: TrainConfig = serde_json::from_str(&welcome.config)
-            .map_err(|error| ActorError::Contract(format!("a configuration that is none: {error}")))?;
+            .map_err(|error| ActorError::Contract(format!("a malformed configuration: {error}")))?;
         config.seed = self.config.seed;
         config.actors = 0;
         if !self.config.levels.is_empty() {
@@ -271,20 +271,20 @@ impl Actor {
             config.collector.npcs_per_world = welcome.npc_count as usize;
         }
         let version = messages::policy(weights, &config.name, config.sac.network)?;
-        match &mut self.crew {
-            Some(crew) if crew.config == config => crew.version = version,
-            crew => {
+        match &mut self.npcs {
+            Some(npcs) if npcs.config == config => npcs.version = version,
+            npcs => {
                 config.validate()?;
                 let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
                 rng.set_stream(20);
-                let ties = Ties { connect: self.config.connect.clone(), listener: None };
-                let source = Source::new(&config, rng, version.0.clone(), ties)?;
+                let io = RunIo { connect: self.config.connect.clone(), listener: None };
+                let source = Source::new(&config, rng, version.0.clone(), io)?;
                 if source.lane_count() != welcome.npc_count as usize {
                     let (found, wanted) = (source.lane_count(), welcome.npc_count);
-                    return Err(ActorError::Contract(format!("a configuration of {found} NPCs, and wants {wanted}")));
+                    return Err(ActorError::Contract(format!("a configuration of {found} NPCs, but expects {wanted}")));
                 }
-                self.is_cut = crew.is_some();
-                *crew = Some(Crew { config, source, version });
+                self.is_cut = npcs.is_some();
+                *npcs = Some(NpcSource { config, source, version });
             }
         }
         Ok(())
@@ -293,21 +293,21 @@ impl Actor {
     fn note(&mut self, message: ToActor) -> Result<(), ActorError> {
         match message {
             ToActor::Welcome(_) => return Err(ActorError::Contract("a second welcome".to_owned())),
-            ToActor::Taken(taken) => self.untaken.retain(|step| step.number > taken.number),
+            ToActor::Taken(taken) => self.unacknowledged.retain(|step| step.number > taken.number),
             ToActor::Weights(weights) => {
-                let crew = self.crew.as_mut().expect("it was welcomed");
+                let npcs = self.npcs.as_mut().expect("set by the welcome");
                 self.tally.received += weights.weights.len();
-                crew.version = messages::policy(&weights, &crew.config.name, crew.config.sac.network)?;
+                npcs.version = messages::policy(&weights, &npcs.config.name, npcs.config.sac.network)?;
             }
         }
         Ok(())
     }
 
-    /// Collects a decision of all NPCs.
+    /// Collects one decision of each NPC.
     fn collect(&mut self, stop: &AtomicBool) -> Result<Vec<wire::FeedStep>, ActorError> {
-        let crew = self.crew.as_mut().expect("it was welcomed");
-        let collected = crew.source.collect(crew.version.clone(), 1, stop)?;
-        let mut stats = crew.source.take_stats();
+        let npcs = self.npcs.as_mut().expect("set by the welcome");
+        let collected = npcs.source.collect(npcs.version.clone(), 1, stop)?;
+        let mut stats = npcs.source.take_stats();
         let mut steps = Vec::new();
         for (_, collected) in collected {
             match collected {
@@ -328,7 +328,7 @@ impl Actor {
     }
 }
 
-/// What was done since it was last told.
+/// Counts since the last progress line.
 struct Tally {
     decisions: usize,
     sent: usize,
@@ -341,10 +341,10 @@ impl Tally {
         Self { decisions: 0, sent: 0, received: 0, since: Instant::now() }
     }
 
-    /// A line, if it is time for one.
-    fn line(&mut self, crew: &Option<Crew>) -> Option<String> {
-        let (elapsed, crew) = (self.since.elapsed(), crew.as_ref()?);
-        if elapsed < TELL_EVERY {
+    /// Returns a progress line, if one is due.
+    fn line(&mut self, npcs: &Option<NpcSource>) -> Option<String> {
+        let (elapsed, npcs) = (self.since.elapsed(), npcs.as_ref()?);
+        if elapsed < REPORT_EVERY {
             return None;
         }
         let rate = |count: usize| count as f64 / elapsed.as_secs_f64();
@@ -353,7 +353,7 @@ impl Tally {
             rate(self.decisions),
             rate(self.sent) * 1e-3,
             rate(self.received) * 1e-3,
-            crew.version.1,
+            npcs.version.1,
         );
         *self = Self::new();
         Some(line)

@@ -1,7 +1,7 @@
-//! Experience from actors: processes that decide on their own, with weights that the learner sends them now and then, and that send back
-//! what their NPCs did (`surefoot train --listen`, `surefoot act`).
+//! Experience from actors: processes that run the policy themselves and send their steps to the learner (`surefoot train --listen`,
+//! `surefoot act`). The learner sends them new weights at intervals.
 //!
-//! `service` is the learner's side, with a place for each actor in `slots`; [`actor`] is the other one; `wire` has the messages.
+//! `service` is the learner's side, with a slot for each actor in `slots`; [`actor`] is the actor's side; `wire` has the messages.
 
 pub mod actor;
 mod service;
@@ -11,15 +11,15 @@ mod wire;
 pub use service::Listener;
 
 use super::config::TrainConfig;
-use super::inflow::{Inflow, InflowState};
+use super::experience::{ExperienceReceiver, ExperienceState};
 use surefoot_policy::Policy;
 
-/// Takes in the steps of `config.actors` actors, which connect to `listener`.
-pub(super) fn listen(config: &TrainConfig, policy: Policy, listener: Listener, state: InflowState) -> Inflow {
+/// Receives the steps of `config.actors` actors, which connect to `listener`.
+pub(super) fn listen(config: &TrainConfig, policy: Policy, listener: Listener, state: ExperienceState) -> ExperienceReceiver {
     let npc_count = npc_count(config);
-    let (inflow, inlet) = Inflow::open(config, (config.actors, npc_count), policy, state);
-    service::start(config, listener, inflow.slots.clone(), inlet);
-    inflow
+    let (receiver, experience) = ExperienceReceiver::open(config, (config.actors, npc_count), policy, state);
+    service::start(config, listener, receiver.slots.clone(), experience);
+    receiver
 }
 
 /// Number of NPCs of each actor.

@@ -1,9 +1,9 @@
 //! The learner's side: `LearnerService`.
 
-use super::slots::{Seat, Slots, Verdict};
+use super::slots::{ActorSession, Slots, StepOrder};
 use super::{npc_count, wire as messages};
 use crate::config::TrainConfig;
-use crate::inflow::{Arrival, Inlet};
+use crate::experience::{Delivery, ExperienceSender};
 use std::fmt;
 use std::pin::Pin;
 use std::sync::Arc;
@@ -29,13 +29,13 @@ const QUEUE: usize = 4;
 /// Longest id of an actor, characters.
 const MAX_ID: usize = 64;
 
-/// Where actors connect, and on which threads they are served.
+/// The endpoint for actors, and the threads that serve it.
 pub struct Listener {
     /// The bound address.
     pub endpoint: Endpoint,
     /// The threads.
     pub runtime: Runtime,
-    /// Shortest time between two versions of weights that an actor is sent.
+    /// Shortest interval between two versions of weights for one actor.
     pub weights_every: Duration,
 }
 
@@ -45,15 +45,15 @@ impl fmt::Debug for Listener {
     }
 }
 
-/// Serves actors until the learner is gone.
-pub(super) fn start(config: &TrainConfig, listener: Listener, slots: Slots, inlet: Inlet) {
+/// Serves actors until the run is over.
+pub(super) fn start(config: &TrainConfig, listener: Listener, slots: Slots, experience: ExperienceSender) {
     let Listener { endpoint, runtime, weights_every } = listener;
     let shutdown = Shutdown::default();
     let max_message_bytes = endpoint.limits().max_message_bytes;
     let api = LearnerApi {
         terms: Arc::new(Terms::new(config)),
         slots,
-        inlet: inlet.clone(),
+        experience: experience.clone(),
         weights_every,
         shutdown: shutdown.clone(),
     };
@@ -64,20 +64,20 @@ pub(super) fn start(config: &TrainConfig, listener: Listener, slots: Slots, inle
         runtime.block_on(async move {
             let mut routes = tonic::service::Routes::builder();
             routes.add_service(service);
-            let mut policies = inlet.policies;
+            let mut policies = experience.policies;
             let stopping = shutdown.clone();
             tokio::spawn(async move {
                 while policies.changed().await.is_ok() {}
                 stopping.trigger();
             });
             if let Err(error) = endpoint.serve(routes, &[SERVICE], || async { String::new() }, shutdown).await {
-                tracing::error!("actors cannot be served: {error}");
+                tracing::error!("learner: cannot serve actors: {error}");
             }
         });
     });
 }
 
-/// What all actors are told, and what is expected of them.
+/// The configuration for all actors, and the sizes of their steps.
 #[derive(Debug)]
 struct Terms {
     config: String,
@@ -88,12 +88,12 @@ struct Terms {
 impl Terms {
     fn new(config: &TrainConfig) -> Self {
         let network = config.sac.network;
-        let mut told = config.clone();
-        // Random decisions are those of the whole run, and where the learner runs concerns nobody.
-        told.collector.random_decisions /= config.actors.max(1) as u64;
-        told.start_from = None;
+        let mut shared = config.clone();
+        // The configured number of random decisions is for the whole run, and a path means nothing on another machine.
+        shared.collector.random_decisions /= config.actors.max(1) as u64;
+        shared.start_from = None;
         Self {
-            config: serde_json::to_string(&told).expect("a config is plain data"),
+            config: serde_json::to_string(&shared).expect("a config is plain data"),
             npc_count: npc_count(config),
             network,
         }
@@ -104,7 +104,7 @@ impl Terms {
 struct LearnerApi {
     terms: Arc<Terms>,
     slots: Slots,
-    inlet: Inlet,
+    experience: ExperienceSender,
     weights_every: Duration,
     shutdown: Shutdown,
 }
@@ -124,42 +124,42 @@ impl LearnerService for LearnerApi {
         if hello.actor_id.is_empty() || hello.actor_id.chars().count() > MAX_ID {
             return Err(status::invalid("hello.actor_id", format!("must have 1 to {MAX_ID} characters")));
         }
-        let seat = self.slots.join(&hello.actor_id).ok_or_else(|| {
-            let message = "all places for actors are taken: start the learner with more --actors";
+        let session = self.slots.join(&hello.actor_id).ok_or_else(|| {
+            let message = "all slots for actors are taken: start the learner with a larger --actors";
             status::quota(Reason::TooManyActors, "learner", message)
         })?;
         let (queue, responses) = mpsc::channel(QUEUE);
-        let session = Session { api: self.clone(), seat, queue };
-        tokio::spawn(session.run(requests));
+        let connection = Connection { api: self.clone(), session, queue };
+        tokio::spawn(connection.run(requests));
         Ok(Response::new(Box::pin(ReceiverStream::new(responses))))
     }
 }
 
 /// The connection of one actor.
-struct Session {
+struct Connection {
     api: LearnerApi,
-    seat: Seat,
+    session: ActorSession,
     queue: mpsc::Sender<Result<wire::FeedResponse, Status>>,
 }
 
-impl Session {
+impl Connection {
     async fn run(self, requests: Streaming<wire::FeedRequest>) {
-        let _live = self.api.inlet.meters.live();
+        let _live = self.api.experience.meters.live();
         if let Err(status) = self.serve(requests).await {
-            // Whoever is gone cannot be told.
+            // The actor may have disconnected.
             let _ = self.queue.send(Err(status)).await;
         }
     }
 
     async fn serve(&self, mut requests: Streaming<wire::FeedRequest>) -> Result<(), Status> {
-        let LearnerApi { terms, inlet, weights_every, shutdown, .. } = &self.api;
-        if self.seat.is_handed_on {
-            self.hand_over(Arrival::Closed { is_lost: true }).await?;
+        let LearnerApi { terms, experience, weights_every, shutdown, .. } = &self.api;
+        if self.session.is_reassigned {
+            self.deliver(Delivery::Closed { is_lost: true }).await?;
         }
         let welcome =
-            wire::Welcome { config: terms.config.clone(), taken: self.seat.taken, npc_count: terms.npc_count as u32 };
-        self.say(ToActor::Welcome(welcome)).await?;
-        let mut policies = inlet.policies.clone();
+            wire::Welcome { config: terms.config.clone(), taken: self.session.taken, npc_count: terms.npc_count as u32 };
+        self.send(ToActor::Welcome(welcome)).await?;
+        let mut policies = experience.policies.clone();
         policies.mark_changed();
         let mut due = tokio::time::interval(*weights_every);
         due.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
@@ -172,7 +172,7 @@ impl Session {
                     if policies.has_changed().map_err(|_| shutting_down())? {
                         let newest = policies.borrow_and_update().clone();
                         let weights = messages::weights_to_wire(&newest);
-                        self.say(ToActor::Weights(weights)).await?;
+                        self.send(ToActor::Weights(weights)).await?;
                     }
                 }
                 request = requests.next() => match request.transpose()?.map(|request| request.message) {
@@ -189,30 +189,30 @@ impl Session {
         let Terms { npc_count, network, .. } = &*self.api.terms;
         let step = messages::step(message, *npc_count, network);
         let (step, stats) = step.map_err(|error| status::invalid("step", error.to_string()))?;
-        match self.seat.take(message.number) {
-            Verdict::Superseded => {
+        match self.session.take(message.number) {
+            StepOrder::Replaced => {
                 return Err(status::failure(Reason::ActorReplaced, "this actor has connected again"));
             }
-            Verdict::Repeated => _ = self.api.inlet.meters.repeated.fetch_add(1, std::sync::atomic::Ordering::Relaxed),
-            verdict => {
-                if verdict == Verdict::AfterGap || message.is_new {
-                    self.hand_over(Arrival::Closed { is_lost: verdict == Verdict::AfterGap }).await?;
+            StepOrder::Repeated => _ = self.api.experience.meters.repeated.fetch_add(1, std::sync::atomic::Ordering::Relaxed),
+            order => {
+                if order == StepOrder::AfterGap || message.is_new {
+                    self.deliver(Delivery::Closed { is_lost: order == StepOrder::AfterGap }).await?;
                 }
-                self.hand_over(Arrival::Step(step, stats)).await?;
+                self.deliver(Delivery::Step(step, stats)).await?;
             }
         }
-        self.say(ToActor::Taken(wire::Taken { number: message.number })).await
+        self.send(ToActor::Taken(wire::Taken { number: message.number })).await
     }
 
-    /// Hands something to the learner once it has taken what came before.
-    async fn hand_over(&self, arrival: Arrival) -> Result<(), Status> {
-        let (inlet, slot_idx) = (self.api.inlet.clone(), self.seat.slot_idx);
-        let sent = tokio::task::spawn_blocking(move || inlet.send(slot_idx, arrival).is_continue()).await;
+    /// Sends a delivery to the learner; waits while its queue is full.
+    async fn deliver(&self, delivery: Delivery) -> Result<(), Status> {
+        let (experience, slot_idx) = (self.api.experience.clone(), self.session.slot_idx);
+        let sent = tokio::task::spawn_blocking(move || experience.send(slot_idx, delivery).is_continue()).await;
         if sent.unwrap_or(false) { Ok(()) } else { Err(shutting_down()) }
     }
 
-    async fn say(&self, message: ToActor) -> Result<(), Status> {
+    async fn send(&self, message: ToActor) -> Result<(), Status> {
         let response = wire::FeedResponse { message: Some(message) };
-        self.queue.send(Ok(response)).await.map_err(|_| Status::cancelled("the actor is gone"))
+        self.queue.send(Ok(response)).await.map_err(|_| Status::cancelled("the actor has disconnected"))
     }
 }

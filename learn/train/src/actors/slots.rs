@@ -1,9 +1,9 @@
-//! Places for actors, and what each of them has fed.
+//! Slots for actors, and the number of steps taken from each.
 
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// Places for a number of actors; clones share them.
+/// Slots for a number of actors; clones share them.
 #[derive(Debug, Clone)]
 pub(crate) struct Slots(Arc<Mutex<Inner>>);
 
@@ -13,51 +13,51 @@ struct Inner {
     last_session: u64,
 }
 
-/// The place of one actor.
+/// The slot of one actor.
 #[derive(Debug, Clone, Default)]
 struct Slot {
     state: SlotState,
-    /// The connection of the actor, if it is there.
+    /// The actor's current session; `None` while it is disconnected.
     session: Option<u64>,
 }
 
-/// Who had a place, and what was taken from them.
+/// The actor of a slot, and how many of its steps were taken.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct SlotState {
-    /// Empty for a place that nobody ever had.
+    /// Empty for a slot that was never used.
     actor_id: String,
     /// Number of the last step that was taken.
     taken: u64,
 }
 
-/// A connection of an actor to its place. The place is free again when it is dropped.
+/// An actor's session in its slot. Dropping it frees the slot.
 #[derive(Debug)]
-pub(crate) struct Seat {
+pub(crate) struct ActorSession {
     slots: Slots,
     session: u64,
-    /// Index of the place.
+    /// Index of the slot.
     pub slot_idx: usize,
-    /// Number of the last step that was taken from this actor before.
+    /// Number of the last step that was taken from this actor.
     pub taken: u64,
-    /// Whether somebody else had the place before.
-    pub is_handed_on: bool,
+    /// Whether another actor had the slot before.
+    pub is_reassigned: bool,
 }
 
-/// What to do with a step.
+/// How a step follows the previous one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Verdict {
-    /// It continues the one before.
+pub(crate) enum StepOrder {
+    /// It continues the previous step.
     Next,
-    /// Steps between it and the last one are missing.
+    /// Steps before it are missing.
     AfterGap,
     /// It was taken before.
     Repeated,
-    /// The actor has connected again; this connection is of no use any more.
-    Superseded,
+    /// The actor has connected again, so this session is over.
+    Replaced,
 }
 
 impl Slots {
-    /// `count` places, some of which may have been taken before.
+    /// `count` slots, some with a saved state.
     pub fn new(count: usize, mut saved: Vec<SlotState>) -> Self {
         saved.resize(count, SlotState::default());
         let slots = saved.into_iter().map(|state| Slot { state, session: None }).collect();
@@ -68,13 +68,13 @@ impl Slots {
         self.0.lock().expect("no holder panics")
     }
 
-    /// Who has which place.
+    /// Returns the state to save.
     pub fn save(&self) -> Vec<SlotState> {
         self.inner().slots.iter().map(|slot| slot.state.clone()).collect()
     }
 
-    /// Gives an actor the place that it had, a free one, or one whose actor is gone; `None` if there is none.
-    pub fn join(&self, actor_id: &str) -> Option<Seat> {
+    /// Gives an actor its previous slot, an unused one, or one of a disconnected actor; `None` if all are in use.
+    pub fn join(&self, actor_id: &str) -> Option<ActorSession> {
         let mut inner = self.inner();
         let find = |is_wanted: &dyn Fn(&Slot) -> bool| inner.slots.iter().position(is_wanted);
         let known = find(&|slot| slot.state.actor_id == actor_id);
@@ -84,33 +84,33 @@ impl Slots {
         inner.last_session += 1;
         let session = inner.last_session;
         let slot = &mut inner.slots[slot_idx];
-        let is_handed_on = known.is_none() && !slot.state.actor_id.is_empty();
+        let is_reassigned = known.is_none() && !slot.state.actor_id.is_empty();
         if known.is_none() {
             slot.state = SlotState { actor_id: actor_id.to_owned(), taken: 0 };
         }
         slot.session = Some(session);
         let taken = slot.state.taken;
-        Some(Seat { slots: self.clone(), session, slot_idx, taken, is_handed_on })
+        Some(ActorSession { slots: self.clone(), session, slot_idx, taken, is_reassigned })
     }
 }
 
-impl Seat {
-    /// Notes the arrival of a step, which counts as taken from then on.
-    pub fn take(&self, number: u64) -> Verdict {
+impl ActorSession {
+    /// Counts a step as taken, unless it was taken before.
+    pub fn take(&self, number: u64) -> StepOrder {
         let mut inner = self.slots.inner();
         let slot = &mut inner.slots[self.slot_idx];
         if slot.session != Some(self.session) {
-            return Verdict::Superseded;
+            return StepOrder::Replaced;
         }
         if number <= slot.state.taken {
-            return Verdict::Repeated;
+            return StepOrder::Repeated;
         }
         let before = std::mem::replace(&mut slot.state.taken, number);
-        if number == before + 1 { Verdict::Next } else { Verdict::AfterGap }
+        if number == before + 1 { StepOrder::Next } else { StepOrder::AfterGap }
     }
 }
 
-impl Drop for Seat {
+impl Drop for ActorSession {
     fn drop(&mut self) {
         let mut inner = self.slots.inner();
         let slot = &mut inner.slots[self.slot_idx];

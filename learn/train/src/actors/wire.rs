@@ -12,7 +12,7 @@ pub(super) enum StepError {
     /// A field has a wrong length or value.
     #[error("{0}")]
     Field(#[from] FieldError),
-    /// The rows do.
+    /// The rows are malformed.
     #[error("rows: {0}")]
     Rows(#[from] RowError),
     /// Numbers of steps begin with 1.
@@ -33,7 +33,7 @@ pub(super) fn step_to_wire(number: u64, is_new: bool, step: &Step, stats: Collec
     }
 }
 
-/// Reads a step of `npc_count` NPCs with a policy of these sizes.
+/// Decodes a step of `npc_count` NPCs with a policy of these sizes.
 pub(super) fn step(
     message: &wire::FeedStep,
     npc_count: usize,
@@ -63,7 +63,7 @@ pub(super) fn weights_to_wire((policy, version): &(Policy, u64)) -> wire::Weight
     wire::Weights { version: *version, weights: policy.weights().to_vec() }
 }
 
-/// Reads a policy of these sizes.
+/// Decodes a policy of these sizes.
 pub(super) fn policy(
     message: &wire::Weights,
     name: &str,

@@ -16,7 +16,7 @@ use surefoot_net::serving::Endpoint;
 use surefoot_train::actors::Listener;
 use surefoot_train::actors::actor::{ActorConfig, act};
 use surefoot_train::worlds::Connect;
-use surefoot_train::{self, CollectorConfig, Launch, TrainConfig};
+use surefoot_train::{self, CollectorConfig, RunArgs, TrainConfig};
 use surefoot_world::TICKS_PER_DECISION;
 use surefoot_world::sense::RAY_COUNT;
 
@@ -180,9 +180,9 @@ fn feed_by_actors(count: usize, link: Option<&Link>) -> anyhow::Result<f64> {
 fn rate_of(config: TrainConfig, listener: Option<Listener>, stop: &AtomicBool) -> anyhow::Result<f64> {
     let folder = tempfile::tempdir()?;
     let run = folder.path().join("run");
-    let launch = Launch { connect: connect(), listener, ..Launch::here(&run, false) };
+    let run_args = RunArgs { connect: connect(), listener, ..RunArgs::here(&run, false) };
     let lines: Mutex<Vec<(Instant, u64)>> = Mutex::default();
-    surefoot_train::run(config, launch, stop, |line| {
+    surefoot_train::run(config, run_args, stop, |line| {
         let Some(decisions) = line.split_whitespace().nth(3).filter(|_| line.starts_with("updates ")) else { return };
         let mut lines = lines.lock().expect("no holder panics");
         lines.push((Instant::now(), decisions.parse().unwrap_or(0)));

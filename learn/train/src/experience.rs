@@ -1,7 +1,7 @@
-//! Experience that comes from elsewhere, as it comes: from environments of [`worlds`](super::worlds), or from [`actors`](super::actors).
+//! Experience from other processes: environments of [`worlds`](super::worlds), or [`actors`](super::actors).
 //!
-//! Sources hand their steps over one by one, each with the version of the weights that chose the actions. The learner waits for a number
-//! of them, never for a certain source. Where attempts broke off the source says so: nothing is taken for a successor that is none.
+//! Each source sends single steps with the version of the weights that chose the actions. The learner waits for a number of steps, not for
+//! a certain source. A source reports where its steps do not continue the previous ones, so that no row gets a wrong successor.
 
 use super::actors::slots::{SlotState, Slots};
 use super::collector::CollectorStats;
@@ -19,47 +19,47 @@ use surefoot_policy::Policy;
 use tokio::sync::watch;
 use tracing::warn;
 
-/// Steps that may wait for the learner, for each source; then its NPCs wait.
+/// Most steps of a source that wait for the learner; then the source waits.
 const WAITING_STEPS: usize = 2;
-/// Interval at which a learner that waits for steps looks whether it should stop.
+/// Interval at which a waiting learner checks whether to stop.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// What a learner does while no step comes.
+/// What a learner does while no step arrives.
 #[derive(Debug, Clone, Copy)]
 struct Patience {
-    /// It says what it waits for after each such time.
-    say_every: Duration,
-    /// It ends after that time.
+    /// Interval of the warnings.
+    warn_every: Duration,
+    /// Time after which the run ends.
     limit: Duration,
 }
 
-const PATIENCE: Patience = Patience { say_every: Duration::from_secs(30), limit: Duration::from_secs(600) };
+const PATIENCE: Patience = Patience { warn_every: Duration::from_secs(30), limit: Duration::from_secs(600) };
 
-/// A policy, and the number of updates behind it.
+/// A policy and its number of updates.
 pub(super) type Version = (Policy, u64);
 
-/// Times and counts that sources add to.
+/// Times and counts of all sources.
 #[derive(Debug, Default)]
 pub(super) struct Meters {
-    /// Time in which actions were computed, us.
+    /// Time spent on inference, us.
     pub act_us: AtomicU64,
-    /// Time in which messages were packed and read, us, all sources together.
+    /// Time spent on encoding and decoding messages, us.
     pub encode_us: AtomicU64,
-    /// Decisions since the beginning of the run, random ones included.
+    /// Decisions since the start of the run, including random ones.
     pub decisions: AtomicU64,
-    /// Sources that are connected.
+    /// Connected sources.
     pub live: AtomicU64,
-    /// Steps that came again and were not taken.
+    /// Repeated steps, which were dropped.
     pub repeated: AtomicU64,
 }
 
 impl Meters {
-    /// Adds time to one of them.
+    /// Adds time to a meter.
     pub fn add(to: &AtomicU64, time: Duration) {
         to.fetch_add(time.as_micros() as u64, Ordering::Relaxed);
     }
 
-    /// Counts a source as connected while the result lives.
+    /// Counts a source as connected until the result is dropped.
     pub fn live(self: &Arc<Self>) -> Live {
         self.live.fetch_add(1, Ordering::Relaxed);
         Live(self.clone())
@@ -75,50 +75,50 @@ impl Drop for Live {
     }
 }
 
-/// What happened since it was last taken, besides what the NPCs did.
+/// How the sources fared and where time went, since the last report.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Traffic {
-    /// Share of the time in which actions were computed.
+    /// Share of time spent on inference.
     pub act: f64,
-    /// Share of the time in which messages were packed and read, of one core.
+    /// Share of one core's time spent on encoding and decoding messages.
     pub encode: f64,
-    /// Share of the time in which the collector waited for steps.
+    /// Share of time in which the learner waited for steps.
     pub wait: f64,
-    /// Sources that are connected.
+    /// Connected sources.
     pub live: u64,
-    /// Decisions from which nothing is learned, since the weights that chose the actions were too old.
+    /// Decisions that were not learned from, because their weights were too old.
     pub stale: u64,
-    /// Times that a source went away.
+    /// Number of lost sources.
     pub lost: u64,
-    /// Steps that came again and were not taken.
+    /// Repeated steps, which were dropped.
     pub repeated: u64,
 }
 
-/// What a source hands over.
-pub(super) enum Arrival {
-    /// Rows, and what they were like.
+/// What a source sends to the learner.
+pub(super) enum Delivery {
+    /// A step, and its statistics.
     Step(Step, CollectorStats),
-    /// What follows does not continue what came before.
+    /// The next step does not continue the previous one.
     Closed {
-        /// Whether the source went away.
+        /// Whether the source was lost.
         is_lost: bool,
     },
 }
 
-/// Where a source hands its steps over, and learns of new weights; clones share it.
+/// A source's end: sends steps and receives new weights. Clones share it.
 #[derive(Clone)]
-pub(super) struct Inlet {
-    arrivals: SyncSender<(usize, Arrival)>,
-    /// The present policy.
+pub(super) struct ExperienceSender {
+    deliveries: SyncSender<(usize, Delivery)>,
+    /// The latest policy.
     pub policies: watch::Receiver<Version>,
-    /// Times and counts.
+    /// Times and counts of all sources.
     pub meters: Arc<Meters>,
 }
 
-impl Inlet {
-    /// Hands something over as source `source_idx`, once the learner has taken what came before; `Break` when the run is over.
-    pub fn send(&self, source_idx: usize, arrival: Arrival) -> ControlFlow<()> {
-        self.arrivals.send((source_idx, arrival)).map_or(ControlFlow::Break(()), ControlFlow::Continue)
+impl ExperienceSender {
+    /// Sends a delivery of source `source_idx`; waits while the queue is full. `Break` when the run is over.
+    pub fn send(&self, source_idx: usize, delivery: Delivery) -> ControlFlow<()> {
+        self.deliveries.send((source_idx, delivery)).map_or(ControlFlow::Break(()), ControlFlow::Continue)
     }
 
     /// Whether the run is over.
@@ -127,9 +127,9 @@ impl Inlet {
     }
 }
 
-/// The learner's end of all sources.
-pub struct Inflow {
-    arrivals: Receiver<(usize, Arrival)>,
+/// The learner's end: receives the steps of all sources.
+pub struct ExperienceReceiver {
+    deliveries: Receiver<(usize, Delivery)>,
     policies: watch::Sender<Version>,
     meters: Arc<Meters>,
     source_count: usize,
@@ -144,44 +144,44 @@ pub struct Inflow {
     pub(super) slots: Slots,
 }
 
-impl fmt::Debug for Inflow {
+impl fmt::Debug for ExperienceReceiver {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Inflow").field("source_count", &self.source_count).finish_non_exhaustive()
+        f.debug_struct("ExperienceReceiver").field("source_count", &self.source_count).finish_non_exhaustive()
     }
 }
 
-/// What remains of the sources when a run is saved. Running attempts are lost.
+/// The saved part of a receiver's state. Running attempts are lost.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct InflowState {
+pub struct ExperienceState {
     total_decisions: u64,
     stats: CollectorStats,
     slots: Vec<SlotState>,
 }
 
-/// What came from one source.
+/// What one source delivered, for its replay buffer.
 #[derive(Debug)]
 pub enum Collected {
     /// Rows to append.
     Step(Step),
-    /// What follows does not continue what came before.
+    /// The next step does not continue the previous one.
     Closed,
 }
 
-impl Inflow {
-    /// Opens the learner's end for the sources of `config`: `source_count` of them, of `npc_count` NPCs each.
+impl ExperienceReceiver {
+    /// Creates both ends for `source_count` sources of `npc_count` NPCs each.
     pub(super) fn open(
         config: &TrainConfig,
         (source_count, npc_count): (usize, usize),
         policy: Policy,
-        state: InflowState,
-    ) -> (Self, Inlet) {
-        let (sender, arrivals) = sync_channel(WAITING_STEPS * source_count);
-        let InflowState { total_decisions, stats, slots } = state;
+        state: ExperienceState,
+    ) -> (Self, ExperienceSender) {
+        let (sender, deliveries) = sync_channel(WAITING_STEPS * source_count);
+        let ExperienceState { total_decisions, stats, slots } = state;
         let meters = Arc::new(Meters { decisions: AtomicU64::new(total_decisions), ..Meters::default() });
         let policies = watch::Sender::new((policy, 0));
-        let inlet = Inlet { arrivals: sender, policies: policies.subscribe(), meters: meters.clone() };
-        let inflow = Self {
-            arrivals,
+        let experience = ExperienceSender { deliveries: sender, policies: policies.subscribe(), meters: meters.clone() };
+        let receiver = Self {
+            deliveries,
             policies,
             meters,
             source_count,
@@ -195,7 +195,7 @@ impl Inflow {
             since: Instant::now(),
             slots: Slots::new(config.actors, slots),
         };
-        (inflow, inlet)
+        (receiver, experience)
     }
 
     /// Number of sources.
@@ -208,17 +208,17 @@ impl Inflow {
         self.source_count * self.npc_count
     }
 
-    /// Number of decisions since the beginning of the run.
+    /// Number of decisions since the start of the run.
     pub fn total_decisions(&self) -> u64 {
         self.total_decisions
     }
 
-    /// Returns and resets the statistics of NPCs since the last call.
+    /// Returns and resets the statistics since the last call.
     pub fn take_stats(&mut self) -> CollectorStats {
         std::mem::take(&mut self.stats)
     }
 
-    /// Returns and resets what else happened since the last call.
+    /// Returns and resets the traffic since the last call.
     pub fn take_traffic(&mut self) -> Traffic {
         let elapsed = std::mem::replace(&mut self.since, Instant::now()).elapsed().as_secs_f64().max(1e-9);
         let share = |meter: &AtomicU64| meter.swap(0, Ordering::Relaxed) as f64 * 1e-6 / elapsed;
@@ -232,11 +232,11 @@ impl Inflow {
         }
     }
 
-    /// Lets NPCs act with the policy of `version`, and waits for `step_count` decisions of as many NPCs as there are, whichever they come
-    /// from; for fewer once `stop` is set. Returns them with the source that each came from.
+    /// Publishes the policy of `version`, then waits for `step_count` steps per source on average, or until `stop` is set. Returns the steps
+    /// with the index of their source.
     ///
     /// # Errors
-    /// If no step comes for ten minutes, or all sources have ended.
+    /// If no step arrives for ten minutes, or all sources have ended.
     pub(super) fn collect(
         &mut self,
         version: Version,
@@ -250,15 +250,15 @@ impl Inflow {
         let (mut latest_step, mut said) = (Instant::now(), Duration::ZERO);
         while step_total < step_count * self.source_count && !stop.load(Ordering::Relaxed) {
             let started = Instant::now();
-            let arrived = self.arrivals.recv_timeout(LOOK);
+            let arrived = self.deliveries.recv_timeout(LOOK);
             self.waited += started.elapsed();
             match arrived {
-                Ok((source_idx, Arrival::Step(step, stats))) => {
+                Ok((source_idx, Delivery::Step(step, stats))) => {
                     step_total += 1;
                     (latest_step, said) = (Instant::now(), Duration::ZERO);
                     collected.push((source_idx, Collected::Step(self.admit(step, stats, updates))));
                 }
-                Ok((source_idx, Arrival::Closed { is_lost })) => {
+                Ok((source_idx, Delivery::Closed { is_lost })) => {
                     self.traffic.lost += u64::from(is_lost);
                     collected.push((source_idx, Collected::Closed));
                 }
@@ -269,13 +269,13 @@ impl Inflow {
         Ok(collected)
     }
 
-    /// Says now and then, since `said`, what the learner waits for; an error if it has waited too long.
+    /// Warns at intervals, and returns an error after too long a wait. `said` is the wait at the last warning.
     fn check_wait(&self, waited: Duration, said: &mut Duration) -> Result<(), TrainError> {
         let (live, count, limit) = (self.meters.live.load(Ordering::Relaxed), self.source_count, self.patience.limit);
         if waited >= limit {
             return Err(TrainError::NoSteps { waited, live, count });
         }
-        if waited >= *said + self.patience.say_every {
+        if waited >= *said + self.patience.warn_every {
             *said = waited;
             let waited_s = waited.as_secs();
             warn!(
@@ -287,7 +287,7 @@ impl Inflow {
         Ok(())
     }
 
-    /// Counts a step. From one whose weights were too old nothing is learned; its observations still close the attempts before it.
+    /// Counts a step. One with too old weights is not learned from, but its observations still close the attempts before it.
     fn admit(&mut self, mut step: Step, stats: CollectorStats, updates: u64) -> Step {
         self.total_decisions += stats.decisions;
         self.stats.add(stats);
@@ -298,9 +298,9 @@ impl Inflow {
         step
     }
 
-    /// What is saved. Steps on their way count as taken, so that none is ever taken twice.
-    pub fn save(&self) -> InflowState {
-        InflowState { total_decisions: self.total_decisions, stats: self.stats, slots: self.slots.save() }
+    /// Returns the state to save. Queued steps count as taken, so that no step is taken twice.
+    pub fn save(&self) -> ExperienceState {
+        ExperienceState { total_decisions: self.total_decisions, stats: self.stats, slots: self.slots.save() }
     }
 }
 
@@ -308,30 +308,30 @@ impl Inflow {
 mod tests {
     use super::*;
 
-    fn opened() -> (Inflow, Inlet, Policy) {
+    fn opened() -> (ExperienceReceiver, ExperienceSender, Policy) {
         let policy = Policy::shipped().unwrap();
         let config = TrainConfig { actors: 1, ..TrainConfig::default() };
-        let (mut inflow, inlet) = Inflow::open(&config, (1, 1), policy.clone(), InflowState::default());
-        inflow.patience = Patience { say_every: Duration::from_millis(1), limit: Duration::from_millis(2) };
-        (inflow, inlet, policy)
+        let (mut receiver, experience) = ExperienceReceiver::open(&config, (1, 1), policy.clone(), ExperienceState::default());
+        receiver.patience = Patience { warn_every: Duration::from_millis(1), limit: Duration::from_millis(2) };
+        (receiver, experience, policy)
     }
 
     #[test]
-    fn a_learner_without_steps_ends_and_says_what_it_has_waited_for() {
-        let (mut inflow, inlet, policy) = opened();
+    fn a_learner_without_steps_ends_and_reports_its_sources() {
+        let (mut receiver, experience, policy) = opened();
         // A source that comes and goes without a step is no progress.
-        let _ = inlet.send(0, Arrival::Closed { is_lost: true });
-        let error = inflow.collect((policy, 0), 1, &AtomicBool::new(false)).unwrap_err();
+        let _ = experience.send(0, Delivery::Closed { is_lost: true });
+        let error = receiver.collect((policy, 0), 1, &AtomicBool::new(false)).unwrap_err();
         assert!(matches!(error, TrainError::NoSteps { live: 0, count: 1, .. }), "{error}");
-        assert_eq!(inflow.traffic.lost, 1);
+        assert_eq!(receiver.traffic.lost, 1);
     }
 
     #[test]
     fn a_learner_whose_sources_have_all_ended_ends_at_once() {
-        let (mut inflow, inlet, policy) = opened();
-        inflow.patience = PATIENCE;
-        drop(inlet);
-        let error = inflow.collect((policy, 0), 1, &AtomicBool::new(false)).unwrap_err();
+        let (mut receiver, experience, policy) = opened();
+        receiver.patience = PATIENCE;
+        drop(experience);
+        let error = receiver.collect((policy, 0), 1, &AtomicBool::new(false)).unwrap_err();
         assert!(matches!(error, TrainError::NoSource), "{error}");
     }
 }

@@ -1,7 +1,7 @@
-//! What the NPCs of one environment are told: where they start, for which places they head, and when they give up.
+//! Starts, goals and ends of the attempts of one environment's NPCs.
 //!
-//! The rules are those of the collector in this process; only that a game carries them out one step later, so an NPC whose attempt has
-//! ended waits for a step, whose row is a boundary.
+//! The rules are those of the collector. But a game carries out a new start one step later, so an NPC whose attempt has ended waits for
+//! one step. The row of that step is a boundary.
 
 use crate::arena::Arena;
 use crate::collector::CollectorStats;
@@ -18,72 +18,72 @@ use surefoot_rollout::goals::random_yaw;
 use surefoot_rollout::style::npc_of;
 use surefoot_world::{End, Episode, TaskConfig, Vec3};
 
-/// Most places of a route.
-const MAX_PLACES: usize = 8;
+/// Most waypoints of a route.
+const MAX_WAYPOINTS: usize = 8;
 
 /// The NPCs of one environment.
-pub(super) struct Lanes {
+pub(super) struct NpcTasks {
     arena: Arena,
     config: CollectorConfig,
     task: TaskConfig,
-    lanes: Vec<Lane>,
+    tasks: Vec<NpcTask>,
     rng: ChaCha8Rng,
 }
 
 /// One NPC.
-struct Lane {
-    /// Places for which it heads, one after another, the current one first.
+struct NpcTask {
+    /// Waypoints in order, the current one first.
     waypoints: VecDeque<Vec3>,
-    /// Where the attempt at the current place began; `None` if the NPC was not on the ground.
+    /// Start of the attempt at the current waypoint; `None` if the NPC was in the air.
     from: Option<Vec3>,
     episode: Episode,
-    /// Places of its route that it had passed before the last step.
+    /// Waypoints of the route that were passed before the last step.
     passed: u32,
-    /// The route that begins after the next step, whose row is a boundary.
+    /// The route that begins after the next step; the row of that step is a boundary.
     leaving: Option<Route>,
 }
 
-/// What a step was like for the replay buffer.
+/// A step as the replay buffer stores it.
 pub(super) struct Settled {
     pub kinds: Vec<RowKind>,
     pub rewards: Vec<f32>,
-    /// NPCs that are at a new start, and have forgotten what was before.
+    /// NPCs at a new start, whose memory is reset.
     pub fresh: Vec<usize>,
     pub stats: CollectorStats,
 }
 
-impl Lanes {
+impl NpcTasks {
     /// Draws the first attempts of all NPCs.
     pub fn new(arena: Arena, config: &CollectorConfig, rng: ChaCha8Rng) -> (Self, Vec<Goal>) {
-        let (task, lanes) = (TaskConfig::default(), Vec::new());
-        let mut crew = Self { arena, config: config.clone(), task, lanes, rng };
+        let (task, tasks) = (TaskConfig::default(), Vec::new());
+        let mut drawn = Self { arena, config: config.clone(), task, tasks, rng };
         let goals = (0..config.npcs_per_world).map(|npc_idx| {
-            let start = crew.arena.random_point(&mut crew.rng);
-            let goal = crew.draw_goal(start);
-            let yaw = random_yaw(&mut crew.rng);
-            let lane = Lane {
+            let start = drawn.arena.random_point(&mut drawn.rng);
+            let goal = drawn.draw_goal(start);
+            let yaw = random_yaw(&mut drawn.rng);
+            let task = NpcTask {
                 waypoints: VecDeque::from([goal]),
                 from: Some(start),
                 episode: Episode::new(goal, start),
                 passed: 0,
                 leaving: None,
             };
-            debug_assert_eq!(npc_idx, crew.lanes.len());
-            crew.lanes.push(lane);
+            debug_assert_eq!(npc_idx, drawn.tasks.len());
+            drawn.tasks.push(task);
             Goal { start, yaw, goal }
         });
         let goals = goals.collect();
-        (crew, goals)
+        (drawn, goals)
     }
 
     /// Routes that go with the next step.
     pub fn routes(&self) -> Vec<Route> {
-        self.lanes.iter().filter_map(|lane| lane.leaving.clone()).collect()
+        self.tasks.iter().filter_map(|task| task.leaving.clone()).collect()
     }
 
-    /// Takes note of a step, and decides how the NPCs go on.
+    /// Processes a step, and draws new attempts for the NPCs whose attempts have ended.
     pub fn settle(&mut self, state: &EnvState) -> Settled {
-        let count = self.lanes.len();
+        let count = self.tasks.len();
         let mut settled = Settled {
             kinds: Vec::with_capacity(count),
             rewards: Vec::with_capacity(count),
@@ -91,7 +91,7 @@ impl Lanes {
             stats: CollectorStats::default(),
         };
         for npc_idx in 0..count {
-            let is_waiting = self.lanes[npc_idx].leaving.is_some();
+            let is_waiting = self.tasks[npc_idx].leaving.is_some();
             let kind = if is_waiting {
                 if self.arrive(npc_idx, state) {
                     settled.fresh.push(npc_idx);
@@ -108,9 +108,9 @@ impl Lanes {
         settled
     }
 
-    /// An NPC begins its new route, unless it came to harm meanwhile. Returns whether it is at a new start.
+    /// Begins an NPC's new route, unless it came to harm meanwhile. Returns whether the NPC is at a new start.
     fn arrive(&mut self, npc_idx: usize, state: &EnvState) -> bool {
-        let route = self.lanes[npc_idx].leaving.take().expect("a lane that waits");
+        let route = self.tasks[npc_idx].leaving.take().expect("a waiting NPC");
         let is_harmed = state.ended[npc_idx].is_some_and(End::is_harm);
         if route.start.is_none() && is_harmed {
             self.respawn(npc_idx);
@@ -118,21 +118,21 @@ impl Lanes {
         }
         let feet = state.positions[npc_idx];
         let from = is_grounded(state, npc_idx).then_some(feet);
-        let lane = &mut self.lanes[npc_idx];
-        lane.from = route.start.map(|(start, _)| start).or(from);
-        lane.waypoints = route.waypoints.into();
-        lane.episode = Episode::new(lane.waypoints[0], feet);
-        lane.passed = state.passed[npc_idx];
+        let task = &mut self.tasks[npc_idx];
+        task.from = route.start.map(|(start, _)| start).or(from);
+        task.waypoints = route.waypoints.into();
+        task.episode = Episode::new(task.waypoints[0], feet);
+        task.passed = state.passed[npc_idx];
         route.start.is_some()
     }
 
-    /// Takes note of the step of an NPC that acted.
+    /// Processes the step of an NPC that acted.
     fn note(&mut self, npc_idx: usize, state: &EnvState, stats: &mut CollectorStats) -> RowKind {
         let feet = state.positions[npc_idx];
-        let lane = &mut self.lanes[npc_idx];
-        let before = std::mem::replace(&mut lane.passed, state.passed[npc_idx]);
-        lane.episode.note_tick(feet, &self.task);
-        lane.episode.close_decision(&self.task);
+        let task = &mut self.tasks[npc_idx];
+        let before = std::mem::replace(&mut task.passed, state.passed[npc_idx]);
+        task.episode.note_tick(feet, &self.task);
+        task.episode.close_decision(&self.task);
         match state.ended[npc_idx] {
             Some(end) if !end.is_truncation() => {
                 stats.episodes += 1;
@@ -144,18 +144,18 @@ impl Lanes {
                 self.respawn(npc_idx);
                 RowKind::Terminated
             }
-            None if lane.passed > before && lane.waypoints.len() > 1 => {
+            None if task.passed > before && task.waypoints.len() > 1 => {
                 stats.episodes += 1;
                 stats.reached += 1;
-                lane.waypoints.pop_front();
-                lane.from = is_grounded(state, npc_idx).then_some(feet);
-                lane.episode = Episode::new(lane.waypoints[0], feet);
+                task.waypoints.pop_front();
+                task.from = is_grounded(state, npc_idx).then_some(feet);
+                task.episode = Episode::new(task.waypoints[0], feet);
                 RowKind::Terminated
             }
-            None if lane.episode.stalled_decisions < self.config.give_up_after => {
+            None if task.episode.stalled_decisions < self.config.give_up_after => {
                 if self.config.redirect_chance > 0.0 && self.rng.random_bool(self.config.redirect_chance) {
-                    let waypoints = self.draw_places(feet);
-                    self.lanes[npc_idx].leaving = Some(Route { npc_idx, start: None, waypoints });
+                    let waypoints = self.draw_waypoints(feet);
+                    self.tasks[npc_idx].leaving = Some(Route { npc_idx, start: None, waypoints });
                 }
                 RowKind::Continues
             }
@@ -177,18 +177,18 @@ impl Lanes {
             (start, vec![goal])
         } else {
             let start = self.arena.random_point(&mut self.rng);
-            (start, self.draw_places(start))
+            (start, self.draw_waypoints(start))
         };
-        self.lanes[npc_idx].leaving = Some(Route { npc_idx, start: Some((start, yaw)), waypoints });
+        self.tasks[npc_idx].leaving = Some(Route { npc_idx, start: Some((start, yaw)), waypoints });
     }
 
-    /// Places for which an NPC at `from` heads, one after another.
-    fn draw_places(&mut self, from: Vec3) -> Vec<Vec3> {
-        let mut places = vec![self.draw_goal(from)];
-        while places.len() < MAX_PLACES && self.rng.random_bool(self.config.switch_chance) {
-            places.push(self.draw_goal(places[places.len() - 1]));
+    /// Draws the waypoints of an NPC at `from`.
+    fn draw_waypoints(&mut self, from: Vec3) -> Vec<Vec3> {
+        let mut waypoints = vec![self.draw_goal(from)];
+        while waypoints.len() < MAX_WAYPOINTS && self.rng.random_bool(self.config.switch_chance) {
+            waypoints.push(self.draw_goal(waypoints[waypoints.len() - 1]));
         }
-        places
+        waypoints
     }
 
     fn draw_goal(&mut self, from: Vec3) -> Vec3 {
@@ -199,9 +199,9 @@ impl Lanes {
 
     /// Stores the running attempt for a retry, if it began on the ground.
     fn note_failure(&mut self, npc_idx: usize) {
-        let lane = &self.lanes[npc_idx];
-        if let Some(from) = lane.from {
-            self.arena.note_failure((from, lane.waypoints[0]), &mut self.rng);
+        let task = &self.tasks[npc_idx];
+        if let Some(from) = task.from {
+            self.arena.note_failure((from, task.waypoints[0]), &mut self.rng);
         }
     }
 }
