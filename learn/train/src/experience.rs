@@ -179,7 +179,8 @@ impl ExperienceReceiver {
         let ExperienceState { total_decisions, stats, slots } = state;
         let meters = Arc::new(Meters { decisions: AtomicU64::new(total_decisions), ..Meters::default() });
         let policies = watch::Sender::new((policy, 0));
-        let experience = ExperienceSender { deliveries: sender, policies: policies.subscribe(), meters: meters.clone() };
+        let experience =
+            ExperienceSender { deliveries: sender, policies: policies.subscribe(), meters: meters.clone() };
         let receiver = Self {
             deliveries,
             policies,
@@ -311,7 +312,8 @@ mod tests {
     fn opened() -> (ExperienceReceiver, ExperienceSender, Policy) {
         let policy = Policy::shipped().unwrap();
         let config = TrainConfig { actors: 1, ..TrainConfig::default() };
-        let (mut receiver, experience) = ExperienceReceiver::open(&config, (1, 1), policy.clone(), ExperienceState::default());
+        let (mut receiver, experience) =
+            ExperienceReceiver::open(&config, (1, 1), policy.clone(), ExperienceState::default());
         receiver.patience = Patience { warn_every: Duration::from_millis(1), limit: Duration::from_millis(2) };
         (receiver, experience, policy)
     }

@@ -34,6 +34,6 @@ pub mod worlds;
 pub use config::{CollectorConfig, Processor, SacConfig, TrainConfig};
 pub use error::TrainError;
 pub use learner::Learner;
-pub use run::{RunArgs, Run, run};
+pub use run::{Run, RunArgs, run};
 pub use squash::sample_squashed;
 pub use state::census_of;

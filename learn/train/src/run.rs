@@ -10,7 +10,7 @@ use super::learner::{Learner, UpdateStats};
 use super::log::Log;
 use super::networks::ActorNetwork;
 use super::replay::{self, Batch, Census, Replay, Sampling, census};
-use super::source::{Source, RunIo};
+use super::source::{RunIo, Source};
 use super::stages::{STAGES_FILE, holds, stages};
 use super::validation::ValidationSet;
 use super::worlds::Connect;

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use surefoot_policy::{ActorConfig, Batch, Manifest, Policy, Scratch};
 use surefoot_train::CollectorConfig;
 use surefoot_train::SacConfig;
-use surefoot_train::{RunArgs, Processor, Run, TrainConfig, TrainError, run};
+use surefoot_train::{Processor, Run, RunArgs, TrainConfig, TrainError, run};
 
 fn tiny() -> TrainConfig {
     TrainConfig {
@@ -68,8 +68,13 @@ fn a_resumed_run_continues_bit_for_bit() {
     for config in [tiny(), tiny_recurrent(), tiny_social()] {
         let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let stop = AtomicBool::new(false);
-        run(TrainConfig { total_updates: 24, ..config.clone() }, RunArgs::here(folders[0].path(), false), &stop, |_| {})
-            .unwrap();
+        run(
+            TrainConfig { total_updates: 24, ..config.clone() },
+            RunArgs::here(folders[0].path(), false),
+            &stop,
+            |_| {},
+        )
+        .unwrap();
 
         // The same run, stopped half-way and resumed from its files.
         run(config, RunArgs::here(folders[1].path(), false), &stop, |_| {}).unwrap();

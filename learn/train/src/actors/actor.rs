@@ -6,7 +6,7 @@ use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::experience::Collected;
 use crate::replay::Step;
-use crate::source::{Source, RunIo};
+use crate::source::{RunIo, Source};
 use crate::worlds::Connect;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -86,8 +86,14 @@ pub enum ActorError {
 /// If the learner cannot be used: its address, its configuration, or its answers.
 pub fn act(config: ActorConfig, stop: &AtomicBool, mut report: impl FnMut(&str)) -> Result<(), ActorError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    let mut actor =
-        Actor { config, npcs: None, unacknowledged: VecDeque::new(), last_number: 0, is_cut: false, tally: Tally::new() };
+    let mut actor = Actor {
+        config,
+        npcs: None,
+        unacknowledged: VecDeque::new(),
+        last_number: 0,
+        is_cut: false,
+        tally: Tally::new(),
+    };
     while !stop.load(Ordering::Relaxed) {
         match actor.run_session(&runtime, stop, &mut report) {
             Ok(()) => {}
@@ -229,7 +235,9 @@ impl Actor {
         self.prepare(&welcome, &weights)?;
         report(&format!("feeding {} with weights of {} updates", self.config.learner, weights.version));
         self.unacknowledged.retain(|step| step.number > welcome.taken);
-        if welcome.taken < self.last_number && self.unacknowledged.front().is_none_or(|step| step.number > welcome.taken + 1) {
+        if welcome.taken < self.last_number
+            && self.unacknowledged.front().is_none_or(|step| step.number > welcome.taken + 1)
+        {
             // The learner resumed from an older checkpoint and lost steps that it had taken. Numbers continue.
             self.is_cut = true;
         }

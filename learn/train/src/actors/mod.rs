@@ -15,7 +15,12 @@ use super::experience::{ExperienceReceiver, ExperienceState};
 use surefoot_policy::Policy;
 
 /// Receives the steps of `config.actors` actors, which connect to `listener`.
-pub(super) fn listen(config: &TrainConfig, policy: Policy, listener: Listener, state: ExperienceState) -> ExperienceReceiver {
+pub(super) fn listen(
+    config: &TrainConfig,
+    policy: Policy,
+    listener: Listener,
+    state: ExperienceState,
+) -> ExperienceReceiver {
     let npc_count = npc_count(config);
     let (receiver, experience) = ExperienceReceiver::open(config, (config.actors, npc_count), policy, state);
     service::start(config, listener, receiver.slots.clone(), experience);

@@ -156,8 +156,11 @@ impl Connection {
         if self.session.is_reassigned {
             self.deliver(Delivery::Closed { is_lost: true }).await?;
         }
-        let welcome =
-            wire::Welcome { config: terms.config.clone(), taken: self.session.taken, npc_count: terms.npc_count as u32 };
+        let welcome = wire::Welcome {
+            config: terms.config.clone(),
+            taken: self.session.taken,
+            npc_count: terms.npc_count as u32,
+        };
         self.send(ToActor::Welcome(welcome)).await?;
         let mut policies = experience.policies.clone();
         policies.mark_changed();
@@ -193,7 +196,9 @@ impl Connection {
             StepOrder::Replaced => {
                 return Err(status::failure(Reason::ActorReplaced, "this actor has connected again"));
             }
-            StepOrder::Repeated => _ = self.api.experience.meters.repeated.fetch_add(1, std::sync::atomic::Ordering::Relaxed),
+            StepOrder::Repeated => {
+                _ = self.api.experience.meters.repeated.fetch_add(1, std::sync::atomic::Ordering::Relaxed)
+            }
             order => {
                 if order == StepOrder::AfterGap || message.is_new {
                     self.deliver(Delivery::Closed { is_lost: order == StepOrder::AfterGap }).await?;
