@@ -1,10 +1,8 @@
 //! A worker's capacity: free capacity is offered to all its servers in equal parts.
 
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use std::sync::Mutex;
 use tokio::sync::watch;
-
-const POISON: &str = "no holder of this lock panics";
 
 /// The capacity of a worker.
 #[derive(Debug)]
@@ -24,7 +22,7 @@ impl CapacityShare {
 
     /// Sets the number of NPCs of a server, which is connected from then on.
     pub fn note(&self, server: &str, npc_count: u32) {
-        let before = self.npc_counts.lock().expect(POISON).insert(server.to_owned(), npc_count);
+        let before = self.npc_counts.lock().insert(server.to_owned(), npc_count);
         if before != Some(npc_count) {
             self.version.send_modify(|version| *version += 1);
         }
@@ -32,14 +30,14 @@ impl CapacityShare {
 
     /// Removes a server that has disconnected.
     pub fn leave(&self, server: &str) {
-        if self.npc_counts.lock().expect(POISON).remove(server).is_some() {
+        if self.npc_counts.lock().remove(server).is_some() {
             self.version.send_modify(|version| *version += 1);
         }
     }
 
     /// Most NPCs that a connected server may assign.
     pub fn offer(&self, server: &str) -> u32 {
-        let npc_counts = self.npc_counts.lock().expect(POISON);
+        let npc_counts = self.npc_counts.lock();
         let Some(own) = npc_counts.get(server) else { return 0 };
         let free = self.capacity.saturating_sub(npc_counts.values().sum());
         let (count, number) =
@@ -49,7 +47,7 @@ impl CapacityShare {
 
     /// Most NPCs that the next server may assign when it connects.
     pub fn offer_next(&self) -> u32 {
-        let npc_counts = self.npc_counts.lock().expect(POISON);
+        let npc_counts = self.npc_counts.lock();
         self.capacity.saturating_sub(npc_counts.values().sum()) / (npc_counts.len() as u32 + 1)
     }
 

@@ -4,9 +4,10 @@
 //! Streams use a connection of their own, and their number is limited, so that queries never wait behind them.
 
 use super::config::{MAX_PAUSE, MIN_PAUSE};
+use parking_lot::Mutex;
 use prost::Message;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 use surefoot_net::client::Link;
 use surefoot_net::replicas::{ReplicaLink, ReplicaLinks, Replicas};
@@ -38,7 +39,6 @@ const WATCHED_BUILDS: usize = 50;
 const WATCHED_GRAPHS: usize = 50;
 /// Longest wait for a batch of plans.
 const PLAN_LIMIT: Duration = Duration::from_secs(5);
-const POISON: &str = "no holder of this lock panics";
 
 /// Converts a revision from the wire, where 0 means none.
 fn revision_from_wire(revision: u64) -> Option<u64> {
@@ -134,7 +134,7 @@ impl Graphs {
     /// The graph of a map for a body. Unless a world uses it already, it is requested from the planner. An imported map
     /// is downloaded from `server`.
     pub fn of(&self, key: GraphKey, server: Link) -> Arc<Graph> {
-        let mut by_key = self.by_key.lock().expect(POISON);
+        let mut by_key = self.by_key.lock();
         by_key.retain(|_, graph| graph.strong_count() > 0);
         let identity = key.identity();
         if let Some(graph) = by_key.get(&identity).and_then(Weak::upgrade) {

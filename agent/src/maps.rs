@@ -1,8 +1,9 @@
 //! The maps on which a worker's NPCs rehearse, and the time that they may take for it. Worlds on equal maps share a map.
 
 use super::graph::GraphKey;
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use surefoot_net::client::Link;
 use surefoot_net::levels::{BaseMap, MapPool, SharedMap};
@@ -20,7 +21,6 @@ const PACE: f64 = 0.3;
 const MAX_SAVED_S: f64 = 0.05;
 /// Estimated seconds of a rehearsal.
 const REHEARSAL_S: f64 = 0.002;
-const POISON: &str = "no holder of this lock panics";
 
 /// The maps of a worker's worlds.
 pub(super) struct Maps {
@@ -123,7 +123,7 @@ impl Maps {
     }
 
     async fn level(&self, key: &GraphKey, server: Link) -> Result<HeldMade, String> {
-        let known = self.levels.lock().expect(POISON).get(&key.map_hash).and_then(Weak::upgrade);
+        let known = self.levels.lock().get(&key.map_hash).and_then(Weak::upgrade);
         if let Some(level) = known {
             return Ok(HeldMade::Level(level));
         }
@@ -133,7 +133,7 @@ impl Maps {
         let map = decoded.await.map_err(|error| error.to_string())?.map_err(|error| error.to_string())?;
         let memory = self.pool.memory().reserve("levels", map.memory_bytes() as u64).map_err(|it| it.to_string())?;
         let level = Arc::new(Level { map: Arc::new(map), _memory: memory });
-        let mut levels = self.levels.lock().expect(POISON);
+        let mut levels = self.levels.lock();
         levels.retain(|_, level| level.strong_count() > 0);
         levels.insert(key.map_hash.clone(), Arc::downgrade(&level));
         Ok(HeldMade::Level(level))
@@ -159,7 +159,7 @@ impl Default for Pace {
 impl Pace {
     /// How many rehearsals can be paid for now.
     pub fn affordable(&self) -> usize {
-        let mut saved = self.saved.lock().expect(POISON);
+        let mut saved = self.saved.lock();
         let now = Instant::now();
         saved.0 = (saved.0 + self.rate * now.duration_since(saved.1).as_secs_f64()).min(MAX_SAVED_S);
         saved.1 = now;
@@ -168,7 +168,7 @@ impl Pace {
 
     /// Records what rehearsals took.
     pub fn spend(&self, time: Duration) {
-        self.saved.lock().expect(POISON).0 -= time.as_secs_f64();
+        self.saved.lock().0 -= time.as_secs_f64();
     }
 }
 

@@ -18,7 +18,7 @@ use crate::maps::Arrival;
 use batch::{Answer, Batch, Sighting};
 use ground::RehearsalGround;
 use npc::{Npc, Npcs};
-use planning::{PlanRequest, Planning, RequestMode};
+use planning::{PlanRequest, Planning};
 use std::sync::Arc;
 use surefoot_policy::Policy;
 use surefoot_proto::world::v1 as wire;
@@ -135,14 +135,15 @@ impl WorldTask {
     async fn decide(&mut self, batch: wire::ObservationBatch) -> Result<Vec<wire::WorkRequest>, WorldError> {
         let mut batch = Batch::decode(batch, self.policy.observation_len())?;
         let mut answer = Answer::default();
-        let takes_interim = self.takes_interim();
+        (self.planning.tick, self.planning.takes_interim) = (batch.tick, self.takes_interim());
         self.planning.receive(&mut self.npcs);
-        self.planning.switch_graph(&mut self.npcs, takes_interim);
+        self.planning.switch_graph(&mut self.npcs);
         let movers = self.ground.movers(&batch.movers);
         let requests = self.advance(&batch, &movers, &mut answer);
-        self.planning.report(takes_interim);
-        self.request_plans(&requests, batch.tick, false).await;
+        self.planning.report();
+        self.planning.request(&requests, &mut self.npcs, false).await;
         self.ground.read_states(&mut batch).await;
+        self.planning.takes_interim = self.takes_interim();
         self.rehearse(&batch, &movers, &mut answer).await?;
         if self.ground.awaits_map() {
             for seen in &batch.sightings {
@@ -239,7 +240,7 @@ impl WorldTask {
                 self.planning.add_traversals(npc.attempt.follower.take_traversals());
             }
         }
-        self.planning.report(self.takes_interim());
+        self.planning.report();
     }
 
     /// Follows an edit of the map: NPCs rehearse again on the new map, and plan again when they have its graph.
@@ -251,11 +252,6 @@ impl WorldTask {
         if let Some(graph) = graph {
             self.planning.follow_edit(graph, &mut self.npcs);
         }
-    }
-
-    async fn request_plans(&mut self, requests: &[PlanRequest], tick: u64, is_urgent: bool) {
-        let mode = RequestMode { tick, takes_interim: self.takes_interim(), is_urgent };
-        self.planning.request(requests, &mut self.npcs, mode).await;
     }
 
     /// Whether NPCs plan on a graph whose build is running. Lockstep worlds do not: their results must not depend on

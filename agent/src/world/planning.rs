@@ -68,6 +68,10 @@ pub(super) struct Planning {
     /// `None` in lockstep, where results must not depend on how NPCs are shared out, and where NPCs do not get in each
     /// other's way.
     traffic: Option<CountedTraffic>,
+    /// Tick of the batch.
+    pub tick: u64,
+    /// Whether NPCs plan on a graph whose build is running.
+    pub takes_interim: bool,
     /// Whether a lockstep world has waited for the graph in vain.
     has_waited: bool,
     /// Plans that failed since the last answer.
@@ -87,6 +91,8 @@ impl Planning {
             graph,
             next_graph: NextGraph::None,
             traffic: has_traffic.then(CountedTraffic::default),
+            tick: 0,
+            takes_interim: false,
             has_waited: false,
             failed_count: 0,
             arrived: mpsc::channel(PLAN_QUEUE),
@@ -105,8 +111,8 @@ impl Planning {
     }
 
     /// Whether NPCs stand still because their graph is on its way.
-    pub fn awaits_graph(&self, takes_interim: bool) -> bool {
-        let is_awaited = |graph: &Arc<Graph>| graph.id_for_plans(takes_interim).is_empty() && !graph.is_resting();
+    pub fn awaits_graph(&self) -> bool {
+        let is_awaited = |graph: &Arc<Graph>| graph.id_for_plans(self.takes_interim).is_empty() && !graph.is_resting();
         self.graph.as_ref().is_some_and(is_awaited)
     }
 
@@ -122,7 +128,8 @@ impl Planning {
 
     /// Switches to the graph of an edited map as soon as it answers queries. NPCs then plan again, and once more when
     /// it is complete.
-    pub fn switch_graph(&mut self, npcs: &mut Npcs, takes_interim: bool) {
+    pub fn switch_graph(&mut self, npcs: &mut Npcs) {
+        let takes_interim = self.takes_interim;
         let is_ready = |graph: &Graph| !graph.id_for_plans(takes_interim).is_empty();
         let is_complete = |graph: &Graph| !graph.id.borrow().is_empty();
         let next = match std::mem::replace(&mut self.next_graph, NextGraph::None) {
@@ -147,21 +154,21 @@ impl Planning {
     }
 
     /// Reports traversals to the planner, if one failed or enough have accumulated.
-    pub fn report(&mut self, takes_interim: bool) {
+    pub fn report(&mut self) {
         let is_urgent = self.traversals.iter().any(|traversal| traversal.end != TryEnd::Arrived);
         let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.traversals.len() >= REPORT_LEN) else {
             return;
         };
-        graph.report(takes_interim, std::mem::take(&mut self.traversals));
+        graph.report(self.takes_interim, std::mem::take(&mut self.traversals));
     }
 
     /// Requests plans. A lockstep world waits for them; in a realtime world they are handed out at a later decision,
     /// unless they are urgent. An NPC whose request fails continues without a plan, which is counted.
-    pub async fn request(&mut self, requests: &[PlanRequest], npcs: &mut Npcs, mode: RequestMode) {
+    pub async fn request(&mut self, requests: &[PlanRequest], npcs: &mut Npcs, is_urgent: bool) {
         for requests in requests.chunks(MAX_QUERIES) {
             let mut requests = requests.to_vec();
             while !requests.is_empty() {
-                requests = self.request_once(requests, npcs, mode).await;
+                requests = self.request_once(requests, npcs, is_urgent).await;
             }
         }
     }
@@ -171,20 +178,20 @@ impl Planning {
         &mut self,
         requests: Vec<PlanRequest>,
         npcs: &mut Npcs,
-        mode: RequestMode,
+        is_urgent: bool,
     ) -> Vec<PlanRequest> {
         let Some(graph) = self.graph.clone() else { return Vec::new() };
         if self.is_lockstep && !self.has_waited && !graph.wait(GRAPH_LIMIT, PLANNER_SILENCE).await {
             warn!(world = self.world_id, "no graph in time: NPCs act without plans");
             self.has_waited = true;
         }
-        let graph_id = graph.id_for_plans(mode.takes_interim);
+        let graph_id = graph.id_for_plans(self.takes_interim);
         if graph_id.is_empty() || graph.is_resting() {
             self.failed_count = self.failed_count.saturating_add(requests.len() as u32);
             return Vec::new();
         }
         self.has_waited = false;
-        let traffic = self.count_traffic(npcs, mode.tick);
+        let traffic = self.count_traffic(npcs);
         let query = |request: &PlanRequest| -> Query {
             let npc = npcs.get_mut(&request.npc_id).expect("seen in this batch");
             npc.planning.is_requested = true;
@@ -205,7 +212,7 @@ impl Planning {
             }
         });
         let mut planned = None;
-        if mode.is_urgent {
+        if is_urgent {
             planned = tokio::time::timeout(URGENT_LIMIT, &mut soon).await.ok().and_then(Result::ok);
         }
         soon.close();
@@ -214,8 +221,8 @@ impl Planning {
     }
 
     /// Predicts the places of this worker's NPCs, at most twice a second.
-    fn count_traffic(&mut self, npcs: &Npcs, tick: u64) -> Option<Traffic> {
-        let counted = self.traffic.as_mut()?;
+    fn count_traffic(&mut self, npcs: &Npcs) -> Option<Traffic> {
+        let (counted, tick) = (self.traffic.as_mut()?, self.tick);
         if counted.tick + TRAFFIC_TICKS <= tick {
             *counted = CountedTraffic { traffic: Traffic::default(), tick };
             npcs.values().for_each(|npc| npc.attempt.follower.add_to(&mut counted.traffic, npc.feet));
@@ -247,17 +254,6 @@ impl Planning {
         }
         again
     }
-}
-
-/// How plans are requested.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct RequestMode {
-    /// Tick of the batch.
-    pub tick: u64,
-    /// Whether graphs whose build is running will do.
-    pub takes_interim: bool,
-    /// Whether a realtime world waits for the plans for a moment.
-    pub is_urgent: bool,
 }
 
 impl Npc {

@@ -59,7 +59,7 @@ impl WorldTask {
                     }
                 }
             });
-            self.request_plans(&requests, batch.tick, true).await;
+            self.planning.request(&requests, &mut self.npcs, true).await;
             due.retain(|seen| self.npcs.get(&seen.id).is_some_and(|npc| npc.has_waypoint()));
         }
         Ok(())
@@ -109,7 +109,7 @@ impl WorldTask {
     /// where a rehearsal of the straight way ends in harm they stand still until they have one.
     pub(super) async fn rehearse_straight(&mut self, batch: &Batch, movers: &[MoverState]) -> Result<(), WorldError> {
         let plan_decisions = if self.is_lockstep { 0 } else { PLAN_DECISIONS };
-        let awaits_graph = self.planning.awaits_graph(self.takes_interim());
+        let awaits_graph = self.planning.awaits_graph();
         let patience = if awaits_graph { GRAPH_DECISIONS } else { plan_decisions };
         let is_ready = self.ground.is_ready();
         let mut rehearsed: Vec<(u64, RehearsalStart)> = Vec::new();

@@ -5,7 +5,7 @@
 
 use super::drive::{Deciding, Drive, seen};
 use super::link::{Game, GameError, Level};
-use std::sync::Mutex;
+use parking_lot::Mutex;
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::threads::map_indices;
 use surefoot_planner::{BuildError, BuildSettings, Built, Progress};
@@ -73,11 +73,11 @@ impl<'a> InGame<'a> {
 
     /// The failure of the game that ended the last run early.
     pub fn take_error(&self) -> Option<GameError> {
-        self.error.lock().expect("no holder panics").take()
+        self.error.lock().take()
     }
 
     fn has_failed(&self) -> bool {
-        self.error.lock().expect("no holder panics").is_some()
+        self.error.lock().is_some()
     }
 
     /// Runs the trials from index `first`, and returns their outcomes; `None` if `watch` cancelled, or the game failed in
@@ -119,7 +119,7 @@ impl ProbeExecutor for InGame<'_> {
             }
             let outcomes = self.run_chunk((idx * chunk_len, chunks[idx]), seed, watch);
             outcomes.unwrap_or_else(|error| {
-                self.error.lock().expect("no holder panics").get_or_insert(error);
+                self.error.lock().get_or_insert(error);
                 None
             })
         });

@@ -70,8 +70,9 @@ pub enum Step {
 }
 
 /// Why an attempt failed: what the NPC was doing at the time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, strum::IntoStaticStr)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Fault {
     /// The graph had no path to the goal.
     Unreachable,
@@ -92,13 +93,7 @@ impl Fault {
 
     /// Lower-case name as used in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            Fault::Unreachable => "unreachable",
-            Fault::Attachment => "attachment",
-            Fault::WaypointSwitch => "waypoint_switch",
-            Fault::Edge => "edge",
-            Fault::Timeout => "timeout",
-        }
+        self.into()
     }
 }
 
