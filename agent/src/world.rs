@@ -15,7 +15,7 @@ pub(super) use ground::RehearsalMap;
 use crate::graph::Graph;
 use crate::inference::Inference;
 use crate::maps::Arrival;
-use batch::{Answer, Batch, Sighting};
+use batch::{Answer, Batch, Malformed, Sighting};
 use ground::RehearsalGround;
 use npc::{Npc, Npcs};
 use planning::{PlanRequest, Planning};
@@ -32,8 +32,8 @@ use tokio::sync::{mpsc, watch};
 #[derive(Debug, thiserror::Error)]
 pub(super) enum WorldError {
     /// The server sent a batch of another shape.
-    #[error("the server sent a malformed batch")]
-    Malformed,
+    #[error(transparent)]
+    Malformed(#[from] Malformed),
     /// Evaluating the policy panicked.
     #[error("the policy failed: {0}")]
     Policy(#[from] tokio::task::JoinError),

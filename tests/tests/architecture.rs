@@ -153,7 +153,7 @@ const FOREIGN: [(&str, &[&str]); 8] = [
 ];
 
 /// Files that may use generated wire types, besides `proto`, the command line and the tests.
-const KNOW_THE_WIRE: [&str; 35] = [
+const KNOW_THE_WIRE: [&str; 36] = [
     "net/src/levels/grpc.rs",
     "server/src/wire.rs",
     "server/src/wire/env.rs",
@@ -177,9 +177,10 @@ const KNOW_THE_WIRE: [&str; 35] = [
     "planner-service/src/grpc/errors.rs",
     "planner-service/src/grpc/streams.rs",
     // Clients of services in other processes.
-    "agent/src/servers.rs",
+    "agent/src/directory.rs",
     "agent/src/session.rs",
     "agent/src/world.rs",
+    "agent/src/world/batch.rs",
     "agent/src/graph.rs",
     "learn/eval/src/challenge/host.rs",
     "embed/game-client/src/link.rs",

@@ -1,6 +1,5 @@
 //! Batches of observations and actions on the wire: the only wire code of a world's task.
 
-use super::WorldError;
 use super::npc::Npcs;
 use prost::Message;
 use std::collections::BTreeSet;
@@ -15,6 +14,11 @@ pub(super) const MAX_ANSWER_BYTES: usize = 512 * 1024;
 const FIELD_BYTES: usize = 6;
 /// Bytes of an NPC id and an attempt's number, at most.
 const ID_BYTES: usize = 15;
+
+/// The server sent a batch of another shape.
+#[derive(Debug, thiserror::Error)]
+#[error("the server sent a malformed batch")]
+pub(crate) struct Malformed;
 
 /// An NPC that decides.
 pub(super) struct Sighting {
@@ -49,9 +53,9 @@ impl Batch {
     ///
     /// # Errors
     /// If the numbers of values do not fit.
-    pub fn decode(batch: wire::ObservationBatch, observation_len: usize) -> Result<Self, WorldError> {
+    pub fn decode(batch: wire::ObservationBatch, observation_len: usize) -> Result<Self, Malformed> {
         let count = batch.npc_ids.len();
-        let malformed = |_| WorldError::Malformed;
+        let malformed = |_| Malformed;
         let positions = convert::unpack_points(&batch.positions, count, "positions").map_err(malformed)?;
         let goals = convert::unpack_points(&batch.goals, count, "goals").map_err(malformed)?;
         let observations =

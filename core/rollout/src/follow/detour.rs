@@ -1,7 +1,6 @@
 //! The way back after a push: where a wall lies between the NPC and its waypoint, it returns to a place that it has
 //! rehearsed.
 
-use super::Follower;
 use surefoot_world::{Ability, CharacterProfile, Map, Vec3};
 
 /// Distance within which a place on the rehearsed way counts as reached, m.
@@ -19,6 +18,20 @@ pub(super) struct Detour {
 }
 
 impl Detour {
+    /// Keeps the way of a rehearsal. A way that begins where the NPC is lost is of no use to get back.
+    pub fn set_rehearsed_way(&mut self, way: impl Iterator<Item = Vec3>) {
+        if !self.is_lost || self.rehearsed_way.is_empty() {
+            self.rehearsed_way.clear();
+            self.rehearsed_way.extend(way);
+        }
+    }
+
+    /// Begins, changes or ends the detour of a body at `feet` on its leg to `end`, m.
+    pub fn update(&mut self, map: &Map, body: &CharacterProfile, feet: Vec3, (ability, end): (Ability, Vec3)) {
+        self.is_lost = ability == Ability::Walk && !sees(map, body, feet, end);
+        self.via = if self.is_lost { self.way_back(map, body, feet, end) } else { None };
+    }
+
     pub fn end(&mut self) {
         (self.is_lost, self.via) = (false, None);
     }
@@ -29,29 +42,6 @@ impl Detour {
         let until = after_nearest(&self.rehearsed_way, end);
         let seen = self.rehearsed_way[..until].iter().rposition(|place| sees(map, body, feet, *place))?;
         self.rehearsed_way[seen..until].iter().find(|place| place.distance(feet) > REACHED_M).copied()
-    }
-}
-
-impl Follower {
-    /// Keeps the way of a rehearsal. A way that begins where the NPC is lost is of no use to get back.
-    pub fn set_rehearsed_way(&mut self, way: impl Iterator<Item = Vec3>) {
-        if !self.detour.is_lost || self.detour.rehearsed_way.is_empty() {
-            self.detour.rehearsed_way.clear();
-            self.detour.rehearsed_way.extend(way);
-        }
-    }
-
-    /// Turns an NPC that was pushed, with the feet at `feet`, m, back to its way: where a wall lies between it and the
-    /// end of a leg that is walked, it heads for a rehearsed place first. Plans with movers are left alone. Returns the
-    /// waypoint, m, if it has changed.
-    pub fn return_to_way(&mut self, map: &Map, body: &CharacterProfile, feet: Vec3) -> Option<Vec3> {
-        let plan = self.plan.as_ref().filter(|plan| plan.needs.is_empty())?;
-        let (ability, end) = (plan.legs[self.leg].ability, plan.waypoints[self.leg]);
-        let former = self.waypoint();
-        let is_lost = ability == Ability::Walk && !sees(map, body, feet, end);
-        self.detour.via = if is_lost { self.detour.way_back(map, body, feet, end) } else { None };
-        self.detour.is_lost = is_lost;
-        self.waypoint().filter(|waypoint| former != Some(*waypoint))
     }
 }
 

@@ -12,13 +12,12 @@ pub mod scene;
 use crate::style::Style;
 use detour::Detour;
 use failures::Failures;
-use movers::MoverWatch;
-use scene::MoverResponse;
+use scene::{MoverResponse, MoverWatch};
 use serde::{Deserialize, Serialize};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{Attach, LegKey, Plan, Query, Traffic};
-use surefoot_world::{Ability, End, MoverAt, Vec3};
+use surefoot_world::{Ability, CharacterProfile, End, Map, MoverAt, Vec3};
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
@@ -282,6 +281,22 @@ impl Follower {
     }
 
     // How the NPC moves.
+
+    /// Keeps the way of a rehearsal, to return to it after a push.
+    pub fn set_rehearsed_way(&mut self, way: impl Iterator<Item = Vec3>) {
+        self.detour.set_rehearsed_way(way);
+    }
+
+    /// Turns an NPC that was pushed, with the feet at `feet`, m, back to its way: where a wall lies between it and the end
+    /// of a leg that is walked, it heads for a rehearsed place first. Plans with movers are left alone. Returns the
+    /// waypoint, m, if it has changed.
+    pub fn return_to_way(&mut self, map: &Map, body: &CharacterProfile, feet: Vec3) -> Option<Vec3> {
+        let plan = self.plan.as_ref().filter(|plan| plan.needs.is_empty())?;
+        let leg = (plan.legs[self.leg].ability, plan.waypoints[self.leg]);
+        let former = self.waypoint();
+        self.detour.update(map, body, feet, leg);
+        self.waypoint().filter(|waypoint| former != Some(*waypoint))
+    }
 
     /// How the NPC moves on the current leg, if a rehearsal of it has arrived.
     pub fn style(&self) -> Style {

@@ -4,7 +4,7 @@ use super::scene::{MoverResponse, Scene};
 use super::{Follower, Step};
 use surefoot_planner::needs::{Needs, Ride};
 use surefoot_planner::{LegKey, Stop};
-use surefoot_world::{End, MoverAt, StopSet, TICKS_PER_SECOND, Vec3};
+use surefoot_world::{End, TICKS_PER_SECOND, Vec3};
 
 /// Decisions for which an NPC waits for a mover before the leg counts as failed: 40 s.
 const MAX_STAY: u32 = 240;
@@ -16,35 +16,6 @@ const BARRED_RETRY: u32 = 30;
 const BARRED_WITHIN_M: f32 = 1.5;
 /// Speed at which an NPC gets to a mover in any case, m/s.
 const UNHURRIED_M_PER_S: f32 = 5.0;
-
-/// The movers as a follower saw them last, and its response.
-#[derive(Debug, Clone)]
-pub(super) struct MoverWatch {
-    /// The stops at which each mover stands sooner or later, as seen last.
-    pub stops: Vec<StopSet>,
-    pub response: MoverResponse,
-    pub call: Option<MoverAt>,
-    /// Decisions for which the NPC has stayed on this leg.
-    stayed: u32,
-    /// Whether movers bar all ways.
-    pub is_barred: bool,
-    /// Decisions for which movers have barred all ways, in the whole attempt.
-    barred: u32,
-}
-
-impl Default for MoverWatch {
-    fn default() -> Self {
-        let (response, call) = (MoverResponse::Go, None);
-        Self { stops: Vec::new(), response, call, stayed: 0, is_barred: false, barred: 0 }
-    }
-}
-
-impl MoverWatch {
-    pub fn start_leg(&mut self) {
-        self.stayed = 0;
-        self.response = MoverResponse::Go;
-    }
-}
 
 impl Follower {
     /// Looks at the movers before a decision, with the feet at `feet`, m. Drops the plan if movers have barred a leg

@@ -53,6 +53,35 @@ impl MoverResponse {
     }
 }
 
+/// The movers as a follower saw them last, and its response.
+#[derive(Debug, Clone)]
+pub(super) struct MoverWatch {
+    /// The stops at which each mover stands sooner or later, as seen last.
+    pub stops: Vec<StopSet>,
+    pub response: MoverResponse,
+    pub call: Option<MoverAt>,
+    /// Decisions for which the NPC has stayed on this leg.
+    pub stayed: u32,
+    /// Whether movers bar all ways.
+    pub is_barred: bool,
+    /// Decisions for which movers have barred all ways, in the whole attempt.
+    pub barred: u32,
+}
+
+impl Default for MoverWatch {
+    fn default() -> Self {
+        let (response, call) = (MoverResponse::Go, None);
+        Self { stops: Vec::new(), response, call, stayed: 0, is_barred: false, barred: 0 }
+    }
+}
+
+impl MoverWatch {
+    pub fn start_leg(&mut self) {
+        self.stayed = 0;
+        self.response = MoverResponse::Go;
+    }
+}
+
 impl Scene<'_> {
     fn mover(&self, id: MoverId) -> Option<(&Mover, &MoverState)> {
         self.map.movers().get(id.idx()).zip(self.states.get(id.idx()))
