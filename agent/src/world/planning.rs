@@ -174,12 +174,7 @@ impl Planning {
     }
 
     /// Requests plans, and returns the NPCs that want another one at once.
-    async fn request_once(
-        &mut self,
-        requests: Vec<PlanRequest>,
-        npcs: &mut Npcs,
-        is_urgent: bool,
-    ) -> Vec<PlanRequest> {
+    async fn request_once(&mut self, requests: Vec<PlanRequest>, npcs: &mut Npcs, is_urgent: bool) -> Vec<PlanRequest> {
         let Some(graph) = self.graph.clone() else { return Vec::new() };
         if self.is_lockstep && !self.has_waited && !graph.wait(GRAPH_LIMIT, PLANNER_SILENCE).await {
             warn!(world = self.world_id, "no graph in time: NPCs act without plans");
