@@ -436,10 +436,6 @@ impl Worlds {
         }
     }
 
-    fn sims(&self) -> Vec<SimHandle> {
-        self.running().into_values().collect()
-    }
-
     /// Handles to the threads of all worlds.
     pub(crate) fn running(&self) -> BTreeMap<WorldId, SimHandle> {
         self.inner.worlds.read().iter().map(|(&id, handle)| (id, handle.sim.clone())).collect()

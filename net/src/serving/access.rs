@@ -28,70 +28,36 @@ const GAMES: &[Role] = &[Client, Designer, Admin];
 const WORKERS: &[Role] = &[Worker, Admin];
 const DESIGNERS: &[Role] = &[Designer, Admin];
 
-/// Methods by their full names, and the roles that may call them. A method that is missing here is refused to all
-/// callers.
-const METHODS: &[(&str, &[Role])] = &[
-    ("surefoot.world.v1.WorldService/GetServer", GAMES),
-    ("surefoot.world.v1.WorldService/CreateWorld", GAMES),
-    ("surefoot.world.v1.WorldService/GetWorld", GAMES),
-    ("surefoot.world.v1.WorldService/ListWorlds", GAMES),
-    ("surefoot.world.v1.WorldService/DropWorld", GAMES),
-    ("surefoot.world.v1.WorldService/SampleGround", GAMES),
-    ("surefoot.world.v1.WorldService/SurveyMap", GAMES),
-    ("surefoot.world.v1.WorldService/SpawnNpc", GAMES),
-    ("surefoot.world.v1.WorldService/BatchSpawnNpcs", GAMES),
-    ("surefoot.world.v1.WorldService/DespawnNpc", GAMES),
-    ("surefoot.world.v1.WorldService/BatchDespawnNpcs", GAMES),
-    ("surefoot.world.v1.WorldService/SetGoal", GAMES),
-    ("surefoot.world.v1.WorldService/BatchSetGoals", GAMES),
-    ("surefoot.world.v1.WorldService/TeleportNpc", GAMES),
-    ("surefoot.world.v1.WorldService/BatchTeleportNpcs", GAMES),
-    ("surefoot.world.v1.WorldService/GetNpc", GAMES),
-    ("surefoot.world.v1.WorldService/BatchGetNpcs", GAMES),
-    ("surefoot.world.v1.WorldService/ListNpcs", GAMES),
-    ("surefoot.world.v1.WorldService/WatchWorld", GAMES),
-    ("surefoot.world.v1.WorldService/WatchEvents", GAMES),
-    ("surefoot.world.v1.WorldService/WatchStats", GAMES),
-    ("surefoot.world.v1.WorldService/FollowNpc", GAMES),
-    ("surefoot.world.v1.WorldService/GetMesh", GAMES),
-    ("surefoot.world.v1.WorldService/GetFeatures", GAMES),
-    ("surefoot.world.v1.WorldService/ListMovers", GAMES),
-    ("surefoot.world.v1.WorldService/SetMover", GAMES),
-    ("surefoot.world.v1.WorldService/EditMap", GAMES),
-    ("surefoot.world.v1.WorldService/ListPieces", GAMES),
-    ("surefoot.world.v1.WorldService/SpawnPlayer", GAMES),
-    ("surefoot.world.v1.WorldService/MovePlayers", GAMES),
-    ("surefoot.world.v1.WorldService/RemovePlayer", GAMES),
-    ("surefoot.world.v1.WorldService/Work", WORKERS),
-    ("surefoot.world.v1.DirectoryService/LocateWorld", ALL_ROLES),
-    ("surefoot.world.v1.DirectoryService/ListServers", ALL_ROLES),
-    ("surefoot.world.v1.EnvService/CreateEnv", GAMES),
-    ("surefoot.world.v1.EnvService/StepEnv", GAMES),
-    ("surefoot.world.v1.EnvService/StreamEnv", GAMES),
-    ("surefoot.world.v1.EnvService/CloseEnv", GAMES),
-    ("surefoot.learn.v1.LearnerService/Feed", WORKERS),
-    ("surefoot.world.v1.MapService/ImportMap", ALL_ROLES),
-    ("surefoot.world.v1.MapService/UploadChunk", ALL_ROLES),
-    ("surefoot.world.v1.MapService/GetMap", ALL_ROLES),
-    ("surefoot.world.v1.MapService/ListMaps", ALL_ROLES),
-    ("surefoot.planner.v1.PlannerService/StartBuild", ALL_ROLES),
-    ("surefoot.planner.v1.PlannerService/WatchBuild", ALL_ROLES),
-    ("surefoot.planner.v1.PlannerService/ListBuilds", GAMES),
-    ("surefoot.planner.v1.PlannerService/CancelBuild", GAMES),
-    ("surefoot.planner.v1.PlannerService/GetGraph", ALL_ROLES),
-    ("surefoot.planner.v1.PlannerService/FindPath", ALL_ROLES),
-    ("surefoot.planner.v1.PlannerService/FindPaths", ALL_ROLES),
-    ("surefoot.planner.v1.PlannerService/ReportTraversals", ALL_ROLES),
-    ("surefoot.planner.v1.PlannerService/ListReports", GAMES),
-    ("surefoot.planner.v1.PlannerService/DropReports", &[Admin]),
-    ("surefoot.planner.v1.PlannerService/GetLayers", GAMES),
-    ("surefoot.planner.v1.PlannerService/WatchGraph", ALL_ROLES),
-    ("surefoot.planner.v1.PlannerService/ListGraphs", GAMES),
-    ("surefoot.planner.v1.PlannerService/ProbeEdge", GAMES),
-    ("surefoot.planner.v1.PlannerService/CompareGraphs", GAMES),
-    ("surefoot.planner.v1.PlannerService/PutLayer", DESIGNERS),
-    ("surefoot.planner.v1.PlannerService/AppendEdits", DESIGNERS),
-    ("surefoot.planner.v1.PlannerService/UndoEdits", DESIGNERS),
+/// A service, roles, and the names of its methods that these roles may call.
+type Methods = (&'static str, &'static [Role], &'static str);
+
+/// All methods. A method that is missing here is refused to all callers.
+const METHODS: &[Methods] = &[
+    (
+        "surefoot.world.v1.WorldService",
+        GAMES,
+        "GetServer CreateWorld GetWorld ListWorlds DropWorld SampleGround SurveyMap SpawnNpc BatchSpawnNpcs \
+         DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals TeleportNpc BatchTeleportNpcs GetNpc BatchGetNpcs \
+         ListNpcs WatchWorld WatchEvents WatchStats FollowNpc GetMesh GetFeatures ListMovers SetMover EditMap \
+         ListPieces SpawnPlayer MovePlayers RemovePlayer",
+    ),
+    ("surefoot.world.v1.WorldService", WORKERS, "Work"),
+    ("surefoot.world.v1.DirectoryService", ALL_ROLES, "LocateWorld ListServers"),
+    ("surefoot.world.v1.EnvService", GAMES, "CreateEnv StepEnv StreamEnv CloseEnv"),
+    ("surefoot.learn.v1.LearnerService", WORKERS, "Feed"),
+    ("surefoot.world.v1.MapService", ALL_ROLES, "ImportMap UploadChunk GetMap ListMaps"),
+    (
+        "surefoot.planner.v1.PlannerService",
+        ALL_ROLES,
+        "StartBuild WatchBuild GetGraph FindPath FindPaths ReportTraversals WatchGraph",
+    ),
+    (
+        "surefoot.planner.v1.PlannerService",
+        GAMES,
+        "ListBuilds CancelBuild ListReports GetLayers ListGraphs ProbeEdge CompareGraphs",
+    ),
+    ("surefoot.planner.v1.PlannerService", &[Admin], "DropReports"),
+    ("surefoot.planner.v1.PlannerService", DESIGNERS, "PutLayer AppendEdits UndoEdits"),
 ];
 
 /// The credentials that a call needs.
@@ -119,5 +85,7 @@ pub(super) fn access(path: &str) -> Access {
 /// Returns the roles that may call the method with a full name such as `surefoot.world.v1.WorldService/Work`; `None` if
 /// the table lacks the method.
 pub fn roles(method: &str) -> Option<&'static [Role]> {
-    METHODS.iter().find(|(name, _)| *name == method).map(|(_, roles)| *roles)
+    let (service, method) = method.split_once('/')?;
+    let is_in = |(name, _, methods): &&Methods| *name == service && methods.split(' ').any(|it| it == method);
+    METHODS.iter().find(is_in).map(|(_, roles, _)| *roles)
 }

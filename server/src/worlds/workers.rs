@@ -45,7 +45,7 @@ impl Worlds {
 
     /// Runs `call` on every world that is not too busy.
     fn cast_all(&self, call: impl Fn(&mut HostedWorld) + Clone + Send + 'static) {
-        for sim in self.sims() {
+        for sim in self.running().into_values() {
             let call = call.clone();
             if let Err(error) = sim.cast(move |state| call(&mut state.world)) {
                 warn!(%error, "a world is too busy for a change of workers");
