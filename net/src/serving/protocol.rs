@@ -73,7 +73,7 @@ impl Connect {
             (StatusCode::OK, self.content_type(), framed(END, &end))
         } else {
             let body = serde_json::to_vec(&error).expect("plain data");
-            (http_status(status.code()), "application/json", body)
+            (StatusCode::from_u16(name_and_status(status.code()).1).expect("a status"), "application/json", body)
         };
         let mut response = Response::new(Body::from(body));
         *response.status_mut() = code;
@@ -92,7 +92,7 @@ impl Connect {
             }
             shown
         });
-        json!({ "code": code_name(status.code()), "message": status.message(), "details": details.collect::<Vec<_>>() })
+        json!({ "code": name_and_status(status.code()).0, "message": status.message(), "details": details.collect::<Vec<_>>() })
     }
 }
 
@@ -131,42 +131,25 @@ fn debug(status: &Status) -> Vec<(&'static str, Value)> {
     known
 }
 
-fn code_name(code: Code) -> &'static str {
+/// The name and the HTTP status that Connect specifies for a code.
+fn name_and_status(code: Code) -> (&'static str, u16) {
     match code {
-        Code::Ok => "ok",
-        Code::Cancelled => "canceled",
-        Code::Unknown => "unknown",
-        Code::InvalidArgument => "invalid_argument",
-        Code::DeadlineExceeded => "deadline_exceeded",
-        Code::NotFound => "not_found",
-        Code::AlreadyExists => "already_exists",
-        Code::PermissionDenied => "permission_denied",
-        Code::ResourceExhausted => "resource_exhausted",
-        Code::FailedPrecondition => "failed_precondition",
-        Code::Aborted => "aborted",
-        Code::OutOfRange => "out_of_range",
-        Code::Unimplemented => "unimplemented",
-        Code::Internal => "internal",
-        Code::Unavailable => "unavailable",
-        Code::DataLoss => "data_loss",
-        Code::Unauthenticated => "unauthenticated",
-    }
-}
-
-/// The HTTP status that Connect specifies for a code.
-fn http_status(code: Code) -> StatusCode {
-    match code {
-        Code::Ok => StatusCode::OK,
-        Code::Cancelled => StatusCode::from_u16(499).expect("a status"),
-        Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange => StatusCode::BAD_REQUEST,
-        Code::DeadlineExceeded => StatusCode::GATEWAY_TIMEOUT,
-        Code::NotFound => StatusCode::NOT_FOUND,
-        Code::AlreadyExists | Code::Aborted => StatusCode::CONFLICT,
-        Code::PermissionDenied => StatusCode::FORBIDDEN,
-        Code::ResourceExhausted => StatusCode::TOO_MANY_REQUESTS,
-        Code::Unimplemented => StatusCode::NOT_IMPLEMENTED,
-        Code::Unavailable => StatusCode::SERVICE_UNAVAILABLE,
-        Code::Unauthenticated => StatusCode::UNAUTHORIZED,
-        Code::Unknown | Code::Internal | Code::DataLoss => StatusCode::INTERNAL_SERVER_ERROR,
+        Code::Ok => ("ok", 200),
+        Code::Cancelled => ("canceled", 499),
+        Code::Unknown => ("unknown", 500),
+        Code::InvalidArgument => ("invalid_argument", 400),
+        Code::DeadlineExceeded => ("deadline_exceeded", 504),
+        Code::NotFound => ("not_found", 404),
+        Code::AlreadyExists => ("already_exists", 409),
+        Code::PermissionDenied => ("permission_denied", 403),
+        Code::ResourceExhausted => ("resource_exhausted", 429),
+        Code::FailedPrecondition => ("failed_precondition", 400),
+        Code::Aborted => ("aborted", 409),
+        Code::OutOfRange => ("out_of_range", 400),
+        Code::Unimplemented => ("unimplemented", 501),
+        Code::Internal => ("internal", 500),
+        Code::Unavailable => ("unavailable", 503),
+        Code::DataLoss => ("data_loss", 500),
+        Code::Unauthenticated => ("unauthenticated", 401),
     }
 }
