@@ -53,7 +53,7 @@ pub fn retry(reason: Reason, after: Duration, message: impl Into<String>) -> Sta
     with_details(reason, message.into(), ErrorDetails::with_retry_info(Some(after)))
 }
 
-/// Adds the reason that fits its code to a status without one, such as those that the transport creates itself.
+/// Adds a reason by its code to a status that has none, such as a status of the transport.
 pub fn with_reason(status: Status) -> Status {
     use tonic::Code;
     if status.code() == Code::Ok || Reason::of(&status).is_some() {

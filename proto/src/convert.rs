@@ -334,7 +334,7 @@ pub fn ability(value: i32) -> Ability {
 
 /// Packs floats as little-endian bytes.
 pub fn pack(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
-    // Of a vector, this is the vector itself; from there the bytes are copied at once.
+    // Collecting a vector does not copy it; the loop below then copies whole chunks.
     let values: Vec<f32> = values.into_iter().collect();
     let mut bytes = vec![0; values.len() * 4];
     let (chunks, _) = bytes.as_chunks_mut::<4>();

@@ -17,7 +17,7 @@ pub enum ToWorker {
     Assignment(Assignment),
     /// Attempts that ended.
     Ended(WorldId, Vec<AttemptEnd>),
-    /// Observations to be answered.
+    /// Observations to answer.
     Observations(ObservationBatch),
     /// A world whose map was edited, and all of its pieces now.
     Edited(WorldId, Vec<Piece>),

@@ -1,4 +1,4 @@
-//! Connected NPC workers: how many NPCs each decides for, and the bounded queues to them.
+//! Connected NPC workers: their numbers of NPCs, and the bounded queues of their messages.
 
 use crate::ids::WorkerId;
 use crate::messages::{Hello, ToWorker};

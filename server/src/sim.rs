@@ -42,7 +42,7 @@ const EVENTS_IN_A_BATCH: usize = KEPT_EVENTS / EVENT_BATCHES;
 /// Time from one tick to the next.
 const PERIOD: Duration = Duration::from_nanos(1_000_000_000 / TICKS_PER_SECOND as u64);
 
-/// When the ticks of a realtime world are due. Worlds of one epoch whose phases differ do not all wake at once.
+/// When the ticks of a realtime world are due. Worlds with different phases do not wake at the same time.
 #[derive(Debug, Clone, Copy)]
 pub struct Schedule {
     /// When the first period of all worlds began.
@@ -380,7 +380,7 @@ mod tests {
         }
         phases.sort_by(f64::total_cmp);
         assert_eq!(phases, (0..8).map(|idx| f64::from(idx) / 8.0).collect::<Vec<_>>());
-        // One that is gone leaves room for the next.
+        // The next world takes the phase of one that has ended.
         phases.remove(5);
         assert_eq!(Schedule::free_phase(phases.into_iter()), 0.625);
     }

@@ -454,7 +454,7 @@ impl Worlds {
     }
 }
 
-/// Runs CPU work on a thread of its own.
+/// Runs CPU work on a blocking thread.
 pub(crate) async fn in_background<T: Send + 'static>(
     what: &'static str,
     work: impl FnOnce() -> T + Send + 'static,

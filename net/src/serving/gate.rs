@@ -114,7 +114,7 @@ pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, ne
 fn with_reason(mut response: Response) -> Response {
     let Some(status) = Status::from_header_map(response.headers()) else { return response };
     let status = status::with_reason(status);
-    // If the status cannot be written as headers, the response stays as it was.
+    // If the status does not fit into headers, the response is not changed.
     let _ = status.add_header(response.headers_mut());
     response
 }

@@ -44,7 +44,7 @@ impl Health {
 
     /// Reports changes until `shutdown`, and then NOT_SERVING for all names.
     pub async fn follow(&self, shutdown: &Shutdown) {
-        // A state whose sender is gone stays as it is.
+        // A state whose sender was dropped does not change any more.
         async fn changed(state: &mut watch::Receiver<bool>) {
             if state.changed().await.is_err() {
                 std::future::pending::<()>().await;

@@ -49,7 +49,7 @@ fn period_of(period_s: f32) -> Result<Duration, FieldError> {
     Ok(Duration::from_secs_f64(seconds))
 }
 
-/// Due at once, and then after each `pause`. A reader that is late does not catch up.
+/// Ticks now, and then after each `pause`. Missed ticks are not caught up.
 fn every(pause: Duration) -> Interval {
     let mut due = interval(pause);
     due.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -194,10 +194,10 @@ impl Events {
                 }
                 Ok(messages)
             }
-            // Events that were kept when the stream began are gone: the reader was too slow for the world.
+            // The log has dropped events since the stream began: the reader was too slow for the world.
             Ok(Err(error)) => Err(status::failure(Reason::ReaderTooSlow, error.to_string())),
             Err(SimError::Busy) => {
-                // Without a pause this would be a busy loop, because there are events to be read.
+                // Without a pause this would be a busy loop, because there are unread events.
                 tokio::time::sleep(BUSY_PAUSE).await;
                 Ok(Vec::new())
             }
@@ -314,7 +314,7 @@ impl Source for Mesh {
     }
 }
 
-/// Streams the state of one NPC, with its plan and history whenever they have changed, and with `rays` what it sees.
+/// Streams the state of one NPC, with its plan and history after each change, and its rays if requested.
 pub(super) async fn follow_npc(
     api: &WorldApi,
     request: Request<wire::FollowNpcRequest>,

@@ -23,7 +23,7 @@ impl Worlds {
         self.spawn_many(caller, world, vec![Ok(order)]).await?.pop().expect("one result for one order")
     }
 
-    /// Adds NPCs for the caller, each with a result of its own.
+    /// Adds NPCs for the caller. Each has its own result.
     ///
     /// # Errors
     /// If there is no such world, it belongs to another client, or its thread does not answer.
@@ -95,7 +95,7 @@ impl Worlds {
         }
     }
 
-    /// The same for a batch, which queries the store at most `lookups` times.
+    /// Like [`whereabouts`](Self::whereabouts), for a batch that queries the store at most `lookups` times.
     async fn whereabouts_in_batch(
         &self,
         world: WorldId,
