@@ -92,7 +92,8 @@ impl Connect {
             }
             shown
         });
-        json!({ "code": name_and_status(status.code()).0, "message": status.message(), "details": details.collect::<Vec<_>>() })
+        let (code, details) = (name_and_status(status.code()).0, details.collect::<Vec<_>>());
+        json!({ "code": code, "message": status.message(), "details": details })
     }
 }
 
