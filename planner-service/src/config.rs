@@ -14,7 +14,7 @@ pub struct PlannerConfig {
     pub max_queries: usize,
     /// Maximum number of builds that are running or waiting (`--max-builds`).
     pub max_builds: usize,
-    /// Maximum number of these that one client has asked for (`--max-builds-per-client`).
+    /// Maximum number of builds that one client has asked for (`--max-builds-per-client`).
     pub max_builds_per_client: usize,
     /// Maximum number of graphs in memory (`--graphs-in-memory`).
     pub graphs_in_memory: usize,
@@ -25,9 +25,10 @@ pub struct PlannerConfig {
     pub label_vertices: usize,
     /// Maximum number of imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
-    /// Generated maps in use, and the memory budget of all maps (`--max-memory`). Others in this process may share both.
+    /// Generated maps in use, and the memory budget of all maps (`--max-memory`). Other services of this process may
+    /// share both.
     pub maps: MapPool,
-    /// Who runs the probes of builds.
+    /// Runs the probes of builds.
     pub provers: Arc<dyn Provers>,
 }
 

@@ -12,11 +12,11 @@ use surefoot_world::Vec3;
 pub struct Failure {
     /// Name of the reason.
     pub reason: String,
-    /// What to tell the client.
+    /// Message for the client.
     pub message: String,
 }
 
-/// Why a call of the planner failed. The error of a build is cloned for every client that waits for it.
+/// Why a call of the planner failed. Every client that waits for a build gets a clone of its error.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum PlannerError {
     /// A graph id is malformed.
@@ -31,7 +31,7 @@ pub enum PlannerError {
     /// The graph is not in memory.
     #[error("graph {0} is not loaded: call StartBuild first (a cached graph loads at once)")]
     UnknownGraph(String),
-    /// The graph was removed from memory.
+    /// The graph was evicted from memory.
     #[error("graph {0} is no longer loaded: call StartBuild")]
     Unloaded(String),
     /// There is no such build, or it ended more than ten minutes ago.
@@ -58,14 +58,16 @@ pub enum PlannerError {
         "{0} builds that this client asked for are already running or waiting, the maximum (--max-builds-per-client)"
     )]
     TooManyBuildsOfClient(usize),
-    /// A client would cancel a build that it has not asked for.
+    /// A client tried to cancel a build that it has not asked for.
     #[error(
-        "this client has not asked for build {0}, or has cancelled it already: only clients that wait for it, or an admin, may cancel it"
+        "this client has not asked for build {0}, or has cancelled it already: \
+         only clients that wait for it, or an admin, may cancel it"
     )]
     NotRequester(String),
-    /// The caller requires another policy than the service proves edges with.
+    /// The caller requires a policy that the service does not have.
     #[error(
-        "this planner proves edges with the policy {name} ({hash}), not with {wanted}: start the planner and the workers with the same --model"
+        "this planner proves edges with the policy {name} ({hash}), not with {wanted}: \
+         start the planner and the workers with the same --model"
     )]
     OtherPolicy {
         /// Beginning of the hash that the caller requires.
@@ -84,8 +86,8 @@ pub enum PlannerError {
     /// A layer is invalid.
     #[error("layer: {0}")]
     Layer(#[from] LayerError),
-    /// The layers were changed since the revision that the caller knows.
-    #[error("somebody else has changed the layers of this level: read them with GetLayers, then try again")]
+    /// The layers are of another revision than the caller requires.
+    #[error("the layers of this level have changed: read them with GetLayers, then try again")]
     LayersChanged,
     /// A request id was used for another request.
     #[error("request_id `{0}` was used for a different request: choose another id")]
@@ -93,7 +95,7 @@ pub enum PlannerError {
     /// The stored answer of a call cannot be read.
     #[error("the answer to an earlier call with this request_id cannot be read")]
     BadReceipt,
-    /// The change of layers asks for more than one call or level may have.
+    /// The change exceeds what one call or level may have.
     #[error("{field} has {found} {what}; at most {limit} are allowed in {scope}")]
     TooManyEdits {
         /// Field of the request.
@@ -109,7 +111,8 @@ pub enum PlannerError {
     },
     /// A start or goal lies far outside the map.
     #[error(
-        "{field} is ({:.1}, {:.1}, {:.1}), more than {MARGIN_M} m outside the map, which reaches from 0 to ({}, {}, {})",
+        "{field} is ({:.1}, {:.1}, {:.1}), more than {MARGIN_M} m outside the map, \
+         which reaches from 0 to ({}, {}, {})",
         point.x, point.y, point.z, extent.x, extent.y, extent.z
     )]
     OutsideMap {
@@ -120,7 +123,7 @@ pub enum PlannerError {
         /// Size of the map, m.
         extent: Vec3,
     },
-    /// The level's layers cannot be read, and without them plans could use edges that designers forbid.
+    /// The layers of the level cannot be read. Without them, plans could use forbidden edges.
     #[error("no plans are made on this level, because its layers cannot be read: {0}")]
     LayersUnreadable(String),
     /// Layers or reports cannot be read or stored.
@@ -131,12 +134,12 @@ pub enum PlannerError {
         /// Why it failed.
         reason: String,
     },
-    /// The store that planners share cannot be reached now.
-    #[error("{what}, because the store cannot be reached now: {reason}")]
+    /// The shared store is unavailable.
+    #[error("{what}, because the store is unavailable: {reason}")]
     StoreUnavailable {
         /// What failed.
         what: &'static str,
-        /// Why it cannot be reached.
+        /// Why it is unavailable.
         reason: String,
     },
     /// A build of another planner failed.
@@ -161,7 +164,7 @@ impl PlannerError {
         move |error| Self::Lost { what, reason: error.to_string() }
     }
 
-    /// Converts a failure of the store; `what` says what failed.
+    /// Converts a failure of the store; `what` names what cannot be done.
     pub(crate) fn store(what: &'static str) -> impl FnOnce(StoreError) -> Self {
         move |error| match error.kind {
             StoreErrorKind::Unavailable => Self::StoreUnavailable { what, reason: error.to_string() },

@@ -1,7 +1,8 @@
-//! Steps of a build at which a test ends or stops the process, as a crash or a starved machine would: `SUREFOOT_ABORT_AT` and
-//! `SUREFOOT_STOP_AT` name a step. Steps do nothing without the feature `failpoints`, which only the tests of fleets enable.
+//! Steps of a build at which a test ends or stops the process, as a crash or a starved machine would:
+//! `SUREFOOT_ABORT_AT` and `SUREFOOT_STOP_AT` name a step. Without the feature `failpoints`, which only tests of
+//! fleets enable, steps do nothing.
 
-/// Marks a step. With `SUREFOOT_STOP_AT`, the process goes on when it gets the signal CONT.
+/// Marks a step. After `SUREFOOT_STOP_AT`, the signal CONT resumes the process.
 #[cfg(feature = "failpoints")]
 pub fn failpoint(step: &str) {
     use std::ffi::OsString;

@@ -23,7 +23,7 @@ pub struct Summary {
     pub vertices: usize,
     /// Number of edges.
     pub edges: usize,
-    /// Number of these that have not been tried yet, because the build is still running.
+    /// Number of edges that have not been tried, because the build is still running.
     pub expected_edges: usize,
     /// Number of islands (strongly connected components).
     pub islands: u32,
@@ -33,7 +33,7 @@ pub struct Summary {
     pub traversals: u64,
     /// Number of edits in all layers.
     pub edits: usize,
-    /// Number of these edits that could not be applied.
+    /// Number of edits that could not be applied.
     pub unapplied_edits: usize,
 }
 
@@ -52,7 +52,7 @@ impl Summary {
         }
     }
 
-    /// The same with the edits of these layers.
+    /// Adds the edits of these layers.
     pub fn with_edits(self, layers: &[Layer], unapplied_edits: usize) -> Self {
         Self { edits: layers.iter().map(|layer| layer.edits.len()).sum(), unapplied_edits, ..self }
     }

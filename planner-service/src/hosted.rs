@@ -2,43 +2,26 @@
 
 use crate::error::PlannerError;
 use crate::figures::{Figures, Summary};
+use crate::layers::Revision;
 use crate::origin::{MARGIN_M, Origin};
 use crate::probe_cache::ProbeCache;
 use crate::replicas::Report;
 use parking_lot::{Mutex, RwLock};
 use std::collections::BTreeSet;
-use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
 use surefoot_planner::live::{Counts, LiveEvidence, Reported, Reporter, Traversal};
-use surefoot_planner::store::{Call, LevelId, Receipt, encode_layer};
+use surefoot_planner::store::{Call, LevelId, Receipt};
 use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, Traffic, VertexId};
 use surefoot_world::Vec3;
 use tokio::sync::watch;
 
-/// Largest number of traversals that wait to be stored; what comes while there are more counts here only.
+/// Largest number of traversals that wait to be stored. Further ones count only in this process.
 const MAX_UNSENT: usize = 1 << 16;
 
-/// Revision of a level's layers: a hash of their content, so that equal layers have equal revisions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Revision(pub NonZeroU64);
-
-impl Revision {
-    /// Returns the revision of these layers.
-    pub fn of(layers: &[Layer]) -> Self {
-        let mut hasher = blake3::Hasher::new();
-        for layer in layers {
-            // Each encoded layer begins with its checksum, so different lists of layers have different encodings.
-            hasher.update(&encode_layer(layer));
-        }
-        let first = hasher.finalize().as_bytes().first_chunk().copied().expect("32 bytes");
-        Self(NonZeroU64::new(u64::from_le_bytes(first)).unwrap_or(NonZeroU64::MIN))
-    }
-}
-
-/// Where a graph in memory came from.
+/// Origin of a graph in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Provenance {
     /// A build that has ended.
@@ -54,22 +37,23 @@ pub enum Provenance {
 /// A graph in memory.
 #[derive(Debug)]
 pub struct Hosted {
-    /// Where the graph comes from, and what editing and searching it needs.
+    /// Map, body and settings of the graph, and what editing and searching it needs.
     pub origin: Origin,
     /// Statistics of the build.
     pub stats: BuildStats,
-    /// Where the graph came from.
+    /// How the graph came into memory.
     pub provenance: Provenance,
     proved: NavGraph,
     view: RwLock<Arc<View>>,
-    /// Shared with the graphs of the same build that came before.
+    /// Shared with the earlier graphs of the same build.
     live: Arc<Mutex<LiveEvidence>>,
-    /// Reports that are not stored yet; their traversals are part of `live`.
+    /// Reports that are not stored yet. Their traversals are part of `live`.
     unsent: Arc<Mutex<Vec<Report>>>,
     /// Held while evidence is exchanged with other planners.
     exchanging: Mutex<()>,
     probes: Arc<ProbeCache>,
-    /// Held while a new view is made and while live evidence is stored, so that neither is overwritten by an older one.
+    /// Held while a new view is made and while live evidence is stored, so that an older one never replaces a newer
+    /// one.
     updating: Mutex<()>,
     /// Whether an exchange of evidence is scheduled.
     pub exchange_is_due: AtomicBool,
@@ -91,13 +75,13 @@ struct View {
     layers: Vec<Layer>,
     revision: Revision,
     connected: f64,
-    /// Why no plans are made on the graph: its layers cannot be read.
+    /// Why the graph refuses plans: its layers cannot be read.
     refusal: Option<PlannerError>,
-    /// Costs of edges that have changed since the router was made. The lock is held for moments: a search has a snapshot of its own.
+    /// Costs of edges that have changed since the router was made. A search uses a snapshot: the lock is held briefly.
     repriced: RwLock<Arc<EdgeCosts>>,
 }
 
-/// A proved graph with layers applied to it, which no plans use yet.
+/// A proved graph with layers applied to it, before plans use it.
 #[derive(Debug)]
 pub struct Prepared {
     edited: Edited,
@@ -107,8 +91,9 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Applies the layers of a level to a proved graph, with probes that are not among `probes`. If the layers could not be read,
-    /// the graph stays as it was proved and refuses plans with that error. `None` if `progress` was cancelled.
+    /// Applies the layers of a level to a proved graph; runs only probes that `probes` does not have. If the layers
+    /// could not be read, the graph stays as it was proved and refuses plans with that error. Returns `None` if
+    /// `progress` was cancelled.
     pub fn new(
         origin: &Origin,
         proved: &NavGraph,
@@ -123,18 +108,18 @@ impl Prepared {
     }
 }
 
-/// What graphs of one build have in common: live evidence, what edits found out about the map, and those who watch.
+/// What the graphs of one build share: live evidence, results of edits, and watchers.
 #[derive(Debug, Default)]
 pub struct CarriedOver {
     live: Arc<Mutex<LiveEvidence>>,
     unsent: Arc<Mutex<Vec<Report>>>,
-    /// Those of the layers.
+    /// Results of edits.
     pub probes: Arc<ProbeCache>,
     changes: watch::Sender<()>,
 }
 
 impl CarriedOver {
-    /// Begins with live evidence.
+    /// Starts with live evidence.
     pub fn of(live: LiveEvidence) -> Self {
         Self { live: Arc::new(Mutex::new(live)), ..Self::default() }
     }
@@ -169,9 +154,9 @@ impl Hosted {
         }
     }
 
-    /// What the next graph of the same build takes over from this one.
+    /// What the next graph of the same build takes over.
     pub fn carry_over(&self) -> CarriedOver {
-        // In the next graph, the indices of vertices that layers add may be those of others.
+        // Layers may give other vertices these indices in the next graph.
         self.live.lock().keep_below(self.proved.vertex_count());
         CarriedOver {
             live: self.live.clone(),
@@ -198,8 +183,7 @@ impl Hosted {
 
     /// Checks that the graph may be used for plans.
     ///
-    /// # Errors
-    /// If its layers could not be read, so that edges that designers forbid are not known.
+    /// If its layers could not be read, so that forbidden edges are unknown.
     pub fn check_layers(&self) -> Result<(), PlannerError> {
         self.view().refusal.clone().map_or(Ok(()), Err)
     }
@@ -247,15 +231,16 @@ impl Hosted {
         view.router.find_path_at(query, &view.costs())
     }
 
-    /// Finds plans at current costs for NPCs that get in each other's way.
+    /// Finds plans at current costs for NPCs that obstruct each other.
     pub fn plans_in(&self, traffic: &mut Traffic, queries: &[Query]) -> Vec<Plan> {
         let view = self.view();
         let costs = view.costs();
         queries.iter().map(|query| view.router.find_path_in(traffic, query, &costs)).collect()
     }
 
-    /// Adds traversals to the live evidence and reprices their edges. Returns the number of traversals along edges that the
-    /// graph has. Those of a `call` are stored with its receipt by the next exchange or [`store_live`](Self::store_live).
+    /// Adds traversals to the live evidence and reprices their edges. Returns the number of traversals along edges
+    /// that the graph has. With a `call`, the next exchange or [`store_live`](Self::store_live) stores them with its
+    /// receipt.
     pub fn report(&self, reporter: &Reporter, traversals: &[Traversal], call: Option<Call>) -> u32 {
         let view = self.view();
         let mut live = self.live.lock();
@@ -274,8 +259,8 @@ impl Hosted {
         accepted
     }
 
-    /// Notes a report that is to be stored, with its traversals along edges that were proved. What layers add may be something else for
-    /// other planners.
+    /// Queues a report to be stored, with its traversals along proved edges. Edges that layers add may differ in other
+    /// planners.
     fn store_later(&self, call: Call, accepted: u32, reporter: &Reporter, traversals: &[Traversal]) {
         let count = self.proved.vertex_count();
         let is_proved = |traversal: &&Traversal| traversal.edge.from.idx().max(traversal.edge.to.idx()) < count;
@@ -288,16 +273,15 @@ impl Hosted {
         }
     }
 
-    /// Whether there are traversals that other planners have not been told of.
+    /// Whether reports wait to be stored.
     pub fn has_unsent(&self) -> bool {
         !self.unsent.lock().is_empty()
     }
 
-    /// Tells other planners with `send` of the traversals that they do not know, and goes on with the evidence of all that `read` returns.
-    /// Costs change at once. Returns whether any has.
+    /// Stores unsent reports with `send`, then takes over the evidence of all planners that `read` returns. Costs
+    /// change at once. Returns whether any has changed.
     ///
-    /// # Errors
-    /// Those of `send` and `read`; what was not sent then is sent by the next exchange.
+    /// Those of `send` and `read`. The next exchange sends what was not sent.
     pub fn exchange<E>(
         &self,
         send: impl FnOnce(&[Report]) -> Result<(), E>,
@@ -329,7 +313,7 @@ impl Hosted {
         Ok(has_changed)
     }
 
-    /// Forgets traversals that other planners have not been told of, if reporters of this name reported them.
+    /// Drops unsent reports of reporters with this name.
     pub fn drop_unsent(&self, name: &str) {
         let _turn = self.exchanging.lock();
         let is_other = |report: &Report| report.counts.iter().all(|counts| counts.reporter.name != name);
@@ -341,7 +325,7 @@ impl Hosted {
         while !self.try_refresh() {}
     }
 
-    /// Returns whether nobody else has made a new router meanwhile.
+    /// Returns false if another thread made a new view meanwhile.
     fn try_refresh(&self) -> bool {
         let view = self.view();
         let live = self.live.lock().clone();
@@ -367,17 +351,17 @@ impl Hosted {
         is_latest
     }
 
-    /// Whether plans take longer than they would with hub labels.
+    /// Whether hub labels would make plans faster.
     pub fn wants_labels(&self) -> bool {
         !self.is_interim() && self.view().router.wants_labels()
     }
 
-    /// Prepares hub labels for the graph as it is now; plans are made meanwhile.
+    /// Prepares hub labels for the graph as it is now. Plans are made meanwhile.
     pub fn prepare_labels(&self) {
         self.view().router.prepare_labels(self.origin.thread_count);
     }
 
-    /// Applies layers to the proved graph without using the result for plans yet, which [`apply`](Self::apply) does. `None` if
+    /// Applies layers to the proved graph. Plans use the result after [`apply`](Self::apply). Returns `None` if
     /// `progress` was cancelled.
     pub fn prepare(&self, layers: Result<Vec<Layer>, PlannerError>, progress: &Arc<Progress>) -> Option<Prepared> {
         Prepared::new(&self.origin, &self.proved, &self.probes, layers, progress)
@@ -388,7 +372,7 @@ impl Hosted {
         let _updating = self.updating.lock();
         let live = {
             let mut live = self.live.lock();
-            // Vertices that layers add may now have other indices.
+            // Layers may have given other vertices these indices.
             live.keep_below(self.proved.vertex_count());
             live.clone()
         };
@@ -397,7 +381,7 @@ impl Hosted {
         self.announce();
     }
 
-    /// Calls `store` with the live evidence so far and the receipts of the calls that reported it, unless they are stored. Calls do not
+    /// Calls `store` with the live evidence so far and the receipts of the calls that reported it. Calls do not
     /// overlap, so that the latest evidence is stored last.
     ///
     /// # Errors
@@ -414,24 +398,24 @@ impl Hosted {
         Ok(())
     }
 
-    /// Returns what each reporter's traversals amount to.
+    /// Returns the number of traversals and failures of each reporter.
     pub fn reports(&self) -> Vec<Reported> {
         self.live.lock().reports()
     }
 
-    /// Forgets the traversals that reporters of this name reported. Returns their number. Plans use them until the next
-    /// [`refresh`](Self::refresh).
+    /// Forgets the traversals that reporters of this name reported. Returns their number. Plans use them until the
+    /// next [`refresh`](Self::refresh).
     pub fn drop_reports(&self, name: &str) -> u64 {
         self.live.lock().drop_reports(name)
     }
 
-    /// Returns the layers, and those of their edits that could not be applied.
+    /// Returns the layers, and the edits that could not be applied.
     pub fn layers(&self) -> (Vec<Layer>, Vec<Unapplied>) {
         let view = self.view();
         (view.layers.clone(), view.edited.unapplied.clone())
     }
 
-    /// Calls `read` with the graph that plans use: with layers and live evidence applied.
+    /// Calls `read` with the graph that plans use, layers and live evidence applied.
     pub fn with_graph<T>(&self, read: impl FnOnce(&NavGraph) -> T) -> T {
         read(self.view().router.graph())
     }
@@ -455,7 +439,7 @@ impl Hosted {
         self.figures_with(summary.with_edits(&view.layers, view.edited.unapplied.len()))
     }
 
-    /// Returns what the figures will be, the edits that will not be applied, and the revision once a prepared graph is in use.
+    /// Returns the figures, unapplied edits and revision that a prepared graph will have.
     pub fn preview(&self, prepared: &Prepared) -> (Figures, Vec<Unapplied>, Revision) {
         let Prepared { edited, layers, connected, .. } = prepared;
         let mut live = self.live.lock().clone();
@@ -475,7 +459,7 @@ impl Hosted {
     }
 }
 
-/// A graph with the changes that designers made to it.
+/// A graph with the changes by designers.
 #[derive(Debug, Clone, Copy)]
 pub struct GraphView<'a> {
     /// The graph that plans use.
@@ -501,7 +485,7 @@ impl View {
         }
     }
 
-    /// Costs of edges that have changed since the router was made, as they are now.
+    /// Returns the current costs of edges that have changed since the router was made.
     fn costs(&self) -> Arc<EdgeCosts> {
         self.repriced.read().clone()
     }

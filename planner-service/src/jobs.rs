@@ -1,5 +1,5 @@
-//! Builds as clients see them: operations with an id that clients start, watch, list and cancel. A build continues when nobody
-//! watches it.
+//! Builds as clients see them: operations with an id that clients start, watch, list and cancel. A build continues
+//! when no client watches it.
 
 use crate::config::PlannerConfig;
 use crate::error::PlannerError;
@@ -21,12 +21,12 @@ const KEPT_FOR: Duration = Duration::from_secs(600);
 /// Maximum number of ended builds that are listed; the oldest are removed first.
 const MAX_ENDED: usize = 256;
 
-/// Longest wait until other planners know of a build.
+/// Longest wait for a new build to be posted to other planners.
 const KNOWN_WITHIN: Duration = Duration::from_secs(1);
-/// Bits of a build's id that tell planners apart.
+/// Bits of a build id that identify the planner.
 const SITE_BITS: u32 = 12;
 
-/// Identifies a build, also among those of planners that share a store.
+/// Id of a build, unique among planners that share a store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BuildId(u64);
 
@@ -41,7 +41,7 @@ impl BuildId {
         Self(bits)
     }
 
-    /// Parses 16 lower-case hexadecimal digits, as [`Display`](fmt::Display) writes them; `None` if `text` is anything else.
+    /// Parses 16 lower-case hexadecimal digits, as [`Display`](fmt::Display) writes them; `None` for any other text.
     pub fn parse(text: &str) -> Option<Self> {
         let is_ours = text.len() == 16 && text.bytes().all(|digit| matches!(digit, b'0'..=b'9' | b'a'..=b'f'));
         u64::from_str_radix(text, 16).ok().filter(|_| is_ours).map(Self)
@@ -95,7 +95,7 @@ pub struct BuildResult {
 struct State {
     /// All phases so far, the current one last.
     phases: Vec<BuildPhase>,
-    /// Whether other planners have been told of the build, or cannot be.
+    /// Whether the build is posted to other planners, or need not be.
     is_known: bool,
     /// The graph, once plans can be made on it.
     usable: Option<GraphId>,
@@ -118,9 +118,9 @@ pub struct Job {
     pub started: SystemTime,
     /// Probes that are done and to be done, and the request to cancel.
     pub progress: Arc<Progress>,
-    /// Whether this planner runs the build, rather than follow that of another one.
+    /// Whether this planner runs the build; otherwise it follows the build of another planner.
     pub(crate) is_ours: AtomicBool,
-    /// Whether others have been told how the build has ended.
+    /// Whether the end of the build is posted to other planners.
     pub(crate) is_end_posted: AtomicBool,
     requesters: Mutex<Requesters>,
     state: watch::Sender<State>,
@@ -133,7 +133,7 @@ pub(crate) const SERVICE: &str = "";
 #[derive(Debug, Default)]
 struct Requesters {
     names: BTreeSet<String>,
-    /// Number of clients that have withdrawn by way of other planners, so far as this one has taken note of it.
+    /// Number of withdrawals through other planners that have been applied.
     noted: usize,
 }
 
@@ -165,7 +165,7 @@ impl Job {
         phases
     }
 
-    /// Adds [`BuildPhase::Probes`] once probes have begun. The builder only counts probes; it does not know phases.
+    /// Adds [`BuildPhase::Probes`] once probes have begun. The builder counts probes and knows no phases.
     fn note_probes(&self, phases: &mut Vec<BuildPhase>) {
         if phases.last() == Some(&BuildPhase::Vertices) && self.progress.total.load(Ordering::Relaxed) > 0 {
             phases.push(BuildPhase::Probes);
@@ -186,19 +186,19 @@ impl Job {
     pub fn changes(&self) -> impl Future<Output = ()> + Send + 'static {
         let mut changes = self.state.subscribe();
         async move {
-            // An error means that the job was dropped: nothing changes any more.
+            // An error means that the job was dropped.
             let _ = changes.changed().await;
         }
     }
 
-    /// Resolves when other planners know of the build, or cannot be told for now.
+    /// Resolves when the build is posted to other planners, or need not be.
     pub(crate) async fn known(&self) {
         let mut changes = self.state.subscribe();
-        // An error means that the job was dropped. If the store is away, others learn of the build later.
+        // An error means that the job was dropped. While the store is unavailable, the build is posted later.
         let _ = tokio::time::timeout(KNOWN_WITHIN, changes.wait_for(|state| state.is_known)).await;
     }
 
-    /// Notes that other planners know of the build, or cannot be told.
+    /// Notes that the build is posted, or need not be.
     pub(crate) fn note_known(&self) {
         self.state.send_modify(|state| state.is_known = true);
     }
@@ -220,7 +220,7 @@ impl Job {
         }
     }
 
-    /// Returns whether the build has been cancelled; it may take a moment to stop.
+    /// Whether the build has been cancelled. It may take a moment to stop.
     pub(crate) fn is_cancelled(&self) -> bool {
         self.progress.cancel.load(Ordering::Relaxed)
     }
@@ -236,7 +236,7 @@ impl Job {
         self.requesters.lock().names.insert(client.to_owned());
     }
 
-    /// Takes over who waits for the build of another planner, and how many have withdrawn there.
+    /// Takes over the requesters of a build of another planner, and the number of its withdrawals.
     pub(crate) fn take_requesters(&self, names: &[String], withdrawn_count: usize) {
         let names = names.iter().cloned().collect();
         *self.requesters.lock() = Requesters { names, noted: withdrawn_count };
@@ -247,10 +247,9 @@ impl Job {
         self.requesters.lock().names.iter().cloned().collect()
     }
 
-    /// Removes those whom `caller` may speak for from the clients that wait. If none is left, the build is cancelled.
+    /// Removes the requesters that `caller` may speak for. If none is left, the build is cancelled.
     ///
-    /// # Errors
-    /// If `caller` speaks for none of them.
+    /// If `caller` speaks for none of the requesters.
     pub(crate) fn withdraw(&self, caller: &Caller) -> Result<(), PlannerError> {
         let is_last = {
             let names = &mut self.requesters.lock().names;
@@ -267,7 +266,7 @@ impl Job {
         Ok(())
     }
 
-    /// Notes the clients that have withdrawn through other planners, in their order.
+    /// Applies the withdrawals through other planners, in their order.
     pub(crate) fn note_withdrawn(&self, withdrawn: &[String]) {
         let is_last = {
             let Requesters { names, noted } = &mut *self.requesters.lock();
@@ -295,14 +294,14 @@ impl Job {
         }
     }
 
-    /// Counts probes from 0, since what another planner had done of the graph is lost. The phase remains.
+    /// Restarts the count of probes, since the work of another planner is lost. The phase remains.
     pub(crate) fn forget_probes(&self) {
         self.state.send_modify(|state| self.note_probes(&mut state.phases));
         self.progress.done.store(0, Ordering::Relaxed);
         self.progress.total.store(0, Ordering::Relaxed);
     }
 
-    /// Notes that plans can be made on the graph although the build goes on.
+    /// Notes that plans can be made on the interim graph.
     pub(crate) fn note_usable(&self, graph: GraphId) {
         self.state.send_modify(|state| state.usable = Some(graph));
     }
@@ -332,19 +331,18 @@ impl Job {
 /// All builds of a service: those that are running or waiting, and those that ended recently.
 #[derive(Debug)]
 pub struct Jobs {
-    /// Distinguishes ids from those of other planners.
+    /// Distinguishes ids of planners that share a store.
     site: u64,
     jobs: Mutex<BTreeMap<BuildId, Arc<Job>>>,
 }
 
 impl Jobs {
-    /// No builds yet; ids contain `site`.
+    /// Creates an empty list. Ids contain `site`.
     pub fn new(site: u64) -> Self {
         Self { site: site & ((1 << SITE_BITS) - 1), jobs: Mutex::default() }
     }
 
-    /// Returns the build of this graph that is running or waiting, or adds a new one. The second value says whether the build is
-    /// new.
+    /// Returns the open build of this graph, or adds one. The second value says whether the build is new.
     ///
     /// # Errors
     /// If as many builds as `limits` allow are already running or waiting.
@@ -380,7 +378,7 @@ impl Jobs {
         Ok((job, true))
     }
 
-    /// Adds a build of another planner, or returns the one with this id that is already here. The second value says whether the build is
+    /// Adds a build of another planner, or returns the one with this id. The second value says whether the build is
     /// new.
     pub(crate) fn follow(
         &self,

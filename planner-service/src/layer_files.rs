@@ -1,8 +1,8 @@
 //! The layers of designers on disk: one file for each layer, in a folder for each level.
 //!
-//! Layers are user data that nothing can rebuild. Each is written to a new file that then replaces the old one, so that a full
-//! disk or a power failure leaves the old layer; one damaged file does not affect other layers. Files begin with a checksum. A
-//! file that cannot be decoded is kept and reported.
+//! Layers are user data that nothing can rebuild. Each is written to a new file that replaces the old one, so that a
+//! full disk or a power failure leaves the old layer. One damaged file does not affect other layers. Files begin with
+//! a checksum. A file that cannot be decoded is kept and reported.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -133,8 +133,8 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     durable::replace(path, bytes)
 }
 
-/// Returns the name as part of a file name: lower-case letters, digits, `-` and `_` stand for themselves, so that no two names
-/// differ only in their case.
+/// Returns the name as part of a file name: lower-case letters, digits, `-` and `_` stand for themselves, so that no
+/// two names differ only in case.
 fn escape(name: &[u8]) -> String {
     let is_plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"-_".contains(&byte);
     name.iter()

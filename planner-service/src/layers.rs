@@ -1,18 +1,21 @@
-//! Changes of layers. A change is applied to copies of all graphs of the level first, which may take many probes; then it is stored
-//! and published at once, unless the layers have changed in the meantime.
+//! Changes of layers. A change is applied to copies of all graphs of the level first, which may take many probes. Then
+//! it is stored and applied at once, unless the layers have changed in the meantime.
 
 use crate::error::PlannerError;
 use crate::graphs::GraphCache;
-use crate::hosted::{Hosted, Prepared, Revision};
+use crate::hosted::{Hosted, Prepared};
 use crate::stores::PlannerStores;
 use crate::wire;
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::HashMap;
+use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Weak};
 use surefoot_net::serving::Shutdown;
 use surefoot_planner::edits::{Edit, Layer};
-use surefoot_planner::store::{Call, LevelId, LevelLayers, MAX_ANSWER_BYTES, Receipt, StoreError, StoreErrorKind};
+use surefoot_planner::store::{
+    Call, LevelId, LevelLayers, MAX_ANSWER_BYTES, Receipt, StoreError, StoreErrorKind, encode_layer,
+};
 use surefoot_planner::{BuildError, Progress};
 use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
@@ -20,12 +23,30 @@ use tracing::warn;
 
 /// Maximum number of layers of a level.
 pub const MAX_LAYERS: usize = 64;
-/// Maximum number of new edits in one call that add or move vertices, each of which takes probes along up to 24 candidate edges.
+/// Maximum number of new edits in one call that add or move vertices. Each takes probes along up to 24 candidate
+/// edges.
 pub const MAX_PROBED_EDITS: usize = 256;
 /// Maximum number of edits in all layers of a level that add or move vertices.
 pub const MAX_PROBED_EDITS_OF_LEVEL: usize = 4096;
-/// Number of times that a change is applied anew because others have changed the layers in the meantime.
+/// Number of times that a change is tried while other calls change the layers.
 const MAX_ATTEMPTS: usize = 4;
+
+/// Revision of a level's layers: a hash of their content, so that equal layers have equal revisions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Revision(pub NonZeroU64);
+
+impl Revision {
+    /// Returns the revision of these layers.
+    pub fn of(layers: &[Layer]) -> Self {
+        let mut hasher = blake3::Hasher::new();
+        for layer in layers {
+            // Each encoded layer begins with its checksum, so different lists of layers have different encodings.
+            hasher.update(&encode_layer(layer));
+        }
+        let first = hasher.finalize().as_bytes().first_chunk().copied().expect("32 bytes");
+        Self(NonZeroU64::new(u64::from_le_bytes(first)).unwrap_or(NonZeroU64::MIN))
+    }
+}
 
 /// A change of one layer.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,7 +66,7 @@ impl LayerChange {
         }
     }
 
-    /// Returns the edits that the change brings.
+    /// Returns the new edits.
     fn edits(&self) -> &[Edit] {
         match self {
             LayerChange::Put(Layer { edits, .. }) | LayerChange::Append(_, edits) => edits,
@@ -112,7 +133,7 @@ fn probed_count(edits: &[Edit]) -> usize {
     edits.iter().filter(|edit| edit.is_probed()).count()
 }
 
-/// Checks the limits of a level. One that was over a limit before may shrink.
+/// Checks the limits of a level. A level beyond a limit may shrink.
 fn check_level(before: &[Layer], after: &LevelLayers) -> Result<(), PlannerError> {
     let layers = after.layers.len() + after.damaged.len();
     if layers > MAX_LAYERS && after.layers.len() > before.len() {
@@ -138,7 +159,7 @@ fn check_level(before: &[Layer], after: &LevelLayers) -> Result<(), PlannerError
     Ok(())
 }
 
-/// Cancels probes when it is dropped, as happens when the caller goes away.
+/// Cancels probes when it is dropped, as it is when the caller disconnects.
 struct CancelOnDrop(Arc<Progress>);
 
 impl Drop for CancelOnDrop {
@@ -147,7 +168,7 @@ impl Drop for CancelOnDrop {
     }
 }
 
-/// A change that a call asks for.
+/// A change, and the call that asks for it.
 struct WantedChange {
     hosted: Arc<Hosted>,
     if_revision: Option<Revision>,
@@ -156,8 +177,8 @@ struct WantedChange {
     progress: Arc<Progress>,
 }
 
-/// The answer to a change after which `hosted` is as it is prepared, and the receipt of the `call`. If the answer is long, the one in the
-/// receipt lacks the edits that could not be applied.
+/// Returns the answer to a change and the receipt of its `call`. The receipt of a long answer lacks the edits that
+/// could not be applied.
 fn answer_of(hosted: &Hosted, prepared: &Prepared, call: Option<&Call>) -> (Vec<u8>, Option<Receipt>) {
     let (figures, unapplied, revision) = hosted.preview(prepared);
     let answer = wire::changed(&figures, &unapplied, revision);

@@ -1,4 +1,4 @@
-//! Where a graph comes from: its map, body, settings and policy, and the level that its layers belong to.
+//! Where a graph comes from: its map, body, settings and policy, and the level of its layers.
 
 use surefoot_net::levels::{BaseMap, MapSource};
 use surefoot_planner::edits::Edited;
@@ -8,7 +8,7 @@ use surefoot_planner::{BuildSettings, GraphId, Router};
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, Vec3};
 
-/// Distance from the map within which starts and goals may lie, m: characters fall and fly out of it.
+/// Distance from the map within which starts and goals may lie, m: characters fall and fly out of maps.
 pub const MARGIN_M: f32 = 50.0;
 
 /// Where a graph comes from, and what editing and searching it needs.
@@ -35,8 +35,8 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Returns the level that layers belong to. An imported level is identified by its name, so that its layers outlive changes
-    /// of its map; a generated map, by its spec.
+    /// Returns the level that layers belong to. The name of an imported level identifies it, so that its layers
+    /// outlive changes of its map; the spec identifies a generated map.
     pub fn level(&self) -> LevelId {
         match self.source.base() {
             BaseMap::Spec(spec) => LevelId::of_spec(spec),

@@ -1,5 +1,5 @@
-//! What edits of a graph's vertices have found out about the map: where characters stand, and the evidence of candidate edges. It
-//! is remembered, so that a further edit costs only its own probes and none if it adds and moves no vertices.
+//! What edits of the vertices of a graph have proved: where characters stand, and the evidence of candidate edges. A
+//! further edit costs only its own probes, and none if it adds and moves no vertices.
 
 use crate::origin::Origin;
 use parking_lot::Mutex;
@@ -13,7 +13,7 @@ use surefoot_rollout::graphs;
 use surefoot_rollout::probe::ProbeContext;
 use surefoot_world::Vec3;
 
-/// Number of entries beyond which those that the latest edit does not need are forgotten.
+/// Maximum number of entries. Then those that the latest edit does not need are dropped.
 const MAX_ENTRIES: usize = 1 << 17;
 
 /// A position by its bits.
@@ -33,7 +33,7 @@ impl ProbeCache {
     }
 }
 
-/// The map of a graph, generated when an edit first needs something that is not remembered.
+/// The map of a graph, generated when an edit needs a result that is not cached.
 struct LazyTerrain<'a> {
     origin: &'a Origin,
     progress: &'a Arc<Progress>,

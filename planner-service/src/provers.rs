@@ -1,4 +1,4 @@
-//! Who runs the probes of builds: this process by itself ([`Embedded`], the default), or others that share its work.
+//! What runs the probes of builds: this process alone ([`Embedded`], the default), or processes that share its work.
 
 use std::fmt;
 use surefoot_net::levels::MapSource;
@@ -7,7 +7,7 @@ use surefoot_rollout::probe::{InProcess, ProbeContext};
 
 /// Runs the probes of builds.
 pub trait Provers: fmt::Debug + Send + Sync {
-    /// Prepares the probes of one build. It may wait: call this from a thread that may block.
+    /// Prepares the probes of one build. Call this from a thread that may block.
     fn enlist(&self, work: ProbeWork) -> Box<dyn BuildProbes>;
 
     /// Further metrics of the planner, in Prometheus text format.
@@ -16,10 +16,10 @@ pub trait Provers: fmt::Debug + Send + Sync {
     }
 }
 
-/// The probes of one build: what they run with, and where that comes from.
+/// The inputs of the probes of one build.
 #[derive(Debug, Clone)]
 pub struct ProbeWork {
-    /// Source of the map, for those who have to make it.
+    /// Source of the map, for processes that have to generate it.
     pub source: MapSource,
     /// Map, character and policy.
     pub context: ProbeContext,
@@ -27,9 +27,9 @@ pub struct ProbeWork {
     pub thread_count: usize,
 }
 
-/// Runs the probes of one build. Whoever runs them, the outcomes are the same.
+/// Runs the probes of one build. Outcomes do not depend on which process runs them.
 pub trait BuildProbes: ProbeExecutor {
-    /// Why the build cannot go on, once the executor has given up without being cancelled.
+    /// Why the build cannot continue, once the executor has given up without being cancelled.
     fn failure(&self) -> Option<String> {
         None
     }

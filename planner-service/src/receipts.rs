@@ -1,8 +1,8 @@
-//! Receipts in the cache file: a call that carries a request id gets its first answer when it is repeated, also after a restart.
+//! Receipts in the cache file: a repeated call with a request id gets its first answer, also after a restart.
 //!
-//! Layers are files of their own, so a layer and its receipt are not one transaction. The receipt is written first, with the content that the
-//! layer is about to have ([`Expected`]): it counts once the layer has that content. When the file is opened, receipts whose layers never got
-//! theirs are dropped.
+//! Layers are files of their own, so a layer and its receipt are not one transaction. The receipt is written first,
+//! with the content that the layer will have ([`Expected`]). It counts once the layer has that content. When the file
+//! is opened, receipts whose layers never got it are dropped.
 
 use redb::{Error, ReadTransaction, ReadableTable, TableDefinition, TableError, WriteTransaction};
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ const RECEIPTS: TableDefinition<'static, (&'static str, &'static str), &'static 
 /// Client, microseconds since 1970 and request id of all receipts.
 const BY_AGE: TableDefinition<'static, (&'static str, u64, &'static str), ()> = TableDefinition::new("receipts by age");
 
-/// What a layer has once it is stored.
+/// The content of a layer once it is stored.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Expected {
     /// The level.
@@ -29,12 +29,12 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    /// What `layer` has once it is stored.
+    /// The content of `layer` once it is stored.
     pub fn of(level: &LevelId, layer: &Layer) -> Self {
         Self { level: level.0, layer: layer.name.clone(), content: content_of(Some(layer)) }
     }
 
-    /// Whether the layer of this name, if there is one, has it.
+    /// Whether the layer of this name, if there is one, has this content.
     pub fn is_met_by(&self, layer: Option<&Layer>) -> bool {
         self.content == content_of(layer)
     }
@@ -104,7 +104,7 @@ pub(crate) fn remove(transaction: &WriteTransaction, client: &str, id: &str) -> 
     Ok(())
 }
 
-/// Returns the receipt of a call, and what the layer that it is about must have for it to count.
+/// Returns the receipt of a call, and the content of its layer that it requires to count.
 pub(crate) fn get(
     transaction: &ReadTransaction,
     client: &str,
@@ -122,7 +122,7 @@ pub(crate) fn get(
     }))
 }
 
-/// Returns the receipts that are too old, for which nothing is expected, and those that a crash may have left open.
+/// Returns the receipts that are too old, and those that a crash may have left open, with what they require.
 pub(crate) fn unsettled(transaction: &ReadTransaction) -> Result<Vec<(Receipt, Option<Expected>)>, Error> {
     let table = match transaction.open_table(RECEIPTS) {
         Ok(table) => table,

@@ -9,22 +9,22 @@ use surefoot_planner::store::{LevelId, Receipt, StoreError};
 use surefoot_planner::{Built, GraphId};
 use tokio::sync::mpsc;
 
-/// The right to publish one graph. It is lost when the planner falls silent for its lease; a later one has a greater number.
+/// The right to publish one graph. A planner that does not renew its lease loses it. A later one has a greater number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Token(pub i64);
 
-/// Who builds a graph.
+/// Which planner builds a graph.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ClaimOutcome {
     /// This planner does.
     Ours(Token),
-    /// Nobody: the graph is in the store.
+    /// No planner: the graph is in the store.
     Published,
-    /// Another planner, which has come so far; `None` if it has not said.
+    /// Another planner; `None` if it has not posted a status.
     Theirs(Option<BuildStatus>),
 }
 
-/// How far a build has come.
+/// Status of a build.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BuildStatus {
     /// The phase.
@@ -42,15 +42,15 @@ pub struct Operation {
     pub id: BuildId,
     /// What is built: `wire::recipe` encodes it.
     pub recipe: Vec<u8>,
-    /// How far it has come.
+    /// Its status.
     pub status: BuildStatus,
     /// The graph, when it is done.
     pub graph: Option<GraphId>,
     /// Why it failed, if it did.
     pub failure: Option<Failure>,
-    /// The clients that its planner knows to wait for it.
+    /// The clients that wait for it, as its planner knows.
     pub requesters: Vec<String>,
-    /// Those that have withdrawn by way of other planners.
+    /// Withdrawals through other planners.
     pub withdrawals: Withdrawals,
     /// When it was requested.
     pub started: SystemTime,
@@ -58,21 +58,21 @@ pub struct Operation {
     pub is_ours: bool,
 }
 
-/// What clients have asked other planners about a build of this one.
+/// Withdrawals from a build through planners that do not run it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Withdrawals {
-    /// The clients that do not wait for it any more, in the order in which they said so.
+    /// The clients that no longer wait for it, in the order of their withdrawals.
     pub clients: Vec<String>,
     /// Whether it is cancelled for everybody.
     pub is_cancelled: bool,
 }
 
-/// How a planner stands among others.
+/// A planner among others that share its store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Standing {
-    /// Whether nobody can have taken over what it builds.
+    /// Whether it holds its lease, so that no other planner can have taken over its builds.
     pub holds_lease: bool,
-    /// Graphs that it did not publish, because their claims had been lost.
+    /// Number of graphs that were not published because their claims had been lost.
     pub stale_publishes: u64,
 }
 
@@ -81,20 +81,20 @@ pub struct Standing {
 pub struct Report {
     /// The call.
     pub receipt: Receipt,
-    /// What it reported of edges that were proved.
+    /// The traversals along proved edges.
     pub counts: Vec<Counts>,
 }
 
-/// Something that changed elsewhere.
+/// A change by another planner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum News {
-    /// A graph was published, or whoever built it gave up.
+    /// A graph was published, or its builder gave up.
     Graph(GraphId),
     /// The layers of a level have changed.
     Layers(LevelId),
     /// The live evidence of a graph has changed.
     Evidence(GraphId),
-    /// It is time to look for builds whose planners have died.
+    /// Builds whose planners have died may be taken over.
     Orphans,
     /// News may have been lost: anything may have changed.
     Everything,
@@ -102,88 +102,77 @@ pub enum News {
 
 /// What planners that share a store agree on. Calls block.
 pub trait Replicas: Send + Sync {
-    /// A number that tells the planners that run at a time apart.
+    /// A number that identifies this planner among those that run at the same time.
     fn site(&self) -> u64;
 
-    /// How this planner stands among the others.
+    /// Returns the lease and losses of this planner.
     fn standing(&self) -> Standing {
         Standing { holds_lease: true, stale_publishes: 0 }
     }
 
-    /// News of other planners, of whom this one is to take note; `None` after the first call.
+    /// Returns the changes by other planners; `None` after the first call.
     fn news(&self) -> Option<mpsc::Receiver<News>> {
         None
     }
 
-    /// Claims the build of a graph for `build`, unless the graph is in the store or another planner that lives has claimed it.
+    /// Claims the build of a graph for `build`, unless the graph is in the store or a living planner has claimed it.
     ///
-    /// # Errors
-    /// If the store is away, or this planner counts as dead at the moment.
+    /// # Errors If the store is unavailable, or the lease of this planner has expired.
     fn claim(&self, graph: &GraphId, build: BuildId) -> Result<ClaimOutcome, StoreError>;
 
-    /// Gives a claim up.
+    /// Releases a claim.
     fn release(&self, graph: &GraphId);
 
-    /// Stores a graph that this planner built, if its claim still holds; returns whether it does.
+    /// Stores a graph that this planner built, if its claim still holds. Returns whether it does.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn publish(&self, graph: &GraphId, token: Token, recipe: &[u8], built: &Built) -> Result<bool, StoreError>;
 
-    /// Returns how to make a graph that some planner has; `None` if none has.
+    /// Returns the recipe of a graph; `None` if no planner has the graph.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn recipe(&self, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError>;
 
-    /// Notes how to make a graph that is not stored itself, since it follows quickly from another.
+    /// Stores the recipe of a graph that is not stored itself, since it follows quickly from another.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn note_recipe(&self, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError>;
 
-    /// Tells the others of a build of this planner. Returns what clients have asked them about it.
+    /// Posts a build of this planner. Returns withdrawals through other planners.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn post(&self, operation: &Operation) -> Result<Withdrawals, StoreError>;
 
     /// Returns a build of any planner.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn operation(&self, id: BuildId) -> Result<Option<Operation>, StoreError>;
 
     /// Returns the builds of all planners that are running or waiting.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn open_operations(&self) -> Result<Vec<Operation>, StoreError>;
 
-    /// Tells the planner that runs a build which clients do not wait for it any more.
+    /// Notes withdrawals from a build for the planner that runs it.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn withdraw(&self, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError>;
 
-    /// Takes over builds whose planners have died, a few at a time.
+    /// Takes over a few builds whose planners have died.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn adopt(&self) -> Result<Vec<Operation>, StoreError>;
 
-    /// Adds to the live evidence of a graph what calls have reported, unless it has been added before.
+    /// Adds reports to the live evidence of a graph. A report that was added before is ignored.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn add_evidence(&self, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError>;
 
-    /// Removes the live evidence of a graph that reporters of this name reported.
+    /// Removes the live evidence that reporters of this name reported.
     ///
-    /// # Errors
-    /// If the store is away.
+    /// # Errors If the store is unavailable.
     fn drop_evidence(&self, graph: &GraphId, name: &str) -> Result<(), StoreError>;
 
-    /// Leaves: others take over at once.
+    /// Ends the lease, so that other planners take over at once.
     fn leave(&self) {}
 }

@@ -1,10 +1,10 @@
-//! The store on disk: one redb file with graphs and live evidence, the cache, and beside it a folder with the layers of designers
-//! (`layer_files`). The file also has the answers of calls that may be repeated (`receipts`).
+//! The store on disk: one redb file, the cache, with graphs, live evidence and receipts (`receipts`), and beside it a
+//! folder with the layers of designers (`layer_files`).
 //!
-//! A damaged graph is logged and treated as absent, so that it is built again. A damaged cache file is renamed, never over an
-//! earlier one, and replaced. Every other failure to open it ends the start, because the file may be whole: no permission, no
-//! space, another process, another format. The least recently used graphs are evicted to make room for others; layers are not
-//! part of the cache.
+//! A damaged graph is logged and treated as absent, so that it is built again. A damaged cache file is renamed, never
+//! over an earlier one, and replaced. Every other failure to open it ends the start, because the file may be intact:
+//! no permission, no space, another process, another format. The least recently used graphs are evicted to make room
+//! for others. Layers are not part of the cache.
 
 use crate::layer_files::LayerFiles;
 use crate::receipts::{self, Expected};
@@ -26,9 +26,9 @@ type Blobs = TableDefinition<'static, &'static [u8], &'static [u8]>;
 
 const GRAPHS: Blobs = TableDefinition::new("graphs");
 const LIVE: Blobs = TableDefinition::new("reports");
-/// Live evidence as it was before it named its reporters.
+/// Live evidence without reporters, as 0.1.0 stored it.
 const OLD_LIVE: Blobs = TableDefinition::new("live");
-/// Layers as they were kept before they had files of their own.
+/// Layers, as 0.1.0 stored them.
 const OLD_LAYERS: Blobs = TableDefinition::new("layers");
 /// For each graph: the number of its last use, counted over all graphs, and its size in bytes.
 const USES: TableDefinition<'static, &'static [u8], (u64, u64)> = TableDefinition::new("uses");
@@ -49,7 +49,7 @@ pub struct DiskStore {
 enum Refusal {
     /// The file is damaged.
     Damaged(String),
-    /// The file may be whole.
+    /// The file may be intact.
     Other(String),
 }
 
@@ -61,12 +61,14 @@ impl From<DatabaseError> for Refusal {
                 "another process has the file open: stop that process, or choose another cache folder".to_owned(),
             ),
             DatabaseError::UpgradeRequired(_) => Self::Other(format!(
-                "{text}: open it with the version of surefoot that wrote it, or move it away to begin with an empty cache"
+                "{text}: open it with the version of surefoot that wrote it, \
+                 or move it away to start with an empty cache"
             )),
             // redb does not tell a newer format from damage otherwise.
             DatabaseError::Storage(StorageError::Corrupted(reason)) if reason.contains("file format version") => {
                 Self::Other(format!(
-                    "a newer version of surefoot wrote the file ({reason}): use that version, or move the file away to begin with an empty cache"
+                    "a newer version of surefoot wrote the file ({reason}): use that version, \
+                     or move the file away to start with an empty cache"
                 ))
             }
             DatabaseError::Storage(StorageError::Corrupted(_)) => Self::Damaged(text),
@@ -81,13 +83,12 @@ impl From<DatabaseError> for Refusal {
 }
 
 impl DiskStore {
-    /// Opens or creates `graphs.redb` in `folder`, for graphs of about `limit_bytes` in total, and the folder `layers` beside it.
-    /// A damaged cache file is renamed to `graphs.redb.damaged` (or `.damaged-2`, and so on) and replaced by an empty one. Layers
-    /// that an earlier version kept in the cache file are moved to the folder.
+    /// Opens or creates `graphs.redb` in `folder`, for graphs of about `limit_bytes` in total, and the folder `layers`
+    /// beside it. A damaged cache file is renamed to `graphs.redb.damaged` (or `.damaged-2`, and so on) and replaced
+    /// by an empty one. Layers that 0.1.0 stored in the cache file are moved to the folder.
     ///
-    /// # Errors
-    /// If the folder or a file cannot be created, read or renamed, another process has the cache file open, or it has a format
-    /// that this version does not read.
+    /// If the folder or a file cannot be created, read or renamed, another process has the cache file open, or its
+    /// format is unknown.
     pub fn open(folder: &Path, limit_bytes: u64) -> Result<Self, StoreError> {
         let path = folder.join("graphs.redb");
         let fail = |reason| StoreError { place: path.display().to_string(), reason, kind: StoreErrorKind::Refused };
@@ -98,7 +99,8 @@ impl DiskStore {
             Err(Refusal::Damaged(reason)) => {
                 let aside =
                     set_aside(&path).map_err(|error| fail(format!("{reason}; it cannot be renamed: {error}")))?;
-                warn!(path = %path.display(), aside = %aside.display(), reason, "graph cache is damaged; renamed it and started with an empty one");
+                let (damaged, renamed) = (path.display(), aside.display());
+                warn!(%damaged, %renamed, reason, "graph cache: the file is damaged; started an empty one");
                 open_file(&path).map_err(|(Refusal::Damaged(reason) | Refusal::Other(reason))| fail(reason))?
             }
         };
@@ -108,7 +110,7 @@ impl DiskStore {
         Ok(store)
     }
 
-    /// Drops receipts that are too old, and those whose layers never got what they were to have. The others count from now on.
+    /// Drops receipts that are too old, and those whose layers were not stored. The others count from now on.
     fn settle_receipts(&self) -> Result<(), StoreError> {
         let unsettled = self.guarded(|| receipts::unsettled(&self.database.begin_read()?))?;
         if unsettled.is_empty() {
@@ -127,8 +129,8 @@ impl DiskStore {
         })
     }
 
-    /// Moves the layers that an earlier version kept in the cache file to files of their own, as they are, damaged or not. A
-    /// layer that has a file already keeps it.
+    /// Moves the layers that 0.1.0 stored in the cache file to files of their own, unchanged, damaged or not. A layer
+    /// that has a file already keeps it.
     fn move_layers(&self) -> Result<(), StoreError> {
         let entries = self.guarded(|| {
             let transaction = self.database.begin_read()?;
@@ -162,7 +164,8 @@ impl DiskStore {
             transaction.commit()?;
             Ok(())
         })?;
-        info!(path = %self.path.display(), layers = entries.len(), "moved the layers out of the graph cache");
+        let (path, layers) = (self.path.display(), entries.len());
+        info!(%path, layers, "graph cache: moved the layers to files of their own");
         Ok(())
     }
 
@@ -197,13 +200,13 @@ impl DiskStore {
         Ok(bytes.and_then(|bytes| match decode(&bytes) {
             Ok(value) => Some(value),
             Err(reason) => {
-                warn!(path = %self.path.display(), what, reason, "ignored a damaged entry of the graph cache");
+                warn!(path = %self.path.display(), what, reason, "graph cache: ignored a damaged entry");
                 None
             }
         }))
     }
 
-    /// Whether the layer that a receipt is about has what it must have for the receipt to count.
+    /// Whether the layer of a receipt has the content that the receipt requires.
     fn is_met(&self, expected: &Expected) -> bool {
         let layers = self.layers.read(&LevelId(expected.level)).unwrap_or_default();
         expected.is_met_by(layers.layers.iter().find(|layer| layer.name == expected.layer))
@@ -242,7 +245,7 @@ impl GraphStore for DiskStore {
     fn get(&self, id: &GraphId) -> Result<Option<Built>, StoreError> {
         let Some(built) = self.read(GRAPHS, &id.0, "graph", decode_entry)? else { return Ok(None) };
         if let Err(error) = self.note_use(id) {
-            warn!(%error, "use of a graph could not be recorded");
+            warn!(%error, "graph cache: cannot record the use of a graph");
         }
         Ok(Some(built))
     }
@@ -273,7 +276,8 @@ impl GraphStore for DiskStore {
                     graphs.remove(key.as_slice())?;
                     live.remove(key.as_slice())?;
                     uses.remove(key.as_slice())?;
-                    info!(path = %self.path.display(), bytes = size, "evicted the least recently used graph");
+                    let path = self.path.display();
+                    info!(%path, bytes = size, "graph cache: evicted the least recently used graph");
                 }
             }
             transaction.commit()?;
@@ -322,9 +326,9 @@ impl GraphStore for DiskStore {
         let expected = Expected::of(level, layer);
         note(Some(&expected))?;
         self.layers.put(level, layer)?;
-        // From now on the receipt counts whatever becomes of the layer.
+        // From now on, the receipt counts whatever happens to the layer.
         if let Err(error) = note(None) {
-            warn!(%error, "a change of layers that is repeated after another one may be made twice");
+            warn!(%error, "graph cache: cannot confirm a receipt; a repeat of this change may be applied twice");
         }
         Ok(true)
     }

@@ -1,10 +1,12 @@
-//! Conversions between the wire types of `surefoot.planner.v1` and the planner's own types. Incoming values are checked here.
+//! Conversions between the wire types of `surefoot.planner.v1` and the planner's own types. Incoming values are
+//! checked here.
 
 use crate::config::PlannerConfig;
 use crate::error::{Failure, PlannerError};
 use crate::figures::Figures;
-use crate::hosted::{GraphView, Hosted, Revision};
+use crate::hosted::{GraphView, Hosted};
 use crate::jobs::{BuildPhase, Job};
+use crate::layers::Revision;
 use prost::Message;
 use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;
@@ -24,10 +26,10 @@ use surefoot_proto::world::v1::MapSpec;
 use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
 use tonic::Status;
 
-/// What a graph is built of.
+/// The inputs of a graph.
 pub type Wanted = (MapSource, CharacterProfile, BuildSettings);
 
-/// Encodes how to make a graph, for all planners that share a store: as the request that asks for it.
+/// Encodes the recipe of a graph, for all planners that share a store: the request that asks for it.
 pub fn recipe((source, body, settings): (&MapSource, &CharacterProfile, &BuildSettings)) -> Vec<u8> {
     let (map, map_hash) = match source.base() {
         BaseMap::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
@@ -51,8 +53,7 @@ pub fn recipe((source, body, settings): (&MapSource, &CharacterProfile, &BuildSe
 
 /// Decodes what [`recipe`] encoded.
 ///
-/// # Errors
-/// If this planner's limits or levels do not allow what is asked for, or another version encoded it.
+/// # Errors If this planner's limits or levels do not allow the graph, or an incompatible version encoded the recipe.
 pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConfig) -> Result<Wanted, PlannerError> {
     let read = async {
         let request = wire::StartBuildRequest::decode(bytes)
@@ -62,16 +63,15 @@ pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConf
     read.await.map_err(|status: Status| PlannerError::RemoteBuildFailed(as_failure(&status)))
 }
 
-/// Reads what a request wants built.
+/// Reads the inputs of a graph from a request.
 ///
-/// # Errors
-/// If it is not valid, or names a level that is not known.
+/// If the request is invalid, or names an unknown level.
 pub async fn wanted(
     request: &wire::StartBuildRequest,
     levels: &LevelStore,
     config: &PlannerConfig,
 ) -> Result<Wanted, Status> {
-    // Held until the source holds it.
+    // Kept in memory until the source refers to it.
     let _level = match request.map_hash.as_str() {
         "" => None,
         hash if request.map.is_none() => Some(levels.fetch(hash).await?),
@@ -84,7 +84,7 @@ pub async fn wanted(
     Ok((source, body, settings))
 }
 
-/// How other planners are told why a build failed.
+/// Converts an error for other planners.
 pub fn failure_of(error: &PlannerError) -> Failure {
     as_failure(&Status::from(error.clone()))
 }
@@ -94,10 +94,9 @@ fn as_failure(status: &Status) -> Failure {
     Failure { reason: reason.name().to_owned(), message: status.message().to_owned() }
 }
 
-/// Reads where NPCs are about to be.
+/// Reads the predicted places of NPCs.
 ///
-/// # Errors
-/// If there are too many crowds, or one is nowhere.
+/// If there are too many crowds, or a place is missing or not finite.
 pub fn traffic_of(traffic: &wire::Traffic) -> Result<Traffic, Status> {
     if traffic.crowds.len() > MAX_CROWDS {
         let message = format!("{} crowds are too many: at most {MAX_CROWDS} are allowed", traffic.crowds.len());
@@ -301,7 +300,7 @@ pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
     }
 }
 
-/// Converts what a reporter's traversals amount to.
+/// Converts the sums of one reporter.
 pub fn report_to_wire(report: Reported) -> wire::Report {
     let Reported { reporter: Reporter { name, is_trusted }, traversals, failures } = report;
     wire::Report { reporter: name, trusted: is_trusted, traversals, failures }
@@ -315,7 +314,7 @@ fn source_to_wire(source: &MapSource) -> (Option<MapSpec>, String) {
     }
 }
 
-/// Converts a build to the wire, as it was or is in `phase`.
+/// Converts a build in `phase`, the current or an earlier one, to the wire.
 pub fn build_to_wire(job: &Job, phase: BuildPhase) -> wire::Build {
     let end = job.end().filter(|_| phase.is_end());
     let (map, level) = source_to_wire(&job.source);

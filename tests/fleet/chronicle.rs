@@ -1,5 +1,5 @@
-//! A game client of a fleet: it finds the server of its world in the directory, follows the world's events wherever it goes, and counts what
-//! it is told.
+//! A game client of a fleet: it finds the server of its world in the directory, follows the events of the world to any
+//! server, and counts them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
@@ -52,7 +52,7 @@ pub async fn client_of(servers: &[String], world_id: u64) -> WorldServiceClient<
                 return client;
             }
         }
-        assert!(since.elapsed() < surefoot_processes::LIMIT, "nobody has world {world_id}");
+        assert!(since.elapsed() < surefoot_processes::LIMIT, "no server has world {world_id}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -60,7 +60,7 @@ pub async fn client_of(servers: &[String], world_id: u64) -> WorldServiceClient<
 /// An attempt: its NPC, and its number.
 pub type Attempt = (u64, u32);
 
-/// What the client was told.
+/// Events that the client has received.
 #[derive(Debug, Default)]
 pub struct Told {
     /// How often each attempt began.
@@ -69,7 +69,7 @@ pub struct Told {
     pub ended: BTreeMap<Attempt, Vec<wire::Outcome>>,
     /// Sequence numbers of events.
     pub sequences: BTreeSet<u64>,
-    /// Events that were told again.
+    /// Events that were received again.
     pub repeated_count: u64,
     /// Times that events were lost.
     pub lost_count: u64,
@@ -90,7 +90,7 @@ impl Chronicle {
         Self { told, task }
     }
 
-    /// Reads what was told.
+    /// Reads the received events.
     pub fn read<T>(&self, read: impl FnOnce(&Told) -> T) -> T {
         read(&self.told.lock().expect("no holder panics"))
     }
@@ -100,7 +100,7 @@ impl Chronicle {
         self.read(|told| told.ended.len())
     }
 
-    /// Checks that all attempts that began, and all in `set`, have ended once, and that nothing was told twice.
+    /// Checks that all attempts that began, and all in `set`, have ended once, and that no event was received twice.
     pub fn check(&self, set: &BTreeSet<Attempt>) {
         self.read(|told| {
             assert_eq!((told.repeated_count, told.lost_count), (0, 0), "events told again, and lost");

@@ -27,7 +27,7 @@ async fn a_member_that_was_silent_for_its_lease_stays_dead() {
     wait_until("the lease is over by its own clock", || async { !member.holds_lease() }).await;
     member.renew().await.expect_err("no way to the database");
     relay.mend();
-    wait_until("it is told that it was taken for dead", || async {
+    wait_until("the database says that its lease has expired", || async {
         member.renew().await.is_ok_and(|is_renewed| !is_renewed)
     })
     .await;

@@ -1,4 +1,5 @@
-//! Planners that share a store: one build over all of them, takeovers, edits and evidence that reach everybody, engines that fail.
+//! Planners that share a store: one build over all of them, takeovers, edits and evidence that reach everybody,
+//! engines that fail.
 
 use crate::relay::Relay;
 use crate::services::{Ground, Postgres, S3};
@@ -618,7 +619,7 @@ async fn graphs_are_those_of_one_process_whoever_is_killed() {
         let asked = (dice >> 20) as usize % 3;
         let victim = (asked + usize::from((dice >> 30).is_multiple_of(4))) % 3;
         let wanted = large(1000 + round);
-        // Whoever is asked may be killed before it answers.
+        // The planner that is asked may be killed before it answers.
         let _ = start(&mut client(&planners[asked]).await, &wanted).await;
         tokio::time::sleep(Duration::from_millis((dice >> 40) % 500)).await;
         let killed = Instant::now();
@@ -636,9 +637,9 @@ async fn graphs_are_those_of_one_process_whoever_is_killed() {
         "{rounds} rounds of kills, {struck} of them of a builder: served after {:.2} s at most",
         longest.as_secs_f64()
     );
-    assert!(struck > 0, "nobody was killed in the middle of a build");
+    assert!(struck > 0, "no planner was killed during a build");
     assert_eq!((fleet.count("graphs"), fleet.count("graphs WHERE blob IS NULL")), (rounds, 0));
-    // Whoever built a graph, and however often, stored the same bytes. What a killed process was writing has another name.
+    // Every builder stored the same bytes. Files that a killed process was writing have other names.
     let folders = std::fs::read_dir(fleet.ground.path("blobs")).unwrap().map(|folder| folder.unwrap().path());
     let files = folders.flat_map(|folder| std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().file_name()));
     let blobs: Vec<_> = files.filter(|file| file.len() == 64).collect();

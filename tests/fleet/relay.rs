@@ -16,7 +16,7 @@ pub struct Relay {
 
 #[derive(Debug, Default)]
 struct State {
-    /// Nothing passes, and nobody is told.
+    /// Nothing passes, and connections stay open.
     is_cut: AtomicBool,
     /// Connections are refused.
     is_refusing: AtomicBool,

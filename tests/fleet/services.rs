@@ -1,4 +1,5 @@
-//! The engines of a fleet: PostgreSQL, NATS and an S3 server, each with data of its own that ends with the test. They are looked for in
+//! The engines of a fleet: PostgreSQL, NATS and an S3 server, each with data of its own that ends with the test. They
+//! are looked for in
 //! `PATH`, and where Debian has them.
 
 use std::net::{SocketAddr, TcpStream};

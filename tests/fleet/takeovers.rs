@@ -1,4 +1,5 @@
-//! Worlds that change hands while answers of the database are late, memory is short, versions differ, or clients flood the directory.
+//! Worlds that change hands while answers of the database are late, memory is short, versions differ, or clients flood
+//! the directory.
 
 use crate::chronicle::{client_of, locate};
 use crate::relay::{Relay, Trap};

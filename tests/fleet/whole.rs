@@ -129,7 +129,8 @@ async fn alone(ground: &Ground, seeds: impl Iterator<Item = u64>) -> Vec<(String
     graphs
 }
 
-/// Planners, provers and what they share. Every planner reaches the database through a relay of its own, and all the blobs through one.
+/// Planners, provers and what they share. Every planner reaches the database through a relay of its own, and all the
+/// blobs through one.
 struct Fleet {
     planners: Vec<Surefoot>,
     provers: Vec<Surefoot>,

@@ -1,4 +1,5 @@
-//! Work over NATS: whoever dies, is away, repeats itself or lies, graphs have the bytes of those of one process.
+//! Work over NATS: processes die, are unreachable, repeat themselves or lie; graphs have the bytes of those of one
+//! process.
 
 use crate::raw::Raw;
 use crate::services::{Ground, Nats};
@@ -66,7 +67,8 @@ fn long_request(seed: u64) -> wire::StartBuildRequest {
     wire::StartBuildRequest { settings, ..request }
 }
 
-/// Builds a graph and returns all of it but times as text, in which floats are exact; `None` if the planner goes meanwhile.
+/// Builds a graph and returns all of it but times as text, in which floats are exact; `None` if the planner goes
+/// meanwhile.
 async fn try_build(planner: &Surefoot, request: wire::StartBuildRequest) -> Option<String> {
     let mut client = PlannerServiceClient::new(planner.connect().await).max_decoding_message_size(usize::MAX);
     let build_id = client.start_build(request).await.ok()?.into_inner().build?.build_id;
@@ -142,7 +144,7 @@ async fn a_build_does_without_provers_and_without_a_queue() {
     nats.kill();
     assert_eq!(build(&sharing, request(1, 60)).await, build(&alone, request(1, 60)).await, "no queue");
     assert_eq!(sharing.metric("surefoot_queue_connected"), Some(0.0));
-    assert!(sharing.process.log().contains("the queue is away"), "it says so");
+    assert!(sharing.process.log().contains("NATS is unreachable"), "it says so");
 }
 
 /// Imports a map into a planner, under a name of its own.
@@ -253,7 +255,7 @@ async fn a_planner_that_is_killed_goes_on_with_what_was_proved() {
         () = wait_until("provers have done something", || async { done_by(&provers) > 3.0 }) => {}
     }
     sharing.restart();
-    // What provers do now, they do for nobody yet.
+    // The results of provers have no reader yet.
     assert_eq!(build(&sharing, long_request(5)).await, expected);
     assert!(sharing.metric("surefoot_jobs_settled_total") > Some(3.0), "what was proved before was used");
 }
@@ -315,7 +317,8 @@ async fn whatever_is_killed_at_random_changes_no_graph() {
     assert!(kills.iter().sum::<u32>() > 0, "the builds were too short to be disturbed");
 }
 
-/// Repeats every result, sends it to other jobs as well, and damages it, until it is told to stop. Returns how many it saw.
+/// Repeats every result, sends it to other jobs as well, and damages it, until it is stopped. Returns the number of
+/// results.
 fn meddle(address: SocketAddr, stop: Arc<AtomicBool>) -> std::thread::JoinHandle<usize> {
     let mut raw = Raw::connect(address);
     raw.subscribe("surefoot.results.>");
@@ -392,7 +395,7 @@ async fn hostile_messages_are_removed_and_provers_go_on() {
     assert!(done_by(&provers) > 0.0, "it works on");
 }
 
-/// Jobs that nobody here does.
+/// Jobs that this process does not do.
 struct Untouched {
     cancelled: AtomicBool,
 }

@@ -67,7 +67,7 @@ impl Fleet {
 
     /// The server that has a world, and the others.
     async fn owner_of(&self, world_id: u64) -> usize {
-        let address = locate(&self.uris(), world_id).await.expect("somebody has it");
+        let address = locate(&self.uris(), world_id).await.expect("a server has it");
         self.servers.iter().position(|server| server.uri() == address).expect("one of ours")
     }
 
@@ -319,7 +319,7 @@ async fn a_server_that_was_stopped_past_its_lease_neither_writes_nor_serves() {
     })
     .await;
     wait_until("it is a server again, without worlds", || async { fleet.living_count() == 2 }).await;
-    assert_eq!(fleet.row(game.world_id), row, "nobody else took the world meanwhile");
+    assert_eq!(fleet.row(game.world_id), row, "no other server took the world meanwhile");
     game.play(&uris, &chronicle, 40).await;
     assert_eq!(fleet.row(game.world_id), row);
     game.end(&uris, &chronicle).await;
@@ -356,7 +356,7 @@ async fn a_server_that_ends_hands_its_worlds_over_at_once() {
     let mut counts = BTreeMap::new();
     for world_id in others.into_iter().chain([game.world_id]) {
         client_of(left, world_id).await;
-        *counts.entry(locate(left, world_id).await.expect("somebody has it")).or_insert(0) += 1;
+        *counts.entry(locate(left, world_id).await.expect("a server has it")).or_insert(0) += 1;
     }
     assert!(counts.values().all(|count| (2..=4).contains(count)), "shared fairly: {counts:?}");
     game.play(left, &chronicle, 40).await;
@@ -469,10 +469,10 @@ async fn worlds_go_on_while_the_database_restarts_and_nobody_takes_them() {
     .await;
     let npc_id = *game.npcs(&mut client).await.keys().next().expect("an NPC");
     let order = wire::SetGoalRequest { npc_id, goal: Some(game.places[1]) };
-    let unconfirmed = client.set_goal(order).await.expect_err("nobody can promise it");
+    let unconfirmed = client.set_goal(order).await.expect_err("the change is not durable");
     assert_eq!(Reason::of(&unconfirmed), Some(Reason::NotConfirmed), "{unconfirmed}");
     fleet.postgres.start_again();
-    wait_until("events are told again", || async { chronicle.read(|told| told.sequences.len()) > told }).await;
+    wait_until("events arrive again", || async { chronicle.read(|told| told.sequences.len()) > told }).await;
     game.play(&uris, &chronicle, 40).await;
     assert_eq!(fleet.row(world_id), row, "the same server has it all the time");
     game.end(&uris, &chronicle).await;

@@ -1,4 +1,4 @@
-//! What the sidecar is told, and when: in every beat the state, then the health, then the counters.
+//! Reports to the sidecar: in every beat the state, then the health, then the counters.
 
 use crate::sidecar::{Sidecar, SidecarError};
 use std::convert::Infallible;
@@ -10,27 +10,27 @@ use surefoot_server::observer::{Observer, Vitals};
 use tokio::time::{Instant, MissedTickBehavior};
 use tracing::{info, warn};
 
-/// How often the sidecar is told, and how long it is left alone when it is away.
+/// Period of reports, and pauses while the sidecar is unreachable.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
     /// Time between two reports. Agones expects health at least once in `health.periodSeconds`, 5 s by default.
     pub beat: Duration,
-    /// Longest time between two tries while the sidecar is away; the first follows after a beat, and each takes twice as long as the one before.
+    /// Longest time between two tries while the sidecar is unreachable. The first follows after a beat, and each pause
+    /// doubles.
     pub longest_retry: Duration,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        // Health returns in less than a period once the sidecar does.
+        // Health resumes in less than a period once the sidecar answers.
         Self { beat: Duration::from_secs(1), longest_retry: Duration::from_secs(4) }
     }
 }
 
-/// Awaits `serving`, and meanwhile reports what `observer` sees to the sidecar at `uri`. When the server has ended without an error, and so has
-/// drained and saved its worlds, the sidecar is told to shut the game server down.
+/// Awaits `serving`, and meanwhile reports what `observer` sees to the sidecar at `uri`. When the server has ended
+/// without an error, after it has drained and saved its worlds, the sidecar is asked to shut the game server down.
 ///
-/// # Errors
-/// If `uri` is not a URI, or `serving` fails. What the sidecar does is never an error.
+/// If `uri` is not a URI, or `serving` fails. Failures of the sidecar are logged.
 pub async fn run_with_sidecar<E: From<LinkError>>(
     uri: &str,
     pace: Pace,
@@ -51,9 +51,9 @@ pub async fn run_with_sidecar<E: From<LinkError>>(
         result = serving => result?,
         never = companion.report_forever(observer) => match never {},
     }
-    // A failed server says nothing: Agones sees the process end, and starts another one.
+    // A failed server reports nothing: Agones sees the process end, and starts another one.
     if let Err(error) = companion.sidecar.shutdown().await {
-        warn!(uri, %error, "the Agones sidecar does not learn that the server has ended");
+        warn!(uri, %error, "agones: cannot report to the sidecar that the server has ended");
     }
     Ok(())
 }
@@ -66,12 +66,12 @@ enum State {
     Allocated,
 }
 
-/// A counter, and what the sidecar knows of it.
+/// A counter, and the value that the sidecar has.
 #[derive(Debug)]
 struct ReportedCounter {
     name: &'static str,
     count: Option<i64>,
-    /// Whether the log already says that it is not told in full.
+    /// Whether a warning says that the sidecar has another value.
     is_logged: bool,
 }
 
@@ -80,32 +80,32 @@ impl ReportedCounter {
         Self { name, count: None, is_logged: false }
     }
 
-    async fn tell(&mut self, sidecar: &mut Sidecar, count: usize) -> Result<(), SidecarError> {
+    async fn report(&mut self, sidecar: &mut Sidecar, count: usize) -> Result<(), SidecarError> {
         let (name, count) = (self.name, i64::try_from(count).unwrap_or(i64::MAX));
         if self.count == Some(count) {
             return Ok(());
         }
         let result = set_or_fill(sidecar, name, count).await;
         match &result {
-            Ok(told) if *told < count && !self.is_logged => {
+            Ok(value) if *value < count && !self.is_logged => {
                 warn!(
                     counter = name,
                     count,
-                    capacity = told,
-                    "more than the counter's capacity in the Fleet: raise it"
+                    capacity = value,
+                    "agones: a counter exceeds its capacity; raise it in the Fleet"
                 );
             }
             Err(error @ SidecarError::Refused(_)) if !self.is_logged => {
-                warn!(counter = name, %error, "the Agones sidecar refuses this counter: declare it in the Fleet");
+                warn!(counter = name, %error, "agones: the sidecar refuses a counter; declare it in the Fleet");
             }
             _ => {}
         }
         match result {
-            Err(error @ SidecarError::Away(_)) => return Err(error),
-            // Tried again in the next beat: the sidecar refuses counters also while it does not know its game server yet.
+            Err(error @ SidecarError::Unreachable(_)) => return Err(error),
+            // Tried again in the next beat: the sidecar also refuses counters before it knows its game server.
             Err(SidecarError::Refused(_)) => self.is_logged = true,
-            Ok(told) => {
-                self.is_logged = told < count;
+            Ok(value) => {
+                self.is_logged = value < count;
                 self.count = Some(count);
             }
         }
@@ -113,7 +113,7 @@ impl ReportedCounter {
     }
 }
 
-/// Sets a counter to `count`, or to its capacity if that is less; returns what it was set to.
+/// Sets a counter to `count`, or to its capacity if that is less. Returns the value.
 async fn set_or_fill(sidecar: &mut Sidecar, name: &str, count: i64) -> Result<i64, SidecarError> {
     let refused = match sidecar.set_count(name, count).await {
         Err(error @ SidecarError::Refused(_)) => error,
@@ -125,8 +125,8 @@ async fn set_or_fill(sidecar: &mut Sidecar, name: &str, count: i64) -> Result<i6
     }
 }
 
-/// Whether health is reported: while at least half of the worlds tick. Without health Agones ends the server with all
-/// its worlds, which costs more than it saves while most of them are well.
+/// Whether to report health: while at least half of the worlds tick. Without health, Agones ends the server with all
+/// its worlds, which costs more than it saves while most of them tick.
 fn is_healthy(vitals: &Vitals) -> bool {
     2 * vitals.stalled.len() <= vitals.world_count
 }
@@ -138,11 +138,11 @@ struct Companion {
     pace: Pace,
     state: State,
     counters: [ReportedCounter; 2],
-    /// Worlds that stood still at the last look.
+    /// Worlds that were stalled at the last check.
     stalled: Vec<WorldId>,
-    /// Whether health was to be reported at the last look.
+    /// Whether health was reported at the last check.
     is_healthy: bool,
-    /// The sidecar is away: when it is tried again, and how long after that.
+    /// While the sidecar is unreachable: time of the next try, and the pause after it.
     outage: Option<(Instant, Duration)>,
 }
 
@@ -166,19 +166,20 @@ impl Companion {
         if is_ready {
             self.report_state(vitals.world_count > 0).await?;
         }
-        // Also while worlds are restored, however long that takes.
+        // Health is also reported while worlds are restored, however long that takes.
         if is_healthy(vitals) {
             self.sidecar.health().await?;
         }
         if is_ready {
             let [worlds, npcs] = &mut self.counters;
-            worlds.tell(&mut self.sidecar, vitals.world_count).await?;
-            npcs.tell(&mut self.sidecar, vitals.npc_count).await?;
+            worlds.report(&mut self.sidecar, vitals.world_count).await?;
+            npcs.report(&mut self.sidecar, vitals.npc_count).await?;
         }
         Ok(())
     }
 
-    /// A server with worlds is allocated, so that Agones does not remove it. What somebody else allocates stays so until the last world has gone.
+    /// A server with worlds is allocated, so that Agones does not remove it. If another component allocates it, it
+    /// stays allocated until its last world is gone.
     async fn report_state(&mut self, is_used: bool) -> Result<(), SidecarError> {
         if self.state == State::Starting || self.state == State::Allocated && !is_used {
             self.sidecar.ready().await?;
@@ -191,14 +192,14 @@ impl Companion {
         Ok(())
     }
 
-    /// Logs when worlds begin to stand still, when all go on, and when reports of health end and begin again.
+    /// Logs when worlds stall and tick again, and when reports of health stop and resume.
     fn note_stalls(&mut self, vitals: &Vitals) {
         let (stalled, world_count) = (vitals.stalled.len(), vitals.world_count);
         for world in vitals.stalled.iter().filter(|world| !self.stalled.contains(world)) {
-            warn!(world_id = world.0, stalled, world_count, "a world stands still");
+            warn!(world_id = world.0, stalled, world_count, "agones: a world is stalled");
         }
         if vitals.stalled.is_empty() && !self.stalled.is_empty() {
-            info!("all worlds go on");
+            info!("agones: all worlds tick again");
         }
         self.stalled.clone_from(&vitals.stalled);
         let is_healthy = is_healthy(vitals);
@@ -206,27 +207,27 @@ impl Companion {
             (true, false) => {
                 warn!(
                     stalled,
-                    world_count, "most worlds stand still: no health is reported to Agones, which restarts the server"
+                    world_count, "agones: most worlds are stalled; without health, Agones restarts the server"
                 );
             }
-            (false, true) => info!(stalled, world_count, "health is reported to Agones again"),
+            (false, true) => info!(stalled, world_count, "agones: reporting health again"),
             _ => {}
         }
     }
 
-    /// Logs the beginning and the end of an outage, and says when the next try is due.
+    /// Logs the start and the end of an outage, and schedules the next try.
     fn note_outage(&mut self, result: Result<(), SidecarError>) {
         let uri = &self.uri;
         match (result, self.outage) {
             (Ok(()), None) => {}
             (Ok(()), Some(_)) => {
-                info!(uri, "the Agones sidecar answers");
+                info!(uri, "agones: the sidecar answers again");
                 self.outage = None;
             }
             (Err(error), before) => {
                 let wait = before.map_or(self.pace.beat, |(_, wait)| (2 * wait).min(self.pace.longest_retry));
                 if before.is_none() {
-                    warn!(uri, %error, "the Agones sidecar does not do its part: worlds are served without it, and it is tried again");
+                    warn!(uri, %error, "agones: the sidecar is unreachable; worlds are served without it");
                 }
                 self.outage = Some((Instant::now() + wait, wait));
             }

@@ -9,16 +9,16 @@ use std::time::Duration;
 use surefoot_net::client::{Credentials, Link, LinkError};
 use tonic::{Code, Response, Status};
 
-/// Longest time that a call may take, with connecting.
+/// Longest time of a call, including connecting.
 const CALL_LIMIT: Duration = Duration::from_secs(2);
 
-/// Why the sidecar did not do what it was told.
+/// Why a call of the sidecar failed.
 #[derive(Debug, thiserror::Error)]
 pub enum SidecarError {
-    /// It cannot be reached, or has not answered in time: it may do so later.
+    /// It is unreachable or does not answer in time; it may do so later.
     #[error("{0}")]
-    Away(String),
-    /// It refuses. Its codes say no more than that: most refusals of Agones' sidecar are UNKNOWN.
+    Unreachable(String),
+    /// It refuses. The codes tell no more: most refusals are UNKNOWN.
     #[error("{0}")]
     Refused(String),
 }
@@ -27,13 +27,13 @@ impl From<Status> for SidecarError {
     fn from(status: Status) -> Self {
         let message = status.message().to_owned();
         match status.code() {
-            Code::Unavailable | Code::DeadlineExceeded | Code::Cancelled => Self::Away(message),
+            Code::Unavailable | Code::DeadlineExceeded | Code::Cancelled => Self::Unreachable(message),
             _ => Self::Refused(message),
         }
     }
 }
 
-/// A connection to the sidecar, made on the first call and again whenever it is lost.
+/// A connection to the sidecar, made by the first call and restored whenever it is lost.
 #[derive(Debug, Clone)]
 pub struct Sidecar {
     sdk: SdkClient<Link>,
@@ -50,40 +50,39 @@ impl Sidecar {
         Ok(Self { sdk: SdkClient::new(link.clone()), counters: CounterClient::new(link) })
     }
 
-    /// The game server can be allocated.
+    /// Reports that the game server can be allocated.
     ///
-    /// # Errors
-    /// If the sidecar is away or refuses; so for the calls below.
+    /// If the sidecar is unreachable or refuses; so for the calls below.
     pub async fn ready(&mut self) -> Result<(), SidecarError> {
         in_time(self.sdk.ready(Empty {})).await.map(|_| ())
     }
 
-    /// The game server is in use.
+    /// Reports that the game server is in use.
     pub async fn allocate(&mut self) -> Result<(), SidecarError> {
         in_time(self.sdk.allocate(Empty {})).await.map(|_| ())
     }
 
-    /// The game server has ended, and its pod may go.
+    /// Reports that the game server has ended, so that its pod may be deleted.
     pub async fn shutdown(&mut self) -> Result<(), SidecarError> {
         in_time(self.sdk.shutdown(Empty {})).await.map(|_| ())
     }
 
-    /// The game server is healthy now. Each ping is a stream of its own, so that its answer says whether the sidecar is there.
+    /// Reports that the game server is healthy. Each ping is a stream of its own, whose answer shows that the sidecar
+    /// is reachable.
     pub async fn health(&mut self) -> Result<(), SidecarError> {
         in_time(self.sdk.health(tokio_stream::once(Empty {}))).await.map(|_| ())
     }
 
     /// Sets the count of a counter.
     ///
-    /// # Errors
-    /// Also if its capacity is less.
+    /// If its capacity is less.
     pub async fn set_count(&mut self, name: &str, count: i64) -> Result<(), SidecarError> {
         let request = CounterUpdateRequest { name: name.to_owned(), count: Some(count), capacity: None, count_diff: 0 };
         let request = UpdateCounterRequest { counter_update_request: Some(request) };
         in_time(self.counters.update_counter(request)).await.map(|_| ())
     }
 
-    /// The capacity of a counter.
+    /// Returns the capacity of a counter.
     pub async fn capacity_of(&mut self, name: &str) -> Result<i64, SidecarError> {
         let Counter { capacity, .. } =
             in_time(self.counters.get_counter(GetCounterRequest { name: name.to_owned() })).await?;
@@ -94,6 +93,6 @@ impl Sidecar {
 async fn in_time<T>(call: impl Future<Output = Result<Response<T>, Status>>) -> Result<T, SidecarError> {
     match tokio::time::timeout(CALL_LIMIT, call).await {
         Ok(answer) => Ok(answer?.into_inner()),
-        Err(_) => Err(SidecarError::Away(format!("no answer within {} s", CALL_LIMIT.as_secs()))),
+        Err(_) => Err(SidecarError::Unreachable(format!("no answer within {} s", CALL_LIMIT.as_secs()))),
     }
 }

@@ -1,5 +1,5 @@
-//! Blobs: immutable byte strings in an object store or a folder, named by their hash. To store the same bytes twice changes nothing, and
-//! only what is damaged is overwritten, so that a process that was declared dead can do no harm here.
+//! Blobs: immutable byte strings in an object store or a folder, named by their hash. Storing the same bytes twice
+//! changes nothing. Only damaged blobs are overwritten, so that a process whose lease has expired cannot do harm here.
 
 use crate::error::FleetError;
 use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
@@ -14,7 +14,7 @@ use std::time::Duration;
 use surefoot_planner::store::StoreErrorKind;
 use tracing::warn;
 
-/// Retries of a call, which fails after 5 s: whoever calls knows whether it can wait longer.
+/// Retries of a call, which fails after 5 s. Callers decide whether they can wait longer.
 const RETRIES: RetryConfig = RetryConfig {
     backoff: BackoffConfig { init_backoff: Duration::from_millis(50), max_backoff: Duration::from_secs(1), base: 2.0 },
     max_retries: 8,
@@ -55,9 +55,9 @@ pub struct Blobs {
 }
 
 impl Blobs {
-    /// Opens `s3://bucket/prefix` or `file:///folder`. The folder is created. For S3, the address, the region and the keys are those of
-    /// `AWS_ENDPOINT_URL`, `AWS_REGION`, `AWS_ACCESS_KEY_ID` and `AWS_SECRET_ACCESS_KEY`, as for other clients of S3; `AWS_ALLOW_HTTP=true`
-    /// allows an endpoint without TLS.
+    /// Opens `s3://bucket/prefix` or `file:///folder`. The folder is created. For S3, `AWS_ENDPOINT_URL`,
+    /// `AWS_REGION`, `AWS_ACCESS_KEY_ID` and `AWS_SECRET_ACCESS_KEY` set the address, the region and the keys, as for
+    /// other clients of S3. `AWS_ALLOW_HTTP=true` allows an endpoint without TLS.
     ///
     /// # Errors
     /// If the URI is of neither kind, or the folder cannot be created.
@@ -78,10 +78,10 @@ impl Blobs {
                 LocalFileSystem::new_with_prefix(folder).map_err(|error| fail(error.to_string()))?.with_fsync(true),
             )
         } else if let Some(place) = uri.strip_prefix("s3://") {
-            // Whoever links this crate may have chosen another one.
+            // It fails if the program has installed a provider, which then serves as well.
             let _ = rustls::crypto::ring::default_provider().install_default();
             let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
-            // A variable that is about something else is none of the store's keys.
+            // Variables that are not keys of the store are ignored.
             let settings = env.filter_map(|(name, value)| {
                 let key = AmazonS3ConfigKey::from_str(&name.to_ascii_lowercase()).ok();
                 key.map(|key| (key, value))
@@ -97,8 +97,8 @@ impl Blobs {
         Ok(Self { store, place: uri.to_owned() })
     }
 
-    /// Stores bytes and returns their name once they are durable. If they are there already, nothing changes; a damaged blob of their name is
-    /// replaced.
+    /// Stores bytes and returns their name once they are durable. If an intact blob of their name exists, nothing
+    /// changes; a damaged one is replaced.
     ///
     /// # Errors
     /// If the store does not take them.
@@ -111,7 +111,7 @@ impl Blobs {
         match self.get(id).await {
             Ok(Some(_)) => return Ok(id),
             Err(error) if error.kind != StoreErrorKind::Lost => return Err(error),
-            Ok(None) | Err(_) => warn!(%id, place = self.place, "replaces a damaged blob"),
+            Ok(None) | Err(_) => warn!(%id, place = self.place, "blobs: replacing a damaged blob"),
         }
         let put = self.put_as(PutMode::Overwrite, id, payload).await;
         put.map(|()| id).map_err(|error| FleetError::caused(self.place.clone(), &error))
@@ -122,10 +122,9 @@ impl Blobs {
         self.store.put_opts(&path(id), payload, options).await.map(drop)
     }
 
-    /// Returns the bytes of that name; `None` if there are none.
+    /// Returns the bytes with this name; `None` if there are none.
     ///
-    /// # Errors
-    /// If the store cannot be read, or holds other bytes under the name.
+    /// If the store cannot be read, or the bytes are damaged.
     pub async fn get(&self, id: BlobId) -> Result<Option<Vec<u8>>, FleetError> {
         let fail = |error: object_store::Error| FleetError::caused(self.place.clone(), &error);
         let bytes = match self.store.get(&path(id)).await {
@@ -140,7 +139,7 @@ impl Blobs {
         Ok(Some(bytes.into()))
     }
 
-    /// Removes bytes of that name, if they are there. Only what nothing refers to any more may be removed.
+    /// Removes the bytes with this name, if they exist. Nothing may refer to them any more.
     ///
     /// # Errors
     /// If the store cannot be written.
@@ -157,7 +156,7 @@ impl Blobs {
     }
 }
 
-/// Two levels, so that no folder gets too large.
+/// Two levels of folders keep each folder small.
 fn path(id: BlobId) -> Path {
     let name = id.to_string();
     Path::from(format!("{}/{name}", &name[..2]))

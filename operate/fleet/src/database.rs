@@ -1,7 +1,7 @@
-//! The database: a PostgreSQL database that all servers and planners of a fleet share.
+//! The PostgreSQL database that all servers and planners of a fleet share.
 //!
-//! Its schema is in `migrations/`, applied at start by whoever starts first. Queries are checked against it when they are compiled, from
-//! the descriptions in `.sqlx`, which `tests/fleet/check` compares with a database.
+//! Its schema is in `migrations/`; the first process that starts applies it. Queries are checked when they are
+//! compiled, against the descriptions in `.sqlx`, which `tests/fleet/check` compares with a database.
 
 use crate::error::FleetError;
 use sqlx::migrate::MigrateError;
@@ -13,30 +13,30 @@ use std::time::Duration;
 
 /// Longest wait for a connection, and for the database to come up at start.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Longest time that the database works on a statement: its caller has given up by then.
+/// Longest time that the database works on a statement. Callers give up earlier.
 const STATEMENT_TIMEOUT: &str = "5s";
-/// Most connections for what may wait a moment, the one that listens among them.
+/// Maximum number of connections for calls that may wait a moment, including the one that listens.
 const MAX_CONNECTIONS: u32 = 6;
-/// Most connections for leases and journals.
+/// Maximum number of connections for leases and journals.
 const MAX_URGENT: u32 = 2;
-/// Most connections for look-ups of clients.
+/// Maximum number of connections for look-ups by clients.
 const MAX_LOOKUPS: u32 = 2;
 
 /// Connections to the database. Clones share them.
 ///
-/// They are divided, so that a lease is renewed however many clients ask something: what waits for a connection waits only for its equals.
+/// They are divided into three pools, so that a lease is renewed in time however many clients send look-ups.
 #[derive(Debug, Clone)]
 pub struct Database {
-    /// For what may wait a moment.
+    /// For calls that may wait a moment.
     pub pool: PgPool,
-    /// For what clients may ask as often as they like. The number of connections bounds what they cost the database.
+    /// For look-ups by clients, whose number is not limited. The size of the pool bounds their load on the database.
     pub lookups: PgPool,
     urgent: PgPool,
     place: String,
 }
 
-/// A connection for a call that must not wait behind others. It is closed if the call is given up or fails: a connection that was cut
-/// off must not stay with the few that there are.
+/// A connection for a call that must not wait behind others. It is closed if the call is dropped or fails: a broken
+/// connection must not stay in a small pool.
 #[derive(Debug)]
 pub struct Urgent {
     connection: PoolConnection<Postgres>,
@@ -50,7 +50,7 @@ impl Urgent {
         &mut self.connection
     }
 
-    /// Takes in how the call ended.
+    /// Ends the call.
     ///
     /// # Errors
     /// If it failed.
@@ -74,8 +74,9 @@ impl Database {
     /// # Errors
     /// If the URL is malformed, the database does not answer within 5 s, or its schema cannot be brought up to date.
     pub async fn open(url: &str) -> Result<Self, FleetError> {
-        let malformed =
-            |why: String| FleetError::new("--store", format!("{why}it is postgres://user:password@host:port/database"));
+        let malformed = |why: String| {
+            FleetError::new("--store", format!("{why}the format is postgres://user:password@host:port/database"))
+        };
         if !url.starts_with("postgres://") && !url.starts_with("postgresql://") {
             return Err(malformed(String::new()));
         }
@@ -88,7 +89,7 @@ impl Database {
         );
         let fail = |error: &dyn std::fmt::Display| FleetError::new(place.clone(), error.to_string());
         let options = options.application_name("surefoot").options([
-            // A process that was stopped within a transaction must not keep others waiting for its locks.
+            // A process that is stopped within a transaction must not hold its locks for long.
             ("idle_in_transaction_session_timeout", "2s"),
             ("statement_timeout", STATEMENT_TIMEOUT),
         ]);
@@ -109,7 +110,7 @@ impl Database {
         Ok(Urgent { connection, place: self.place.clone(), is_done: false })
     }
 
-    /// Number of transactions that the database has committed so far, of all its clients, as its statistics say, for measurements.
+    /// Returns the number of transactions that the database has committed for all its clients. For measurements.
     ///
     /// # Errors
     /// If the database cannot be read.
@@ -131,11 +132,11 @@ impl Database {
     }
 }
 
-/// Brings the schema up to date. Schemas only grow, so that one of a newer version serves this one as well: while a fleet is upgraded,
-/// both run.
+/// Brings the schema up to date. Schemas only grow, so that an old version can use a newer one: while a fleet is
+/// upgraded, both run.
 async fn migrate(pool: &PgPool) -> Result<(), MigrateError> {
     let mut connection = pool.acquire().await?;
-    // Processes that start together wait for the first one, and a change of a large table takes its time.
+    // Processes that start together wait for the first one, and changing a large table takes time.
     sqlx::query("SET statement_timeout = 0").execute(&mut *connection).await?;
     connection.close_on_drop();
     sqlx::migrate!().set_ignore_missing(true).run(&mut *connection).await

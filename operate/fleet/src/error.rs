@@ -1,4 +1,4 @@
-//! Errors of what is shared.
+//! Errors of the database, the blobs and the queue.
 
 use surefoot_planner::store::StoreErrorKind;
 
@@ -6,22 +6,22 @@ use surefoot_planner::store::StoreErrorKind;
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{place}: {reason}")]
 pub struct FleetError {
-    /// What failed: an address without its password.
+    /// Address of what failed, without its password.
     pub place: String,
-    /// Why, and what to change.
+    /// Why it failed, and what to change.
     pub reason: String,
     /// What may be done about it.
     pub kind: StoreErrorKind,
 }
 
 impl FleetError {
-    /// An error of `place`, with what caused it.
+    /// Creates an error of `place` with the chain of its causes.
     pub fn caused(place: impl Into<String>, error: &dyn std::error::Error) -> Self {
         let mut reason = error.to_string();
         let mut source = error.source();
         while let Some(cause) = source {
             let text = cause.to_string();
-            // Some errors tell their causes themselves.
+            // Some errors include their causes.
             if !reason.contains(&text) {
                 reason.push_str(": ");
                 reason.push_str(&text);
@@ -31,12 +31,12 @@ impl FleetError {
         Self::new(place, reason)
     }
 
-    /// An error of `place`, which may go away by itself.
+    /// Creates an error of `place` that may be temporary.
     pub fn new(place: impl Into<String>, reason: impl ToString) -> Self {
         Self { place: place.into(), reason: reason.to_string(), kind: StoreErrorKind::Unavailable }
     }
 
-    /// The same, of something that is gone or damaged for good.
+    /// Creates an error about something that is gone or damaged permanently.
     pub fn lost(place: impl Into<String>, reason: impl ToString) -> Self {
         Self { kind: StoreErrorKind::Lost, ..Self::new(place, reason) }
     }

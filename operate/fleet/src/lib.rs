@@ -1,5 +1,5 @@
-//! What several servers and planners share: a database in PostgreSQL, blobs in an object store, work in NATS JetStream. `planners` has what
-//! planners share, `worlds` what servers do, `work` how jobs are sent and done.
+//! What several servers and planners share: a PostgreSQL database, blobs in an object store, work in NATS JetStream.
+//! `planners` has what planners share, `worlds` what servers share, `work` how jobs are sent and done.
 //!
 //! The crate is empty without its feature `service`.
 #![cfg(feature = "service")]

@@ -38,7 +38,8 @@ pub async fn notify(connection: &mut PgConnection, channel: &str, payload: &str)
     sqlx::query!("SELECT pg_notify($1, $2)", channel, payload).execute(connection).await.map(drop)
 }
 
-/// Passes on what `channel` brings until the receiver of `sender` is dropped. A full `sender` holds back the connection.
+/// Passes on notifications of `channel` until the receiver of `sender` is dropped. A full `sender` holds back the
+/// connection.
 pub async fn listen(database: Database, channel: &'static str, sender: mpsc::Sender<Heard>) {
     while !sender.is_closed() {
         // Taking a notification must not be cancelled halfway: the connection is closed with it.

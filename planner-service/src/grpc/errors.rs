@@ -9,7 +9,7 @@ use tonic::Status;
 
 /// Typical duration of a build, sent as the retry delay when there are too many builds.
 const BUILD_TIME: Duration = Duration::from_secs(5);
-/// Typical time for which a store is away.
+/// Typical time for which a store is unavailable, sent as the retry delay.
 const RETRY_AFTER: Duration = Duration::from_secs(2);
 
 impl From<PlannerError> for Status {

@@ -1,14 +1,15 @@
 //! Implementation of `PlannerService`: decodes requests, calls the planner, encodes responses.
 //!
-//! `streams` sends the progress of builds and the changes of graphs; `errors` converts the planner's errors to statuses.
+//! `streams` sends the progress of builds and the changes of graphs; `errors` converts the planner's errors to
+//! statuses.
 
 mod errors;
 mod streams;
 
 use crate::error::PlannerError;
-use crate::hosted::{Hosted, Revision};
+use crate::hosted::Hosted;
 use crate::jobs::Job;
-use crate::layers::LayerChange;
+use crate::layers::{LayerChange, Revision};
 use crate::planner::Planner;
 use crate::wire::{
     build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
@@ -57,7 +58,7 @@ impl PlannerApi {
         Ok(query)
     }
 
-    /// Changes a layer, and returns the response to it: that of PutLayer, AppendEdits or UndoEdits.
+    /// Changes a layer. The responses of PutLayer, AppendEdits and UndoEdits have the same fields.
     async fn change_layers<R: Message + Default>(
         &self,
         graph_id: &str,
@@ -71,7 +72,7 @@ impl PlannerApi {
     }
 }
 
-/// What identifies a call that carries a request id, so that a repeat gets the first answer.
+/// What identifies a call with a request id: a repeat gets the first answer.
 fn call_of(caller: &Caller, request_id: &str, request: &impl Message) -> Result<Option<Call>, Status> {
     if request_id.is_empty() {
         return Ok(None);

@@ -14,7 +14,7 @@ use tonic::Status;
 
 /// Period at which the progress of a build is sent.
 const PROGRESS_PERIOD: Duration = Duration::from_millis(250);
-/// Period of messages about a graph that does not change; short enough that the connection does not count as silent.
+/// Period of messages about an unchanged graph. A silent connection would be closed.
 const REPEAT_PERIOD: Duration = Duration::from_secs(20);
 
 /// Sends one reader the state of a graph at once, whenever it changes, and every [`REPEAT_PERIOD`].

@@ -1,4 +1,5 @@
-//! What the parts of a planner's database have in common: connections, membership, and how a call that blocks waits for them.
+//! What the parts of [`FleetPlanner`](super::FleetPlanner) have in common: connections, membership, and how blocking
+//! calls wait for them.
 
 use crate::blobs::{BlobId, Blobs};
 use crate::database::Database;
@@ -15,34 +16,34 @@ use surefoot_planner::store::{LevelId, StoreError, StoreErrorKind};
 use tokio::runtime::Handle;
 use tracing::warn;
 
-/// Longest wait for the database, such as behind a network that passes nothing on.
+/// Longest wait for the database, such as behind a broken network.
 pub const PATIENCE: Duration = Duration::from_secs(5);
-/// The same for a call that moves a blob.
+/// Longest wait for a call that reads or writes a blob.
 pub const BLOB_PATIENCE: Duration = Duration::from_secs(30);
-/// The name of the store in messages to clients; it gives no address away.
+/// Name of the store in messages to clients, which must not contain its address.
 pub const PLACE: &str = "the db store";
 /// Channel of the notifications of all planners.
 pub const CHANNEL: &str = "surefoot_planners";
 
-/// What the parts of a planner's database have in common.
+/// The database and blobs of one planner.
 #[derive(Debug)]
 pub struct PlannerDb {
     /// The database.
     pub database: Database,
     /// Graphs and levels.
     pub blobs: Blobs,
-    /// This planner among the others.
+    /// The membership of this planner.
     pub membership: Membership,
-    /// Graphs that this process builds.
+    /// Graphs that this planner is building.
     pub building: Mutex<BTreeSet<[u8; 32]>>,
-    /// Number of graphs that were built here but not published, because the claim had been lost.
+    /// Number of graphs that were not published because their claims had been lost.
     pub stale_publishes: AtomicU64,
-    /// Where calls that block run what they wait for.
+    /// Runs the futures of blocking calls.
     runtime: Handle,
 }
 
 impl PlannerDb {
-    /// A planner that builds nothing yet.
+    /// Creates a planner that builds nothing yet.
     pub fn new(database: Database, blobs: Blobs, membership: Membership, runtime: Handle) -> Self {
         Self { database, blobs, membership, building: Mutex::default(), stale_publishes: AtomicU64::new(0), runtime }
     }
@@ -52,7 +53,7 @@ impl PlannerDb {
         self.block_for(PATIENCE, call)
     }
 
-    /// Waits for a call, so long at most.
+    /// Waits at most `patience` for a call.
     pub fn block_for<T>(
         &self,
         patience: Duration,
@@ -60,7 +61,7 @@ impl PlannerDb {
     ) -> Result<T, StoreError> {
         let silent = || FleetError::new(self.database.place(), format!("no answer within {} s", patience.as_secs()));
         let within = async { tokio::time::timeout(patience, call).await.unwrap_or_else(|_| Err(silent())) };
-        self.runtime.block_on(within).map_err(told)
+        self.runtime.block_on(within).map_err(for_clients)
     }
 
     /// Converts a failure of a query.
@@ -83,31 +84,29 @@ impl PlannerDb {
 
     /// Begins a transaction.
     ///
-    /// # Errors
-    /// If the database is away.
+    /// # Errors If the database is unavailable.
     pub async fn begin(&self) -> Result<Transaction<'static, Postgres>, FleetError> {
         self.database.pool.begin().await.map_err(|error| self.failed(error))
     }
 
-    /// Tells all planners, once the transaction is committed.
+    /// Notifies all planners, once the transaction of `connection` is committed.
     ///
-    /// # Errors
-    /// If the database is away.
+    /// # Errors If the database is unavailable.
     pub async fn notify(&self, connection: &mut PgConnection, note: &Note) -> Result<(), FleetError> {
         let sent = notifications::notify(connection, CHANNEL, &note.encode(self.membership.id())).await;
         sent.map_err(|error| self.failed(error))
     }
 }
 
-/// Logs a failure. What is returned may reach clients: it has no address, and nothing that the database says.
-fn told(error: FleetError) -> StoreError {
-    warn!(%error, "a call of the db store failed");
+/// Logs a failure, and converts it for clients: without addresses or messages of the database.
+fn for_clients(error: FleetError) -> StoreError {
+    warn!(%error, "planner: a call of the shared store failed");
     let reason = match error.kind {
         StoreErrorKind::Unavailable => "it does not answer",
-        StoreErrorKind::Lost => "something is gone or damaged",
+        StoreErrorKind::Lost => "an entry is gone or damaged",
         StoreErrorKind::Refused => "it refuses the call",
     };
-    let reason = format!("{reason}; the planner's log says more");
+    let reason = format!("{reason}; the log of the planner has details");
     StoreError { place: PLACE.to_owned(), reason, kind: error.kind }
 }
 
@@ -127,7 +126,7 @@ fn kind_of(error: &sqlx::Error) -> StoreErrorKind {
 /// A notification.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Note {
-    /// A graph was published, or whoever built it gave up.
+    /// A graph was published, or its builder gave up.
     Graph(GraphId),
     /// The layers of a level have changed.
     Layers(LevelId),
@@ -148,7 +147,7 @@ impl Note {
         }
     }
 
-    /// Decodes a notification, and the member that it came from; `None` for those of later versions.
+    /// Decodes a notification and the id of its sender; `None` if its kind is unknown.
     pub fn decode(text: &str) -> Option<(Self, i64)> {
         let mut words = text.split(' ');
         let (kind, member) = (words.next()?, words.next()?.parse().ok()?);
@@ -164,12 +163,12 @@ impl Note {
     }
 }
 
-/// A number of the database that is never negative.
+/// Converts a number that is never negative.
 pub fn unsigned(number: i64) -> u64 {
     u64::try_from(number).unwrap_or(0)
 }
 
-/// A number that fits the database.
+/// Converts a number, at most the largest that the database can hold.
 pub fn signed(number: u64) -> i64 {
     i64::try_from(number).unwrap_or(i64::MAX)
 }

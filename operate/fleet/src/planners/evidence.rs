@@ -1,4 +1,4 @@
-//! Live evidence: sums of traversals to which every planner adds its own. When there are many of an edge, all of them are halved, as
+//! Live evidence: sums of traversals to which every planner adds. When an edge has many, all are halved, as
 //! [`LiveEvidence`] does, so that recent ones can change the estimate.
 
 use super::db::{Note, PlannerDb};
@@ -24,7 +24,7 @@ struct Columns {
 }
 
 impl Columns {
-    /// The sums of each reporter and edge, ordered, so that planners lock rows in the same order.
+    /// Sums up by reporter and edge, in order, so that planners lock rows in the same order.
     fn of<'a>(counts: impl Iterator<Item = &'a Counts>) -> Self {
         let mut sums: BTreeMap<(EdgeKey, &Reporter), Sums> = BTreeMap::new();
         for Counts { reporter, edge, tries, decisions } in counts {
@@ -45,12 +45,13 @@ impl Columns {
     }
 }
 
-/// See [`Replicas::add_evidence`](surefoot_planner_service::replicas::Replicas::add_evidence). Evidence of a graph that is gone is dropped.
+/// See [`Replicas::add_evidence`](surefoot_planner_service::replicas::Replicas::add_evidence). Evidence of a deleted
+/// graph is dropped.
 pub fn add(db: &PlannerDb, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError> {
     db.block(async {
         let fail = |error| db.failed(error);
         let mut transaction = db.begin().await?;
-        // One planner at a time adds and halves.
+        // The lock permits one planner at a time to add and halve.
         let row = sqlx::query!("SELECT token FROM graphs WHERE id = $1 FOR UPDATE", &graph.0[..]);
         if row.fetch_optional(&mut *transaction).await.map_err(fail)?.is_none() {
             return transaction.rollback().await.map_err(fail);

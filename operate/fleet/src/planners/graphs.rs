@@ -1,4 +1,5 @@
-//! Graphs: who builds which, and publishing, which checks the claim and the lease in the transaction that stores the graph.
+//! Graphs: claims of their builds, and publishing, which checks the claim and the lease in the transaction that stores
+//! the graph.
 
 use super::db::{BLOB_PATIENCE, Note, PlannerDb, unsigned};
 use super::operations::phase_of;
@@ -31,7 +32,7 @@ pub fn get(db: &PlannerDb, id: &GraphId) -> Result<Option<Built>, StoreError> {
         let Built { graph, stats } = match decoded {
             Ok(built) => built,
             Err(reason) => {
-                warn!(graph = %id, %blob, reason, "the blob of a graph is lost: the graph is built again");
+                warn!(graph = %id, %blob, reason, "planner: the blob of a graph is lost; the graph is built again");
                 return forget_blob(db, id, blob).await.map(|()| None);
             }
         };
@@ -40,7 +41,7 @@ pub fn get(db: &PlannerDb, id: &GraphId) -> Result<Option<Built>, StoreError> {
     })
 }
 
-/// Notes that a graph has no blob, unless it has got another one meanwhile. Its recipe and its evidence stay.
+/// Notes that a graph has no blob, unless it has a new one. Its recipe and evidence stay.
 async fn forget_blob(db: &PlannerDb, graph: &GraphId, BlobId(blob): BlobId) -> Result<(), FleetError> {
     let forgotten = sqlx::query!("UPDATE graphs SET blob = NULL WHERE id = $1 AND blob = $2", &graph.0[..], &blob[..]);
     forgotten.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
@@ -58,7 +59,7 @@ pub fn claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<ClaimOut
             Some(claim) => Ok(claim),
             None => {
                 db.renew_lease().await?;
-                let dead = || FleetError::new(db.database.place(), "this planner counts as dead at the moment");
+                let dead = || FleetError::new(db.database.place(), "the lease of this planner has expired");
                 try_claim(db, graph, build).await?.ok_or_else(dead)
             }
         }
@@ -69,7 +70,7 @@ pub fn claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<ClaimOut
     claimed
 }
 
-/// `None` if this planner counts as dead.
+/// Returns `None` if the lease of this planner has expired.
 async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Option<ClaimOutcome>, FleetError> {
     let fail = |error| db.failed(error);
     let member = db.membership.id();
@@ -94,7 +95,7 @@ async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Op
     );
     let found = found.fetch_one(&mut *transaction).await.map_err(fail)?;
     if found.is_published {
-        // Without the claim, which would be in nobody's way but for no reason.
+        // The claim is not needed.
         transaction.rollback().await.map_err(fail)?;
         return Ok(Some(ClaimOutcome::Published));
     }
@@ -118,7 +119,8 @@ async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Op
     }))))
 }
 
-/// See [`Replicas::release`](surefoot_planner_service::replicas::Replicas::release). What cannot be released now is by [`sweep`].
+/// See [`Replicas::release`](surefoot_planner_service::replicas::Replicas::release). If it fails, [`sweep`] releases
+/// the claim.
 pub fn release(db: &PlannerDb, graph: &GraphId) {
     db.building.lock().remove(&graph.0);
     let released = db.block(async {
@@ -132,20 +134,20 @@ pub fn release(db: &PlannerDb, graph: &GraphId) {
         transaction.commit().await.map_err(fail)
     });
     if let Err(error) = released {
-        warn!(%error, %graph, "the claim of a build is not given up yet");
+        warn!(%error, %graph, "planner: cannot release the claim of a build yet");
     }
 }
 
-/// Gives up all claims of this planner for which it does not build, and those of planners that have died.
+/// Removes claims of this planner for which it does not build, and those of planners that have died.
 ///
-/// # Errors
-/// If the database is away.
+/// # Errors If the database is unavailable.
 pub async fn sweep(db: &PlannerDb) -> Result<(), FleetError> {
     let fail = |error| db.failed(error);
     let newest =
         sqlx::query_scalar!(r#"SELECT CASE WHEN is_called THEN last_value ELSE 0 END AS "newest!" FROM tokens"#);
     let newest = newest.fetch_one(&db.database.pool).await.map_err(fail)?;
-    // A build is noted before its claim gets its token: claims up to this token are noted by now, and later ones are left alone.
+    // `building` contains every claim up to this token: a build is added before its claim gets a token. Later claims
+    // are kept.
     let building: Vec<Vec<u8>> = db.building.lock().iter().map(|id| id.to_vec()).collect();
     let gone = sqlx::query!(
         "DELETE FROM claims WHERE (member = $1 AND token <= $3 AND NOT graph = ANY($2))
@@ -165,7 +167,7 @@ pub fn publish(
     recipe: &[u8],
     Built { graph: nav, stats }: &Built,
 ) -> Result<bool, StoreError> {
-    // Whoever builds the graph gets the same bytes.
+    // Without times, every builder gets the same bytes.
     let times = [stats.placing_s, stats.probing_s, stats.seconds];
     let timeless = BuildStats { placing_s: 0.0, probing_s: 0.0, seconds: 0.0, ..*stats };
     let bytes = encode_entry(&Built { graph: nav.clone(), stats: timeless });
@@ -174,7 +176,7 @@ pub fn publish(
     let is_published = db.block(async {
         let fail = |error| db.failed(error);
         let mut transaction = db.begin().await?;
-        // Locked, so that nobody takes the claim over, and the lease is checked after the lock, however long that took.
+        // The lock keeps the claim from being taken over. The lease is checked after the lock, which may take long.
         let locked = sqlx::query!("SELECT token FROM claims WHERE graph = $1 FOR UPDATE", &graph.0[..]);
         locked.fetch_optional(&mut *transaction).await.map_err(fail)?;
         let holds = sqlx::query_scalar!(
@@ -210,7 +212,7 @@ pub fn publish(
         failpoint("published");
     } else {
         db.stale_publishes.fetch_add(1, Ordering::Relaxed);
-        warn!(%graph, "this planner was taken for dead while it built a graph, which it does not publish");
+        warn!(%graph, "planner: its lease expired during a build; the graph is not published");
     }
     Ok(is_published)
 }

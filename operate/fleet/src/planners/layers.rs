@@ -1,4 +1,4 @@
-//! Layers of designers. A change is stored only if the layers are those that it was made for: the database compares their version.
+//! Layers of designers. A change is stored only if the layers have the version for which it was made.
 
 use super::db::{Note, PLACE, PlannerDb, signed, unsigned};
 use super::receipts;
@@ -8,7 +8,7 @@ use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, Receipt, Store
 /// See [`GraphStore::layers`](surefoot_planner::store::GraphStore::layers).
 pub fn read(db: &PlannerDb, level: &LevelId) -> Result<LevelLayers, StoreError> {
     db.block(async {
-        // One statement, so that version and layers belong together.
+        // One statement reads version and layers at the same time.
         let rows = sqlx::query!(
             r#"SELECT version, name AS "name?", content AS "content?" FROM level_versions LEFT JOIN layers USING (level)
                WHERE level = $1"#,

@@ -32,7 +32,7 @@ impl LevelArchive for Levels {
 
     fn load(&self, map_hash: &str) -> Result<Option<SavedLevel>, String> {
         let Self(db) = self;
-        // What is no hash names no level.
+        // A text that is not a hash names no level.
         let Ok(hash) = map_hash.parse::<BlobId>() else { return Ok(None) };
         let found = db.block_for(BLOB_PATIENCE, async {
             let row = sqlx::query!("SELECT name, owner, blob FROM levels WHERE map_hash = $1", &hash.0[..]);
@@ -42,9 +42,9 @@ impl LevelArchive for Levels {
             let file = match db.blobs.get(blob).await {
                 Ok(Some(file)) => file,
                 Err(error) if error.kind != StoreErrorKind::Lost => return Err(error),
-                // An import of the same file stores it again.
+                // Importing the same file stores the blob again.
                 Ok(None) | Err(_) => {
-                    warn!(level = row.name, %blob, "the blob of a level is lost: the level has to be imported again");
+                    warn!(level = row.name, %blob, "planner: the blob of a level is lost; import the level again");
                     return Ok(None);
                 }
             };

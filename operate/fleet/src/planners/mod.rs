@@ -1,8 +1,9 @@
-//! Planners that share a store: graphs, layers, evidence and builds in PostgreSQL, blobs in an object store. [`FleetPlanner`] is what each
-//! of them has of it.
+//! Planners that share a store: graphs, layers, evidence and builds in PostgreSQL, blobs in an object store.
+//! [`FleetPlanner`] is the store of one of them.
 //!
-//! `graphs` has claims and publishing, `layers` the comparison of versions, `evidence` the sums, `receipts` the answers of calls that may be repeated, `operations` builds as clients see them,
-//! `levels` imported maps, `upkeep` the lease and notifications. `db` is what all of them use.
+//! `graphs` has claims and publishing, `layers` the comparison of versions, `evidence` the sums, `receipts` the
+//! answers of repeatable calls, `operations` builds as clients see them, `levels` imported maps, `upkeep` the lease
+//! and notifications. All of them use `db`.
 
 mod db;
 mod evidence;
@@ -38,12 +39,12 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tracing::warn;
 
-/// Lease of a planner unless told otherwise.
+/// Default lease of a planner.
 pub const DEFAULT_LEASE: Duration = Duration::from_secs(5);
-/// News that wait; when there are more, the connection to the database waits.
+/// Maximum number of news that wait. Beyond it, the connection that listens is held back.
 const NEWS: usize = 256;
 
-/// A planner's part of the database that all planners share.
+/// The store that planners share, for one of them.
 #[derive(Debug)]
 pub struct FleetPlanner {
     db: Arc<PlannerDb>,

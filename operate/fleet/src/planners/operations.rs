@@ -1,4 +1,4 @@
-//! Builds as clients see them, of all planners.
+//! Builds of all planners, as clients see them.
 
 use super::db::{PlannerDb, signed, unsigned};
 use crate::error::FleetError;
@@ -9,11 +9,11 @@ use surefoot_planner_service::Failure;
 use surefoot_planner_service::jobs::{BuildId, BuildPhase};
 use surefoot_planner_service::replicas::{BuildStatus, Operation, Withdrawals};
 
-/// Builds of dead planners that are taken over at a time: others take over the rest.
+/// Maximum number of orphaned builds that are taken over at a time. Other planners take over the rest.
 const ADOPTED_AT_A_TIME: i64 = 4;
-/// Most builds of other planners that are listed.
+/// Maximum number of builds of other planners that are listed.
 const LISTED: i64 = 256;
-/// Stages by their number in the database.
+/// Phases by their number in the database.
 const PHASES: [BuildPhase; 8] = [
     BuildPhase::Queued,
     BuildPhase::Map,
@@ -25,13 +25,13 @@ const PHASES: [BuildPhase; 8] = [
     BuildPhase::Cancelled,
 ];
 
-/// The stage with this number.
+/// Returns the phase with this number.
 pub fn phase_of(number: i16) -> BuildPhase {
     usize::try_from(number).ok().and_then(|idx| PHASES.get(idx)).copied().unwrap_or(BuildPhase::Failed)
 }
 
 fn number_of(phase: BuildPhase) -> i16 {
-    PHASES.iter().position(|other| *other == phase).expect("all stages have a number") as i16
+    PHASES.iter().position(|other| *other == phase).expect("all phases have a number") as i16
 }
 
 /// A row of the table.
@@ -80,7 +80,7 @@ pub fn post(db: &PlannerDb, operation: &Operation) -> Result<Withdrawals, StoreE
     } = operation;
     let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     db.block(async {
-        // Another planner that has taken the build over knows better.
+        // If another planner has taken the build over, its row is kept.
         let posted = sqlx::query!(
             "INSERT INTO operations (id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started,
                  requesters)
@@ -173,10 +173,9 @@ pub fn adopt(db: &PlannerDb) -> Result<Vec<Operation>, StoreError> {
     })
 }
 
-/// Forgets builds that ended more than ten minutes ago, and planners that died a day ago.
+/// Deletes builds that ended more than ten minutes ago, and planners that died a day ago.
 ///
-/// # Errors
-/// If the database is away.
+/// # Errors If the database is unavailable.
 pub async fn forget(db: &PlannerDb) -> Result<(), FleetError> {
     let old = sqlx::query!("DELETE FROM operations WHERE stage >= 5 AND noted_at < now() - interval '10 minutes'");
     old.execute(&db.database.pool).await.map_err(|error| db.failed(error))?;

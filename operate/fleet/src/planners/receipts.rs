@@ -1,5 +1,5 @@
-//! Receipts of calls that clients may repeat: stored in the transaction that carries a call out, so that it is carried out once, whichever
-//! planner gets the repeat.
+//! Receipts of calls that clients may repeat. A receipt is stored in the transaction that carries out its call, so
+//! that a repeat on any planner is not carried out again.
 
 use super::db::PlannerDb;
 use crate::error::FleetError;
@@ -7,8 +7,8 @@ use sqlx::PgConnection;
 use std::collections::BTreeSet;
 use surefoot_planner::store::{Call, MAX_RECEIPTS, RECEIPTS_KEPT_FOR, Receipt, StoreError};
 
-/// See [`GraphStore::receipt`](surefoot_planner::store::GraphStore::receipt). One that is too old counts until it is removed, since it is
-/// in the way of another with its id until then.
+/// See [`GraphStore::receipt`](surefoot_planner::store::GraphStore::receipt). An expired receipt counts until it is
+/// removed, since it blocks its id until then.
 pub fn find(db: &PlannerDb, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
     db.block(async {
         let row =
@@ -22,11 +22,10 @@ pub fn find(db: &PlannerDb, client: &str, id: &str) -> Result<Option<Receipt>, S
     })
 }
 
-/// Stores receipts in the transaction of `connection`, and returns the calls whose receipts were not there. It waits for transactions that
-/// are carrying the same calls out.
+/// Stores receipts in the transaction of `connection`. Returns the calls that had none. It waits for transactions that
+/// carry out the same calls.
 ///
-/// # Errors
-/// If the database is away.
+/// # Errors If the database is unavailable.
 pub async fn store(
     db: &PlannerDb,
     connection: &mut PgConnection,
@@ -62,10 +61,9 @@ pub async fn store(
     Ok(stored.into_iter().map(|row| (row.client, row.request_id)).collect())
 }
 
-/// Forgets receipts that are too old.
+/// Deletes receipts that are too old.
 ///
-/// # Errors
-/// If the database is away.
+/// # Errors If the database is unavailable.
 pub async fn forget(db: &PlannerDb) -> Result<(), FleetError> {
     let old = sqlx::query!(
         "DELETE FROM receipts WHERE noted_at < now() - make_interval(secs => $1)",

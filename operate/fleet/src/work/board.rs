@@ -1,53 +1,53 @@
-//! The board: which jobs of a dispatch are open, for all who do them.
+//! The board: which jobs of a dispatch are open.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Which jobs are open, for all who do them.
+/// The open jobs of a dispatch, for all threads that do them.
 #[derive(Debug)]
 pub(super) struct Board {
     settled: Vec<AtomicBool>,
     taken: Vec<AtomicBool>,
     is_over: AtomicBool,
-    /// Whether a prover cannot do a job, so that somebody here must.
+    /// Whether a prover refused a job, so that this process must do it.
     is_forsaken: AtomicBool,
-    /// Answers that were heard and not read yet.
+    /// Answers that have arrived and are not read yet.
     heard: AtomicUsize,
 }
 
 impl Board {
-    /// All jobs are open.
+    /// Creates a board of open jobs.
     pub fn new(count: usize) -> Self {
         let none = || (0..count).map(|_| AtomicBool::new(false)).collect();
         let (is_over, is_forsaken) = (AtomicBool::default(), AtomicBool::default());
         Self { settled: none(), taken: none(), is_over, is_forsaken, heard: AtomicUsize::default() }
     }
 
-    /// Whether the job needs no prover any more.
+    /// Whether the job is done, or no longer needed.
     pub fn is_settled(&self, idx: usize) -> bool {
         self.is_over() || self.settled[idx].load(Ordering::Acquire)
     }
 
-    /// Whether a thread of this process has begun it.
+    /// Whether a thread of this process has started it.
     pub fn is_taken(&self, idx: usize) -> bool {
         self.taken[idx].load(Ordering::Acquire)
     }
 
-    /// Whether nobody waits for any of them any more.
+    /// Whether the dispatch has ended.
     pub fn is_over(&self) -> bool {
         self.is_over.load(Ordering::Acquire)
     }
 
-    /// Nobody waits any more.
+    /// Ends the dispatch.
     pub fn end(&self) {
         self.is_over.store(true, Ordering::Release);
     }
 
-    /// Whether a prover could not do a job.
+    /// Whether a prover refused a job.
     pub fn is_forsaken(&self) -> bool {
         self.is_forsaken.load(Ordering::Acquire)
     }
 
-    /// Notes that a prover could not do a job.
+    /// Notes that a prover refused a job.
     pub fn forsake(&self) {
         self.is_forsaken.store(true, Ordering::Release);
     }
@@ -57,8 +57,8 @@ impl Board {
         !self.settled[idx].swap(true, Ordering::AcqRel)
     }
 
-    /// Whether there is room for an answer to be read: for two to each job. Whoever floods the queue with more loses them; a job whose
-    /// answer is lost is sent again, or done here.
+    /// Reserves room for an answer to be read; there is room for two to each job. A flooded queue loses answers: their
+    /// jobs are sent again, or done here.
     pub fn admit(&self, idx: usize) -> bool {
         let limit = 2 * self.settled.len();
         !self.is_settled(idx)
@@ -73,7 +73,7 @@ impl Board {
         self.heard.fetch_sub(1, Ordering::AcqRel);
     }
 
-    /// The last job that nobody has done or begun here.
+    /// Takes the last job that is neither done nor started here.
     pub fn take(&self) -> Option<usize> {
         let is_free = |&idx: &usize| !self.is_settled(idx) && !self.taken[idx].swap(true, Ordering::AcqRel);
         (0..self.taken.len()).rev().find(is_free)

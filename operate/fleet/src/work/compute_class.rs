@@ -1,21 +1,23 @@
-//! Lanes: a job goes to provers whose results have the same bits as those of whoever sends it.
+//! Compute classes: a job goes only to provers whose results have the same bits as those of its sender.
 
 use std::fmt;
 use surefoot_planner::settings::BUILDER_VERSION;
 use surefoot_policy::{Batch, Policy, Scratch};
 
-/// Version of what jobs and results say. Processes of different versions share no work.
+/// Version of the format of jobs and results. Processes of different versions share no work.
 const VERSION: u32 = 1;
-/// Rows of the batches with which a processor is told from others: kernels differ in how they cut matrices.
+/// Batch sizes that distinguish processors: their kernels split matrices differently.
 const BATCHES: [usize; 5] = [1, 3, 32, 100, 192];
 
-/// Names what must agree between those who share work: the version of the format, the weights, and the bits that this processor computes
-/// with them. Processors with other vector units add in another order.
+/// Hash of what must agree between processes that share work: the version of the format, the weights, and the bits
+/// that this processor computes with them. Processors with other vector units add in another order. `surefoot prove
+/// --print-lane` prints it.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct ComputeClass(String);
 
 impl ComputeClass {
-    /// The lane of a process with this policy. It runs the policy on a few made-up observations: some milliseconds.
+    /// Returns the class of a process with this policy. It runs the policy on a few generated observations, which
+    /// takes some milliseconds.
     pub fn of(policy: &Policy) -> Self {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&VERSION.to_le_bytes());
@@ -24,7 +26,7 @@ impl ComputeClass {
         hasher.update(policy.weights_hash().as_bytes());
         let mut state = 1u32;
         let mut value = || {
-            // Numerical Recipes' generator: only that the values are the same everywhere matters.
+            // Numerical Recipes' generator: only equal values on every machine matter.
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (state >> 8) as f32 / (1 << 23) as f32 - 1.0
         };
@@ -42,7 +44,7 @@ impl ComputeClass {
         Self(hasher.finalize().to_hex()[..16].to_owned())
     }
 
-    /// The name: 16 hexadecimal digits.
+    /// Returns 16 hexadecimal digits.
     pub fn as_str(&self) -> &str {
         &self.0
     }

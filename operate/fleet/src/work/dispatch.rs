@@ -1,7 +1,7 @@
-//! A dispatch: jobs that belong together, each done by whoever is first, a prover elsewhere or a thread of this process.
+//! A dispatch: jobs that belong together. Each is done by a prover or by a thread of this process, whichever is first.
 //!
-//! Provers begin with the first jobs, threads here with the last, and both go on until all jobs are settled. So a prover that dies, a queue
-//! that is away, and no prover at all cost time, never the result.
+//! Provers start with the first jobs, threads here with the last, until all jobs are settled. A prover that dies, an
+//! unreachable queue, or no prover at all cost time, never the result.
 
 use super::board::Board;
 use super::compute_class::ComputeClass;
@@ -15,34 +15,32 @@ use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use tracing::warn;
 
-/// How often cancellation is looked for.
+/// Period at which cancellation is checked.
 const TURN: Duration = Duration::from_millis(20);
-/// Silence of all provers after which they are taken for gone.
+/// Silence of all provers after which this process does all jobs.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Time for which provers that answered are expected to be there still.
+/// Time for which provers that have answered are expected to answer again.
 const MEMORY: Duration = Duration::from_secs(60);
 
-/// What jobs are about, and who can do without provers.
+/// The content of jobs, and how this process does them without provers.
 pub trait Work: Sync {
     /// Result of a job.
     type Output: Send + 'static;
 
-    /// Does a job in this process; `None` if `is_settled` became true before it was done.
+    /// Does a job in this process. Returns `None` if `is_settled` became true before it was done.
     ///
-    /// # Errors
-    /// Why it cannot be done: the dispatch ends.
+    /// If it cannot be done: the dispatch ends.
     fn run_locally(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Self::Output, String>>;
 
     /// Reads and checks the result of a prover.
     ///
-    /// # Errors
-    /// Why it is of no use: it is ignored.
+    /// If the result is invalid: it is ignored.
     fn read(&self, idx: usize, result: &[u8]) -> Result<Self::Output, String>;
 
     /// Called once for each job, by the thread that dispatches.
     fn settled(&self, _idx: usize, _output: &Self::Output) {}
 
-    /// Whether the rest need not be done.
+    /// Whether the remaining jobs need not be done.
     fn is_cancelled(&self) -> bool {
         false
     }
@@ -51,13 +49,13 @@ pub trait Work: Sync {
 /// Threads of this process that do jobs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Threads {
-    /// Beside provers.
+    /// Number while provers answer.
     pub beside_provers: usize,
-    /// While no prover answers.
+    /// Number while no prover answers.
     pub alone: usize,
 }
 
-/// Sends jobs. Clones share what they know of provers.
+/// Sends jobs. Clones share their knowledge of provers.
 #[derive(Debug, Clone)]
 pub struct Dispatcher {
     queue: Queue,
@@ -65,10 +63,10 @@ pub struct Dispatcher {
     known: Arc<Known>,
 }
 
-/// What is known of provers.
+/// Knowledge of provers.
 #[derive(Debug, Default)]
 struct Known {
-    /// When one of them answered last.
+    /// Time of the latest answer.
     heard: Mutex<Option<Instant>>,
     done_here: AtomicU64,
     done_there: AtomicU64,
@@ -80,14 +78,14 @@ impl Known {
         *self.heard.lock() = Some(Instant::now());
     }
 
-    /// Whether no prover answers to what was sent at `since`.
+    /// Whether no prover has answered since `since`.
     fn is_silent(&self, since: Instant) -> bool {
         let heard = *self.heard.lock();
         heard.is_none_or(|heard| heard.elapsed() > MEMORY || heard.max(since).elapsed() > SILENCE)
     }
 }
 
-/// What happened to a job.
+/// The end of a job.
 enum Event<T> {
     /// A thread of this process did it.
     Here(usize, Result<T, String>),
@@ -106,10 +104,10 @@ impl Dispatcher {
         &self.queue
     }
 
-    /// Has all jobs done and returns their results, in order; `None` if the work was cancelled. Call this from a thread that may block.
+    /// Gets all jobs done and returns their results, in order; `None` if the work was cancelled. Call this from a
+    /// thread that may block.
     ///
-    /// # Errors
-    /// If a job cannot be done by anybody.
+    /// If no process can do a job.
     pub fn run<W: Work>(
         &self,
         jobs: Vec<Job>,
@@ -127,7 +125,7 @@ impl Dispatcher {
             let board = board.clone();
             move |idx, answer| {
                 if board.admit(idx) {
-                    // Whoever dispatches may have gone.
+                    // The receiver may have been dropped.
                     let _ = answers.send(Event::There(idx, answer));
                 }
             }
@@ -148,7 +146,7 @@ impl Dispatcher {
                         let Some(idx) = board.take() else { return };
                         feed.withdraw(idx);
                         if let Some(done) = work.run_locally(idx, &|| board.is_settled(idx)) {
-                            // Whoever dispatches may have given up.
+                            // The receiver may have been dropped.
                             let _ = events.send(Event::Here(idx, done));
                         }
                     }
@@ -202,7 +200,7 @@ impl Dispatcher {
         Ok(outputs.into_iter().collect())
     }
 
-    /// The result of a prover; `None` if it is of no use.
+    /// Reads the answer of a prover; `None` if it is invalid.
     fn read<W: Work>(&self, work: &W, idx: usize, answer: Answer) -> Result<Option<W::Output>, FleetError> {
         self.known.hear();
         let reason = match answer {
@@ -216,7 +214,7 @@ impl Dispatcher {
             Err(refusal) if refusal.is_final => return Err(self.queue.failed(refusal.reason)),
             Err(refusal) => refusal.reason,
         };
-        warn!(%reason, "the answer of a prover is of no use; the job is done here");
+        warn!(%reason, "provers: an answer is invalid; this process does the job");
         self.known.ignored.fetch_add(1, Ordering::Relaxed);
         Ok(None)
     }
@@ -227,10 +225,13 @@ impl Dispatcher {
         let [here, there, ignored] = [done_here, done_there, ignored].map(|count| count.load(Ordering::Relaxed));
         let connected = u8::from(self.queue.is_connected());
         format!(
-            "# HELP surefoot_queue_connected Whether NATS answers.\n# TYPE surefoot_queue_connected gauge\nsurefoot_queue_connected {connected}\n\
-             # HELP surefoot_jobs_settled_total Jobs of builds, by who did them.\n# TYPE surefoot_jobs_settled_total counter\n\
+            "# HELP surefoot_queue_connected Whether NATS answers.\n# TYPE surefoot_queue_connected gauge\n\
+             surefoot_queue_connected {connected}\n\
+             # HELP surefoot_jobs_settled_total Jobs of builds, by the process that did them.\n\
+             # TYPE surefoot_jobs_settled_total counter\n\
              surefoot_jobs_settled_total{{by=\"provers\"}} {there}\nsurefoot_jobs_settled_total{{by=\"this\"}} {here}\n\
-             # HELP surefoot_answers_ignored_total Answers of provers that were of no use.\n# TYPE surefoot_answers_ignored_total counter\nsurefoot_answers_ignored_total {ignored}\n"
+             # HELP surefoot_answers_ignored_total Invalid answers of provers.\n\
+             # TYPE surefoot_answers_ignored_total counter\nsurefoot_answers_ignored_total {ignored}\n"
         )
     }
 }

@@ -1,5 +1,5 @@
-//! The feed of a dispatch: sends its jobs to the queue and brings their answers, for as long as the dispatch lasts. While the queue is away,
-//! it tries again.
+//! The feed of a dispatch: sends its jobs to the queue and receives their answers, until the dispatch ends. While the
+//! queue is unreachable, it tries again.
 
 use super::board::Board;
 use super::compute_class::ComputeClass;
@@ -19,15 +19,16 @@ use tracing::warn;
 const RETRY: Duration = Duration::from_millis(300);
 /// Time without any answer after which jobs are sent again: the server may have lost them.
 const RESEND: Duration = Duration::from_secs(30);
-/// Interval in which a server shows that it is there.
+/// Period at which a server shows that it is alive.
 const HEARTBEAT: Duration = Duration::from_secs(1);
-/// How long one request for answers waits.
+/// Duration of one request for answers.
 const EXPIRES: Duration = Duration::from_secs(10);
 
-/// Brings an answer to a job to whoever dispatches.
+/// Takes an answer to a job.
 type Hear = dyn Fn(usize, Answer) + Send + Sync;
 
-/// Sends jobs and brings answers until it is dropped; then jobs that nobody has begun leave the queue.
+/// Sends jobs and receives answers until it is dropped. Then it removes jobs that no process has started from the
+/// queue.
 pub(super) struct Feed {
     shared: Arc<Shared>,
     task: JoinHandle<()>,
@@ -39,16 +40,16 @@ struct Shared {
     scope: Scope,
     jobs: Vec<Job>,
     board: Arc<Board>,
-    /// Number of each job in the stream, once it is there.
+    /// Sequence number of each job that is in the stream.
     sequences: Mutex<Vec<Option<u64>>>,
-    /// Whether the answers were read that were there at first.
+    /// Whether the answers that existed at the start have been read.
     is_read: watch::Sender<bool>,
     /// Number of answers so far.
     answers: watch::Sender<u64>,
 }
 
 impl Feed {
-    /// Begins to send the jobs of `board`.
+    /// Starts to send the jobs of `board`.
     pub fn start(
         (queue, lane, scope): (Queue, ComputeClass, Scope),
         jobs: Vec<Job>,
@@ -68,7 +69,7 @@ impl Feed {
         Self { shared, task }
     }
 
-    /// Takes a job out of the queue that a thread of this process has begun, unless a prover has it already.
+    /// Removes a job that this process has started from the queue, unless a prover has it.
     pub fn withdraw(&self, idx: usize) {
         if let Some(sequence) = self.shared.sequences()[idx].take() {
             let shared = self.shared.clone();
@@ -93,9 +94,9 @@ impl Shared {
         self.sequences.lock()
     }
 
-    /// Sends all jobs that are open, and again when nobody has answered for long.
+    /// Sends all open jobs, and again after a long time without answers.
     async fn send_all(&self) {
-        // What was answered before, for a process that died, need not be sent. It never fails: the sender lives.
+        // Jobs that were answered for an earlier process need not be sent. The wait never fails: the sender lives.
         let _ = self.is_read.subscribe().wait_for(|is_read| *is_read).await;
         let mut answers = self.answers.subscribe();
         loop {
@@ -127,7 +128,7 @@ impl Shared {
                 }
                 Err(error) => {
                     self.queue.note_unreachable(&error);
-                    // The stream is made again, should the server have lost it.
+                    // The server may have lost the stream: create it again.
                     let _ = self.queue.jobs().await;
                     tokio::time::sleep(RETRY).await;
                 }
@@ -135,7 +136,7 @@ impl Shared {
         }
     }
 
-    /// Brings all answers. They are read again from the first whenever the connection was lost.
+    /// Receives all answers. After a lost connection, it starts again with the first.
     async fn read_all(&self, hear: &Hear) {
         let places: HashMap<String, usize> =
             self.jobs.iter().enumerate().map(|(idx, job)| (job.id.to_string(), idx)).collect();
@@ -147,7 +148,7 @@ impl Shared {
     }
 
     async fn read(&self, places: &HashMap<String, usize>, hear: &Hear) -> Result<std::convert::Infallible, FleetError> {
-        // All of it is there before anything is sent, so that autoscalers see jobs that wait where no prover is yet.
+        // The consumer exists before jobs are sent, so that autoscalers see waiting jobs before there is a prover.
         self.queue.consumer(&self.lane).await?;
         let reader = self.queue.reader(&self.scope).await?;
         let mut pending = reader.cached_info().num_pending;
@@ -169,18 +170,18 @@ impl Shared {
 
     fn hear(&self, idx: usize, job: JobId, bytes: &[u8], hear: &Hear) {
         match open_answer(job, bytes) {
-            // Somebody was told before; this time it may go better.
+            // An earlier process got this refusal; another try may succeed.
             Ok(Err(_)) if !*self.is_read.borrow() => {}
             Ok(answer) => {
                 self.sequences()[idx] = None;
                 self.answers.send_modify(|count| *count += 1);
                 hear(idx, answer);
             }
-            Err(damage) => warn!(%job, %damage, "an answer is damaged, and ignored"),
+            Err(damage) => warn!(%job, %damage, "provers: ignored a damaged answer"),
         }
     }
 
-    /// Removes jobs from the queue, as far as it is there. Those that are done are no longer in it.
+    /// Removes jobs from the queue. Jobs that are done are no longer in it.
     async fn remove(&self, sequences: &[u64]) {
         for &sequence in sequences {
             self.queue.remove(sequence).await;

@@ -1,5 +1,5 @@
-//! Jobs and their answers as bytes. Both begin with a checksum, and a job's is its name, so that an answer belongs to one job only,
-//! whichever build it was made for. Bytes that are not whole, or say what cannot be, are damage, never a panic.
+//! Jobs and their answers as bytes. Both begin with a checksum. The checksum of a job is its name, so that an answer
+//! belongs to one job only. Damaged or impossible bytes are an error, never a panic.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use std::fmt;
 /// Length of a checksum.
 const HASH_LEN: usize = 32;
 
-/// Name of a job: the hash of all that it says.
+/// Name of a job: the hash of its content.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct JobId([u8; HASH_LEN]);
 
@@ -24,7 +24,7 @@ impl fmt::Debug for JobId {
     }
 }
 
-/// What is to be done.
+/// Kind of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum JobKind {
     /// Probes of a build.
@@ -35,7 +35,7 @@ pub enum JobKind {
     Map,
 }
 
-/// Bytes are not a whole job or answer; says why.
+/// Bytes that are not a job or an answer, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Damage(pub String);
@@ -43,14 +43,14 @@ pub struct Damage(pub String);
 /// Why a job was not done.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Refusal {
-    /// Whether nobody can do it: whoever waits for it fails. Otherwise, only this prover cannot.
+    /// Whether no prover can do it, so that its dispatch fails; otherwise only this prover cannot.
     pub is_final: bool,
     /// Why.
     pub reason: String,
 }
 
 impl Refusal {
-    /// Nobody can do it.
+    /// No prover can do it.
     pub fn impossible(reason: impl fmt::Display) -> Self {
         Self { is_final: true, reason: reason.to_string() }
     }
@@ -66,22 +66,22 @@ impl Refusal {
 pub struct Job {
     /// Its name.
     pub id: JobId,
-    /// What is sent.
+    /// The sealed bytes.
     pub bytes: Vec<u8>,
 }
 
-/// A job as it arrived.
+/// A job that a prover has opened.
 #[derive(Debug, Clone)]
 pub struct Opened {
     /// Its name.
     pub id: JobId,
-    /// What is to be done.
+    /// Its kind.
     pub kind: JobKind,
     body: Vec<u8>,
 }
 
 impl Job {
-    /// Seals what is to be done. Jobs that belong together differ in their `place` among each other.
+    /// Seals a job. Jobs of one dispatch differ in their `place`.
     pub fn new(kind: JobKind, place: u32, body: &impl Serialize) -> Self {
         let mut bytes = vec![0; HASH_LEN];
         bytes.extend(encode(&(kind, place)));
@@ -91,8 +91,7 @@ impl Job {
 
     /// Opens a job that [`new`](Self::new) sealed.
     ///
-    /// # Errors
-    /// If the bytes are no whole job.
+    /// If the bytes are not an intact job.
     pub fn open(bytes: &[u8]) -> Result<Opened, Damage> {
         let (id, content) = unseal(bytes)?;
         let ((kind, _), body): ((JobKind, u32), _) = postcard::take_from_bytes(content).map_err(malformed)?;
@@ -101,10 +100,9 @@ impl Job {
 }
 
 impl Opened {
-    /// What the job says; it is not checked yet.
+    /// Decodes the content of the job, which is not checked yet.
     ///
-    /// # Errors
-    /// If the bytes do not say it.
+    /// If the bytes are not of this type.
     pub fn body<T: DeserializeOwned>(&self) -> Result<T, Damage> {
         decode(&self.body)
     }
@@ -124,11 +122,10 @@ pub fn seal_answer(job: JobId, answer: &Answer) -> Vec<u8> {
 
 /// Opens the answer to a job.
 ///
-/// # Errors
-/// If the bytes are no whole answer, or one to another job.
+/// If the bytes are not an intact answer to this job.
 pub fn open_answer(job: JobId, bytes: &[u8]) -> Result<Answer, Damage> {
     let (_, content) = unseal(bytes)?;
-    let rest = content.strip_prefix(&job.0).ok_or_else(|| Damage("an answer to another job".to_owned()))?;
+    let rest = content.strip_prefix(&job.0).ok_or_else(|| Damage("the answer is to another job".to_owned()))?;
     decode(rest)
 }
 
@@ -150,7 +147,7 @@ fn malformed(error: postcard::Error) -> Damage {
     Damage(error.to_string())
 }
 
-/// Writes the checksum of all that follows it to the front.
+/// Writes the checksum of the rest to the front.
 fn seal(bytes: &mut [u8]) -> [u8; HASH_LEN] {
     let hash = *blake3::hash(&bytes[HASH_LEN..]).as_bytes();
     bytes[..HASH_LEN].copy_from_slice(&hash);
@@ -160,7 +157,7 @@ fn seal(bytes: &mut [u8]) -> [u8; HASH_LEN] {
 fn unseal(bytes: &[u8]) -> Result<([u8; HASH_LEN], &[u8]), Damage> {
     let (hash, content) = bytes.split_first_chunk().ok_or_else(|| Damage(format!("{} bytes only", bytes.len())))?;
     if blake3::hash(content).as_bytes() != hash {
-        return Err(Damage("the checksum is another one".to_owned()));
+        return Err(Damage("checksum mismatch".to_owned()));
     }
     Ok((*hash, content))
 }

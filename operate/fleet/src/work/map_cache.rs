@@ -1,4 +1,4 @@
-//! The maps of jobs: how a job names its map, and the maps that a prover keeps.
+//! Maps of jobs: how a job names its map, and the maps that a prover keeps.
 
 use super::job::Refusal;
 use crate::blobs::{BlobId, Blobs};
@@ -11,19 +11,19 @@ use std::time::Duration;
 use surefoot_world::{Map, MapSpec};
 use tokio::runtime::Handle;
 
-/// Maps that a prover keeps: its jobs come build by build.
+/// Number of maps that a prover keeps. Jobs of one build follow each other.
 const KEPT: usize = 2;
-/// How often a blob is looked for that does not arrive.
+/// Number of tries to read a blob.
 const TRIES: u32 = 3;
-/// Pause between these.
+/// Pause between tries.
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// Names a map: what it is made of.
+/// What a map is made of.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum MapRef {
     /// It is generated.
     Spec(MapSpec),
-    /// It is saved as a blob.
+    /// It is stored as a blob.
     Saved {
         /// Hash of the map.
         map: [u8; 32],
@@ -33,7 +33,7 @@ pub enum MapRef {
 }
 
 impl MapRef {
-    /// Saves a map, so that provers find it.
+    /// Stores a map for provers.
     ///
     /// # Errors
     /// If there is no store, or it does not take the map.
@@ -53,22 +53,22 @@ pub struct MapCache {
 }
 
 impl MapCache {
-    /// None yet. Saved ones come from `blobs`. Call this on a tokio runtime.
+    /// Creates an empty cache. Stored maps come from `blobs`. Call this on a tokio runtime.
     pub fn new(blobs: Option<Blobs>) -> Self {
         Self { blobs, runtime: Handle::current(), kept: Mutex::default() }
     }
 
-    /// Where saved maps are.
+    /// Returns the store of maps.
     pub fn blobs(&self) -> Option<&Blobs> {
         self.blobs.as_ref()
     }
 
-    /// The runtime that waits for blobs.
+    /// Returns the runtime that waits for blobs.
     pub fn runtime(&self) -> &Handle {
         &self.runtime
     }
 
-    /// The map of that name. It is made by one thread while others wait, who mostly want the same one.
+    /// Returns a map. One thread generates it while others wait: they mostly want the same map.
     ///
     /// # Errors
     /// If it cannot be made.
@@ -78,7 +78,7 @@ impl MapCache {
             let found = kept.remove(at).expect("just found");
             kept.push_back(found);
         } else {
-            // Room first: large maps take gigabytes.
+            // Evicts first: large maps take gigabytes.
             while kept.len() >= KEPT {
                 kept.pop_front();
             }
@@ -101,10 +101,9 @@ impl MapCache {
         Ok(found)
     }
 
-    /// The bytes of a blob.
+    /// Returns the bytes of a blob.
     ///
-    /// # Errors
-    /// If there is no store, or it does not have them, or does not answer.
+    /// If there is no store, it does not have the blob, or it does not answer.
     pub fn fetch(&self, blob: BlobId) -> Result<Vec<u8>, Refusal> {
         let blobs = self.blobs.as_ref().ok_or_else(|| Refusal::unable("this process has no --blobs"))?;
         let mut last = String::new();

@@ -1,4 +1,4 @@
-//! Maps to generate as jobs: a prover saves the map as a blob and answers with its name.
+//! Maps to generate as jobs: a prover stores the map as a blob and answers with its name.
 
 use super::dispatch::{Dispatcher, Threads, Work};
 use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
@@ -7,10 +7,9 @@ use crate::blobs::BlobId;
 use crate::error::FleetError;
 use surefoot_world::MapSpec;
 
-/// Does a job: generates the map, saves it, and returns the name of the blob.
+/// Generates the map of a job, stores it, and returns the name of the blob.
 ///
-/// # Errors
-/// If the job says what cannot be, or the map cannot be saved.
+/// If the job is malformed, or the map cannot be stored.
 pub fn generate(job: &Opened, maps: &MapCache) -> Result<Vec<u8>, Refusal> {
     let spec: MapSpec = job.body().map_err(Refusal::impossible)?;
     let blobs = maps.blobs().ok_or_else(|| Refusal::unable("this process has no --blobs"))?;
@@ -27,7 +26,7 @@ struct Maps<'a> {
 }
 
 impl Work for Maps<'_> {
-    /// The saved map.
+    /// The encoded map.
     type Output = Vec<u8>;
 
     fn run_locally(&self, idx: usize, _: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<u8>, String>> {
@@ -49,8 +48,8 @@ impl Work for Maps<'_> {
     }
 }
 
-/// Generates maps on provers and on `threads` of this process, and returns them as saved, in order. Call this from a thread that may
-/// block; `is_made` is called for each map that is there.
+/// Generates maps on provers and on `threads` of this process. Returns them encoded, in order. `is_made` is called for
+/// each finished map. Call this from a thread that may block.
 ///
 /// # Errors
 /// If a prover says that a map cannot be made.
@@ -63,5 +62,5 @@ pub fn generate_all(
 ) -> Result<Vec<Vec<u8>>, FleetError> {
     let jobs = (0..).zip(specs).map(|(place, spec)| Job::new(JobKind::Map, place, spec)).collect();
     let made = dispatcher.run(jobs, &Maps { specs, maps, is_made }, threads)?;
-    Ok(made.expect("nobody cancels"))
+    Ok(made.expect("maps are never cancelled"))
 }

@@ -1,9 +1,11 @@
-//! Work that several processes share over NATS JetStream: probes of builds, units of evaluations, maps to generate.
+//! Work that several processes share over NATS JetStream: probes of builds, units of evaluations, and maps to
+//! generate.
 //!
-//! A [`job`] is sealed bytes that say everything that its result depends on, so that its result is the same whoever does it, however
-//! often. Jobs of one [`lane`] have results with the same bits. A [`dispatch`] sends jobs to the [`queue`], does some of them in its own
-//! process, and takes the first result of each; provers ([`prover`]) pull jobs and store results. What kinds of jobs there are:
-//! [`probes`] and [`maps`] here, evaluations in the command line. This module does not know what a graph is.
+//! A [`job`] is sealed bytes that contain everything that its result depends on: its result is the same on every
+//! prover. Results of one [`compute_class`] have the same bits. A [`dispatch`] sends jobs to the [`queue`], does some
+//! of them in its own process, and takes the first result of each. Provers ([`prover`]) pull jobs and store results.
+//! Kinds of jobs are [`probes`] and [`maps`] here, and evaluations in the command line. This module knows nothing of
+//! graphs.
 //!
 //! Start reading at [`dispatch`].
 

@@ -1,5 +1,5 @@
-//! Probes as jobs: a job is one chunk of trials, since outcomes may depend on what shares a batch. Here are both ends: the executor of a build
-//! ([`QueuedProvers`]) and what a prover does ([`prove`]).
+//! Probes as jobs: a job is one chunk of trials. Here are both ends: the executor of a build ([`QueuedProvers`]) and
+//! the work of a prover ([`prove`]).
 
 use super::dispatch::{Dispatcher, Threads, Work};
 use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
@@ -17,10 +17,10 @@ use surefoot_world::map::Mover;
 use surefoot_world::{Ability, CharacterProfile, Map, MoverAt, MoverId, StopIdx, Vec3};
 use tracing::warn;
 
-/// How far outside a map positions of trials may lie, m: bodies fall out of maps.
+/// Distance from the map within which positions of trials may lie, m: bodies fall out of maps.
 const MARGIN_M: f32 = 1000.0;
 
-/// A chunk of trials, and all that their outcomes depend on.
+/// A chunk of trials, with everything that their outcomes depend on.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Probes {
     map: MapRef,
@@ -31,7 +31,7 @@ struct Probes {
     trials: Vec<Trial>,
 }
 
-/// An outcome without what came before it.
+/// An outcome without its approach.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Leg {
     reached: bool,
@@ -43,7 +43,7 @@ struct Leg {
     needs: Needs,
 }
 
-/// An outcome as it is sent: there is at most one approach, and that has none.
+/// An outcome as it is sent. There is at most one approach, which has none itself.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Reported {
     leg: Leg,
@@ -56,7 +56,7 @@ impl Leg {
         Self { reached, died, decisions, ability, bounds, track: outcome.track.clone(), needs }
     }
 
-    /// What a prover reported, if it can be true of this trial.
+    /// Returns the reported outcome, if it is possible for this trial.
     fn checked(self, trial: &Trial, map: &Map) -> Option<Outcome> {
         let Self { reached, died, decisions, ability, bounds, track, needs } = self;
         let is_known = |need: Need| {
@@ -92,7 +92,7 @@ impl Reported {
     }
 }
 
-/// Never cancels, and sees nothing.
+/// Never cancels.
 struct Unwatched;
 
 impl ProbeWatch for Unwatched {
@@ -103,10 +103,9 @@ impl ProbeWatch for Unwatched {
     }
 }
 
-/// Does a job of probes with this policy; returns its result, and the number of probes.
+/// Runs the probes of a job with this policy. Returns their encoded outcomes and their number.
 ///
-/// # Errors
-/// If the job is for another policy, says what cannot be, or its map cannot be had.
+/// If the job is for another policy, is malformed, or its map is unavailable.
 pub fn prove(job: &Opened, policy: &Policy, maps: &MapCache) -> Result<(Vec<u8>, usize), Refusal> {
     let probes: Probes = job.body().map_err(Refusal::impossible)?;
     if probes.policy != policy.weights_hash() {
@@ -116,7 +115,7 @@ pub fn prove(job: &Opened, policy: &Policy, maps: &MapCache) -> Result<(Vec<u8>,
     let map = maps.map(&probes.map)?;
     probes.check(&map).map_err(Refusal::impossible)?;
     let context = ProbeContext { map, profile: probes.profile, policy };
-    let outcomes = context.run_chunk(&probes.trials, probes.seed, &Unwatched).expect("nobody cancels");
+    let outcomes = context.run_chunk(&probes.trials, probes.seed, &Unwatched).expect("Unwatched never cancels");
     let reports: Vec<Reported> = outcomes.iter().map(Reported::of).collect();
     Ok((encode(&reports), reports.len()))
 }
@@ -151,11 +150,11 @@ impl Probes {
 /// Runs the probes of builds on provers, and on threads of this process.
 #[derive(Debug, Clone)]
 pub struct QueuedProvers {
-    /// Who sends the jobs.
+    /// Sends the jobs.
     pub dispatcher: Dispatcher,
-    /// Where imported levels are put for provers; without it, their probes are run in this process.
+    /// Stores imported levels for provers. Without it, their probes are run in this process.
     pub blobs: Option<Blobs>,
-    /// Threads of this process beside provers; while no prover answers, all threads of the build.
+    /// Number of threads of this process while provers answer; otherwise, all threads of the build.
     pub beside_provers: usize,
 }
 
@@ -168,7 +167,7 @@ impl Provers for QueuedProvers {
             BaseMap::Level(level) => match runtime.block_on(MapRef::save(&level.map, self.blobs.as_ref())) {
                 Ok(name) => Some(name),
                 Err(error) => {
-                    warn!(%error, "provers cannot get this level; its probes are run here");
+                    warn!(%error, "planner: cannot store a level for provers; this process runs its probes");
                     None
                 }
             },
@@ -185,7 +184,7 @@ impl Provers for QueuedProvers {
 }
 
 impl QueuedProvers {
-    /// The probes of a build on a map.
+    /// Returns the probes of a build on a map.
     pub fn probes(&self, context: ProbeContext, map: MapRef, thread_count: usize) -> QueuedProbes {
         let threads = Threads { beside_provers: self.beside_provers.min(thread_count), alone: thread_count };
         QueuedProbes { dispatcher: self.dispatcher.clone(), context, map, threads, failure: Mutex::default() }
@@ -242,7 +241,7 @@ impl QueuedProbes {
         (0..).zip(&work.trials).map(job).collect()
     }
 
-    /// Bytes of the jobs for these trials.
+    /// Returns the size of the jobs of these trials, bytes.
     pub fn job_bytes(&self, trials: &[Trial], seed: u64) -> usize {
         let chunks = chunks(trials);
         let chunk = |chunk: &Vec<usize>| chunk.iter().map(|&idx| trials[idx]).collect::<Vec<Trial>>();
@@ -252,7 +251,7 @@ impl QueuedProbes {
     }
 }
 
-/// Bytes of the results of these outcomes.
+/// Returns the size of the results of these outcomes, bytes.
 pub fn result_bytes(outcomes: &[Outcome]) -> usize {
     encode(&outcomes.iter().map(Reported::of).collect::<Vec<_>>()).len()
 }
@@ -268,7 +267,7 @@ struct Run<'a> {
     watch: &'a dyn ProbeWatch,
 }
 
-/// Stops a chunk here that is done elsewhere. Outcomes are told of when the chunk is settled, whoever did it: each once.
+/// Stops a chunk when a prover has settled it. Outcomes are reported when the chunk is settled, each once.
 struct Until<'a> {
     is_settled: &'a (dyn Fn() -> bool + Sync),
 }

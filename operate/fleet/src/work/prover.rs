@@ -1,5 +1,5 @@
-//! A prover: pulls the jobs of its lane, does them, stores their results, and only then acknowledges them. What it had begun when it died is
-//! given to another one.
+//! A prover: pulls the jobs of its compute class, does them, stores their results, and only then acknowledges them. If
+//! it dies, the queue gives its unfinished jobs to other provers.
 
 use super::compute_class::ComputeClass;
 use super::job::{Answer, Job, Opened, Refusal};
@@ -14,25 +14,24 @@ use tokio::task::JoinSet;
 use tokio_stream::StreamExt;
 use tracing::warn;
 
-/// Most deliveries of a job. Whoever waits for it is told then that its provers end.
+/// Maximum number of deliveries of a job. Then its sender gets a refusal: its provers keep dying.
 const MAX_DELIVERIES: i64 = 5;
-/// How long a request for a job waits.
+/// Duration of a request for a job.
 const EXPIRES: Duration = Duration::from_secs(10);
-/// Interval in which a server shows meanwhile that it is there.
+/// Period at which a server shows that it is alive.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 /// Pause before the queue is tried again.
 const RETRY: Duration = Duration::from_millis(300);
-/// How long a prover tries to store a result; after that, the job is given to another one.
+/// Longest time for which a prover tries to store a result. Then the queue gives the job to another one.
 const STORE_FOR: Duration = Duration::from_secs(30);
-/// How long jobs may go on after the signal to stop.
+/// Longest time for which jobs continue after the signal to stop.
 const DRAIN: Duration = Duration::from_secs(10);
 
-/// Does jobs. It is called on threads that may block.
+/// Does jobs on threads that may block.
 pub trait Runner: Send + Sync {
     /// Does a job and returns its result.
     ///
-    /// # Errors
-    /// Why it was not done.
+    /// If the job was not done.
     fn run(&self, job: &Opened) -> Answer;
 
     /// Further metrics, in Prometheus text format.
@@ -41,7 +40,7 @@ pub trait Runner: Send + Sync {
     }
 }
 
-/// What a prover has done.
+/// Counters of a prover.
 #[derive(Debug, Default)]
 struct Counters {
     done: AtomicU64,
@@ -68,19 +67,19 @@ pub struct Prover {
 }
 
 impl Prover {
-    /// A prover of a lane.
+    /// Creates a prover of a compute class.
     pub fn new(queue: Queue, lane: ComputeClass, runner: Arc<dyn Runner>) -> Self {
         Self { queue, lane, runner, counters: Arc::default() }
     }
 
-    /// Does up to `thread_count` jobs at a time until `shutdown`; what has begun then may go on for 10 s.
+    /// Does up to `thread_count` jobs at a time until `shutdown`. Started jobs may continue for 10 s.
     pub async fn run(self, thread_count: usize, shutdown: Shutdown) {
         let mut threads = JoinSet::new();
         for _ in 0..thread_count {
             threads.spawn(self.clone().work(shutdown.clone()));
         }
         shutdown.wait().await;
-        // Jobs that take longer are given to others.
+        // The queue gives longer jobs to other provers.
         let _ = tokio::time::timeout(DRAIN, threads.join_all()).await;
     }
 
@@ -102,8 +101,10 @@ impl Prover {
         let connected = u8::from(self.queue.is_connected());
         counters.map(counter).concat()
             + &format!(
-                "# HELP surefoot_job_seconds_total Time spent on jobs, s.\n# TYPE surefoot_job_seconds_total counter\nsurefoot_job_seconds_total {seconds}\n\
-                 # HELP surefoot_queue_connected Whether NATS answers.\n# TYPE surefoot_queue_connected gauge\nsurefoot_queue_connected {connected}\n"
+                "# HELP surefoot_job_seconds_total Time spent on jobs, s.\n# TYPE surefoot_job_seconds_total counter\n\
+                 surefoot_job_seconds_total {seconds}\n\
+                 # HELP surefoot_queue_connected Whether NATS answers.\n# TYPE surefoot_queue_connected gauge\n\
+                 surefoot_queue_connected {connected}\n"
             )
             + &self.runner.metrics()
     }
@@ -119,11 +120,11 @@ impl Prover {
         }
     }
 
-    /// Does one job after the other until `shutdown`.
+    /// Does one job after another until `shutdown`.
     async fn pull(&self, shutdown: &Shutdown) -> Result<(), FleetError> {
         let consumer = self.queue.consumer(&self.lane).await?;
         self.queue.results().await?;
-        // One at a time: the next is requested when this one is done, so that nobody sits on jobs.
+        // The next job is requested when this one is done, so that no prover holds waiting jobs.
         let messages = consumer.stream().max_messages_per_batch(1).heartbeat(HEARTBEAT).expires(EXPIRES);
         let mut messages = messages.messages().await.map_err(|error| self.queue.failed(error))?;
         self.queue.note_reachable();
@@ -139,13 +140,14 @@ impl Prover {
 
     async fn handle(&self, message: Message) {
         let opened = Job::open(&message.payload).map_err(|damage| damage.to_string());
-        let scope = scope_of(&message.subject).ok_or_else(|| "its subject is none of ours".to_owned());
+        let scope = scope_of(&message.subject).ok_or_else(|| "its subject is unknown".to_owned());
         let (job, scope) = match opened.and_then(|job| Ok((job, scope?))) {
             Ok(both) => both,
             Err(reason) => {
-                warn!(subject = %message.subject, bytes = message.payload.len(), %reason, "a message is no job, and is removed");
+                let (subject, bytes) = (&message.subject, message.payload.len());
+                warn!(%subject, bytes, %reason, "prover: removed a message that is not a job");
                 Counters::add(&self.counters.damaged);
-                // Whoever pulls it again finds the same.
+                // Every prover would find the same.
                 let _ = message.ack_with(AckKind::Term).await;
                 return;
             }
@@ -166,7 +168,7 @@ impl Prover {
         };
         if let Err(refusal) = &answer {
             Counters::add(&self.counters.refused);
-            warn!(job = %job.id, kind = ?job.kind, reason = %refusal.reason, "a job is not done");
+            warn!(job = %job.id, kind = ?job.kind, reason = %refusal.reason, "prover: cannot do a job");
         } else {
             Counters::add(&self.counters.done);
         }

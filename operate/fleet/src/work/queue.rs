@@ -1,5 +1,6 @@
-//! The queue: two streams of NATS JetStream, one with jobs, which are removed when they are done, and one with answers, which are kept for an
-//! hour, so that a build that starts again finds what was proved before. A third keeps jobs that nobody could do.
+//! The queue: a stream of NATS JetStream with jobs, which are removed when they are done, and a stream with answers,
+//! which are kept for an hour, so that a restarted build finds earlier results. A third keeps jobs that no prover
+//! could do.
 
 use super::compute_class::ComputeClass;
 use super::job::{Answer, Job, JobId, Refusal, open_answer, seal_answer};
@@ -21,23 +22,24 @@ use tracing::{info, warn};
 const JOBS: &str = "SUREFOOT_JOBS";
 /// Stream of answers.
 const RESULTS: &str = "SUREFOOT_RESULTS";
-/// Stream of jobs that nobody could do.
+/// Stream of jobs that no prover could do.
 const DEAD: &str = "SUREFOOT_DEAD";
-/// Most bytes of jobs that wait. Further ones are refused, and whoever sends them tries again and works on by itself meanwhile.
+/// Maximum size of waiting jobs, bytes. Further jobs are refused; their senders try again and meanwhile do them
+/// themselves.
 const MAX_JOB_BYTES: i64 = 256 << 20;
-/// Most bytes of answers that are kept; the oldest are removed.
+/// Maximum size of stored answers, bytes. The oldest are removed.
 const MAX_RESULT_BYTES: i64 = 1 << 30;
 /// Time for which jobs and answers are kept.
 const KEPT_FOR: Duration = Duration::from_secs(3600);
-/// Time for which jobs that nobody could do are kept.
+/// Time for which jobs that no prover could do are kept.
 const DEAD_FOR: Duration = Duration::from_secs(7 * 24 * 3600);
-/// Time after which a job whose prover does not say that it goes on is given to another one.
+/// Time after which a job is given to another prover, if its prover does not report progress.
 pub(super) const ACK_WAIT: Duration = Duration::from_secs(10);
 /// Longest wait for an answer of the server.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Room that headers of a message take, bytes.
+/// Space for the headers of a message, bytes.
 const HEADER_LEN: usize = 1024;
-/// Time after which the server forgets who waits for answers.
+/// Time after which the server forgets a reader of answers.
 const READER_GONE: Duration = Duration::from_secs(60);
 
 /// Jobs that belong together: their answers arrive together.
@@ -45,7 +47,7 @@ const READER_GONE: Duration = Duration::from_secs(60);
 pub(super) struct Scope(String);
 
 impl Scope {
-    /// The scope of these jobs: the same for the same jobs, also in another process.
+    /// Returns the scope of these jobs, which is the same in every process.
     pub fn of(jobs: &[Job]) -> Self {
         let mut hasher = blake3::Hasher::new();
         jobs.iter().for_each(|job| {
@@ -54,7 +56,7 @@ impl Scope {
         Self(hasher.finalize().to_hex()[..32].to_owned())
     }
 
-    /// The scope in the subject of a job.
+    /// Returns the scope in the subject of a job.
     fn of_subject(subject: &str) -> Option<Self> {
         let (_, last) = subject.rsplit_once('.')?;
         let is_ours = last.len() == 32 && last.bytes().all(|digit| digit.is_ascii_hexdigit());
@@ -68,19 +70,19 @@ impl fmt::Display for Scope {
     }
 }
 
-/// A connection to the queue, which is made again whenever it is lost. Clones share it.
+/// A connection to the queue, restored whenever it is lost. Clones share it.
 #[derive(Debug, Clone)]
 pub struct Queue {
     context: Context,
     place: String,
-    /// Whether somebody was told that it is away.
+    /// Whether a warning says that it is unreachable.
     is_unavailable: Arc<AtomicBool>,
     pub(super) runtime: Handle,
 }
 
 impl Queue {
-    /// Begins to connect to `urls`, `nats://user:password@host:port`, divided by commas. It does not wait until the server answers. Call
-    /// this on a tokio runtime.
+    /// Starts to connect to `urls`, `nats://user:password@host:port`, separated by commas. It does not wait for the
+    /// server. Call this on a tokio runtime.
     ///
     /// # Errors
     /// If a URL is malformed.
@@ -88,7 +90,7 @@ impl Queue {
         let malformed = |why: &dyn fmt::Display| {
             FleetError::new(
                 "--nats",
-                format!("{why}; it is nats://user:password@host:port, several are divided by commas"),
+                format!("{why}; it is nats://user:password@host:port, separate several by commas"),
             )
         };
         let addresses: Result<Vec<ServerAddr>, _> = urls.split(',').map(|url| url.trim().parse()).collect();
@@ -115,28 +117,28 @@ impl Queue {
         self.context.client().connection_state() == State::Connected
     }
 
-    /// Says that the queue is away, once in a row.
+    /// Logs that the queue is unreachable, unless that is logged.
     pub(super) fn note_unreachable(&self, error: &FleetError) {
         if !self.is_unavailable.swap(true, Ordering::Relaxed) {
-            warn!(%error, "the queue is away");
+            warn!(%error, "queue: NATS is unreachable; this process works alone");
         }
     }
 
-    /// Says that the queue is back if it was away.
+    /// Logs that the queue is reachable again, if it was unreachable.
     pub(super) fn note_reachable(&self) {
         if self.is_unavailable.swap(false, Ordering::Relaxed) {
-            info!(nats = %self.place, "the queue is back");
+            info!(nats = %self.place, "queue: NATS is reachable again");
         }
     }
 
-    /// Whether the server takes a message of this many bytes.
+    /// Whether the server accepts a message of this size.
     pub(super) fn fits(&self, bytes: usize) -> bool {
-        // Before the first connection, nothing is known.
+        // The limit is unknown before the first connection.
         let most = self.context.client().server_info().max_payload;
         most == 0 || bytes + HEADER_LEN <= most
     }
 
-    /// A name that nobody else has.
+    /// Returns a unique name.
     pub(super) fn nonce(&self) -> String {
         self.context.client().new_inbox()
     }
@@ -175,7 +177,7 @@ impl Queue {
         self.stream(config).await
     }
 
-    /// The consumer from which the provers of a lane pull.
+    /// Returns the consumer from which the provers of a compute class pull.
     pub(super) async fn consumer(&self, lane: &ComputeClass) -> Result<PullConsumer, FleetError> {
         let name = format!("prove-{lane}");
         let config = pull::Config {
@@ -188,7 +190,7 @@ impl Queue {
         self.jobs().await?.get_or_create_consumer(&name, config).await.map_err(|error| self.failed(error))
     }
 
-    /// Whoever waits for the answers of a scope: those that are there, then those that come.
+    /// Returns the reader of the answers of a scope: existing ones, then new ones.
     pub(super) async fn reader(&self, scope: &Scope) -> Result<PullConsumer, FleetError> {
         let config = pull::Config {
             deliver_policy: DeliverPolicy::All,
@@ -201,7 +203,7 @@ impl Queue {
         self.results().await?.create_consumer(config).await.map_err(|error| self.failed(error))
     }
 
-    /// Sends a job and returns its number in the stream. `message` tells repeats of the same attempt to send it.
+    /// Sends a job and returns its sequence number. `message` identifies repeats of one try to send it.
     pub(super) async fn send(
         &self,
         lane: &ComputeClass,
@@ -213,7 +215,7 @@ impl Queue {
         self.publish(format!("surefoot.jobs.{lane}.{scope}"), publish).await
     }
 
-    /// Stores an answer; one that is too long becomes a refusal.
+    /// Stores an answer. A too large one becomes a refusal.
     pub(super) async fn answer(&self, scope: &Scope, job: JobId, answer: &Answer) -> Result<(), FleetError> {
         let mut bytes = seal_answer(job, answer);
         if !self.fits(bytes.len()) {
@@ -225,14 +227,14 @@ impl Queue {
         Ok(())
     }
 
-    /// Whether the job is done already: it was sent twice, or its prover died before it could say so.
+    /// Whether the job is done: it was sent twice, or its prover died before it acknowledged the job.
     pub(super) async fn is_answered(&self, scope: &Scope, job: JobId) -> bool {
         let Ok(results) = self.context.get_stream_no_info(RESULTS).await else { return false };
         let found = results.direct_get_last_for_subject(result_subject(scope, job)).await;
         found.is_ok_and(|found| matches!(open_answer(job, &found.payload), Ok(Ok(_))))
     }
 
-    /// Keeps a job that nobody could do.
+    /// Keeps a job that no prover could do.
     pub(super) async fn bury(&self, lane: &ComputeClass, bytes: Vec<u8>, reason: &str) -> Result<(), FleetError> {
         let config = Config {
             name: DEAD.to_owned(),
@@ -242,17 +244,17 @@ impl Queue {
             ..Config::default()
         };
         self.stream(config).await?;
-        // Headers are lines.
+        // Headers must not contain line breaks.
         let reason: String = reason.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect();
         let publish = PublishMessage::build().payload(bytes.into()).header("Reason", reason.as_str());
         self.publish(format!("surefoot.dead.{lane}"), publish).await?;
         Ok(())
     }
 
-    /// Removes a job that nobody has begun.
+    /// Removes a job that no process has started.
     pub(super) async fn remove(&self, sequence: u64) {
         let Ok(jobs) = self.context.get_stream_no_info(JOBS).await else { return };
-        // It may be done already. If the queue is away, a prover does it for nobody.
+        // It may be done already. If the queue is unreachable, a prover does it in vain.
         let _ = jobs.delete_message(sequence).await;
     }
 
@@ -262,7 +264,7 @@ impl Queue {
     }
 }
 
-/// The scope in the subject of a job; `None` if the job is not one of ours.
+/// Returns the scope in the subject of a job; `None` if the subject is unknown.
 pub(super) fn scope_of(subject: &str) -> Option<Scope> {
     Scope::of_subject(subject)
 }

@@ -1,7 +1,7 @@
-//! Look-ups of clients: where worlds run, and which servers there are.
+//! Look-ups by clients: where worlds run, and which servers there are.
 //!
-//! Clients may ask as often as they like. So one statement at a time asks for all worlds that callers wait for, and its answers serve all
-//! callers for a moment, also those about worlds that do not exist.
+//! The number of look-ups is not limited. One statement at a time asks for all worlds that callers wait for. Its
+//! answers serve all callers for a moment, also those about worlds that do not exist.
 
 use super::rows;
 use crate::database::Database;
@@ -12,11 +12,11 @@ use surefoot_server::WorldId;
 use surefoot_server::store::{ServerInfo, StoreError};
 use tokio::sync::Semaphore;
 
-/// Longest time for which an answer is given again.
+/// Longest time for which an answer is reused.
 const FRESH: Duration = Duration::from_millis(200);
-/// Callers that wait; one more is refused.
+/// Maximum number of callers that wait. Further ones are refused.
 const MAX_CALLERS: usize = 4096;
-/// Answers of half of [`FRESH`] that are kept; when there are more, older ones are forgotten earlier.
+/// Maximum number of answers from one half of [`FRESH`]. Beyond it, older ones are dropped earlier.
 const MAX_ANSWERS: usize = 8192;
 /// Longest wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -33,7 +33,7 @@ pub struct Lookups {
     servers: tokio::sync::Mutex<Option<(Instant, Vec<ServerInfo>)>>,
 }
 
-/// Answers of two halves of [`FRESH`]: the older ones are forgotten all at once.
+/// Answers from two halves of [`FRESH`]. The older half is dropped as a whole.
 #[derive(Debug)]
 struct Known {
     since: Instant,
@@ -80,7 +80,7 @@ impl Lookups {
         self.waiting.lock()
     }
 
-    /// Where a world runs, as the member `own` sees it.
+    /// Returns where a world runs, as the member `own` sees it.
     pub async fn locate(&self, database: &Database, id: WorldId, own: i64) -> Result<Option<ServerInfo>, StoreError> {
         if let Some(known) = self.known().get(id) {
             return Ok(known);
@@ -88,13 +88,13 @@ impl Lookups {
         let look = async {
             {
                 let mut waiting = self.waiting();
-                // Callers that have gone leave their worlds behind.
+                // Worlds of callers that have disconnected stay in the set.
                 if waiting.len() < MAX_CALLERS {
                     waiting.insert(id);
                 }
             }
             let _turn = self.turn.lock().await;
-            // The caller before may have asked for this one as well.
+            // The previous caller may have asked for this world as well.
             if let Some(known) = self.known().get(id) {
                 return Ok(known);
             }
@@ -108,7 +108,7 @@ impl Lookups {
         self.bounded(look).await
     }
 
-    /// All servers that hold their lease, as the member `own` sees them.
+    /// Returns all servers that hold their lease, as the member `own` sees them.
     pub async fn servers(&self, database: &Database, own: i64) -> Result<Vec<ServerInfo>, StoreError> {
         let look = async {
             let mut known = self.servers.lock().await;

@@ -1,7 +1,7 @@
-//! Worlds of a fleet: who has them (`rows`, in the database), and what was saved of them (as blobs).
+//! Worlds of a fleet: their owners (`rows`, in the database) and their saves (as blobs).
 //!
-//! A save is a blob of its own, whose name goes into the world's row in a statement that checks the token of the lease epoch and the lease of
-//! the server. So a server that was taken for dead writes blobs that nobody reads.
+//! Each save is a blob. The statement that writes its name into the row of the world checks the fencing token and the
+//! lease. A server whose lease has expired writes blobs that nothing refers to.
 
 mod lookups;
 mod rows;
@@ -36,8 +36,8 @@ pub struct FleetWorlds {
     /// The worlds of this server.
     held: Mutex<BTreeMap<WorldId, Held>>,
     lookups: Lookups,
-    /// The latest token when this server looked for worlds the last time. A world with a later one may be new: it began to run here after
-    /// the worlds were listed that a look leaves out.
+    /// The latest token when this server last claimed worlds. A world with a later one may be new: it may have started
+    /// here after the caller listed the worlds that a claim skips.
     horizon: AtomicI64,
     /// Notified when a server has left.
     left: Arc<Notify>,
@@ -45,7 +45,7 @@ pub struct FleetWorlds {
     _listening: JoinSet<()>,
 }
 
-/// A world of this server.
+/// A world that this server owns.
 #[derive(Debug, Clone, Copy)]
 struct Held {
     claim: Ownership,
@@ -53,7 +53,7 @@ struct Held {
     blob: BlobId,
 }
 
-/// All worlds of a fleet, with the blobs of their last saves; for measurements.
+/// Returns all worlds of a fleet with the blobs of their last saves. For measurements.
 ///
 /// # Errors
 /// If the database cannot be read.
@@ -118,7 +118,7 @@ impl FleetWorlds {
         if is_ours { Ok(()) } else { Err(StoreError::Lost(id)) }
     }
 
-    /// Takes in how a save ended, unless the world has been claimed anew meanwhile.
+    /// Notes how a save ended, unless the world has got a new token meanwhile.
     fn note_save(&self, id: WorldId, saved: Held, is_ours: bool) {
         let mut held = self.held.lock();
         if held.get(&id).is_some_and(|now| now.claim.token != saved.claim.token) {
@@ -160,7 +160,7 @@ impl FleetWorlds {
         match rows::last_token(&self.database).await {
             Ok(last) => self.horizon.store(last, Ordering::Relaxed),
             Err(error) => {
-                warn!(%error, "cannot read the latest token: worlds that were left behind wait for the next look")
+                warn!(%error, "server: cannot read the latest token; lost claims wait for the next query")
             }
         }
         let mut held = self.held.lock();
@@ -185,7 +185,7 @@ impl FleetWorlds {
 
 impl WorldStore for FleetWorlds {
     fn list(&self) -> StoreCall<'_, Vec<WorldId>> {
-        // They are claimed.
+        // Worlds of a fleet are claimed.
         Box::pin(async { Ok(Vec::new()) })
     }
 

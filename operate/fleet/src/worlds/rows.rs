@@ -1,4 +1,4 @@
-//! Rows of worlds. Every call is a single statement, which commits by itself: a process that stops in the middle holds no lock.
+//! Rows of worlds. Every call is a single statement, which commits by itself: a process that is stopped holds no lock.
 
 use crate::blobs::BlobId;
 use crate::database::Database;
@@ -13,16 +13,16 @@ use surefoot_server::store::ServerInfo;
 /// Channel on which servers that leave notify the others.
 pub const CHANNEL: &str = "surefoot_servers";
 
-/// Why a server has a world.
+/// The right of a server to a world.
 #[derive(Debug, Clone, Copy)]
 pub struct Ownership {
-    /// The member that is the server.
+    /// Member id of the server.
     pub member: i64,
     /// Fencing token.
     pub token: i64,
 }
 
-/// A claim to a world that nobody had before.
+/// Returns the ownership of a new world.
 pub async fn new_claim(database: &Database, member: i64) -> Result<Ownership, FleetError> {
     let token = sqlx::query_scalar!(r#"SELECT nextval('tokens') AS "token!""#).fetch_one(&database.pool).await;
     Ok(Ownership { member, token: token.map_err(|error| database.failed(error))? })
@@ -36,7 +36,7 @@ pub async fn new_id(database: &Database, earliest: WorldId) -> Result<WorldId, F
     Ok(WorldId(id as u64))
 }
 
-/// Adds a world; false if the lease of its server is over.
+/// Adds a world. Returns false if the lease of its server has expired.
 pub async fn insert(
     database: &Database,
     id: WorldId,
@@ -58,8 +58,8 @@ pub async fn insert(
     Ok(inserted.rows_affected() == 1)
 }
 
-/// Lets the row of a world refer to another save, and removes events that are in it; false if another server has the world, or the lease
-/// is over.
+/// Points the row of a world to a new save, and removes the events that the save contains. Returns false if another
+/// server owns the world, or the lease has expired.
 pub async fn save(
     database: &Database,
     id: WorldId,
@@ -86,7 +86,7 @@ pub async fn save(
     Ok(saved.is_some())
 }
 
-/// Removes a world; false if another server has it, or the lease is over.
+/// Removes a world. Returns false if another server owns it, or the lease has expired.
 pub async fn forget(database: &Database, id: WorldId, claim: Ownership) -> Result<bool, FleetError> {
     let removed = sqlx::query!(
         "DELETE FROM worlds USING members
@@ -99,11 +99,11 @@ pub async fn forget(database: &Database, id: WorldId, claim: Ownership) -> Resul
     Ok(removed.rows_affected() == 1)
 }
 
-/// Takes over worlds whose servers are gone: the member's share of all worlds among all servers, and what no server has taken for as long
-/// as a lease, so that worlds find a place although others are full. It has at most `max_worlds` then.
+/// Takes over worlds whose servers are gone: the share of this member, plus worlds that no server has taken for the
+/// length of a lease, so that worlds find a server although others are full. The member has at most `max_worlds` then.
 ///
-/// Also takes in worlds that are the member's own already by a token up to `horizon`, such as after a claim whose answer was lost. `held`
-/// are left out of all this.
+/// Also returns worlds that the member owns by a token up to `horizon`, such as after a claim whose answer was lost.
+/// Worlds in `held` are skipped.
 pub async fn claim(
     database: &Database,
     membership: &Membership,
@@ -112,7 +112,8 @@ pub async fn claim(
 ) -> Result<Vec<(WorldId, Ownership, BlobId)>, FleetError> {
     let (member, lease) = (membership.id(), membership.lease().as_secs_f64());
     let held: Vec<i64> = held.iter().map(|id| id.0 as i64).collect();
-    // All get new tokens: what is under way with an earlier one, such as a save, fails. A row that changes its owner meanwhile is left.
+    // All get new tokens, so that pending writes with earlier ones fail, such as saves. Rows that get another owner
+    // meanwhile are skipped.
     let claimed = sqlx::query!(
         r#"WITH own AS (SELECT count(*) AS count FROM worlds WHERE owner = $1),
          living AS (SELECT count(*) AS count FROM members WHERE kind = 'server' AND expires_at > now()),
@@ -153,13 +154,14 @@ pub async fn claim(
     claimed.into_iter().map(|row| claim((row.id, row.token, row.blob))).collect()
 }
 
-/// The latest token that any claim has.
+/// Returns the latest token of any claim.
 pub async fn last_token(database: &Database) -> Result<i64, FleetError> {
     let last = sqlx::query_scalar!("SELECT last_value FROM tokens").fetch_one(&database.pool).await;
     last.map_err(|error| database.failed(error))
 }
 
-/// Gives a world to no server in particular, so that any may take it over; false if another server has it, or the lease is over.
+/// Makes a world ownerless, so that any server may take it over. Returns false if another server owns it, or the lease
+/// has expired.
 pub async fn hand_back(database: &Database, id: WorldId, claim: Ownership) -> Result<bool, FleetError> {
     let handed = sqlx::query!(
         "UPDATE worlds SET owner = (SELECT id FROM members WHERE expires_at = '-infinity' LIMIT 1) FROM members
@@ -172,7 +174,7 @@ pub async fn hand_back(database: &Database, id: WorldId, claim: Ownership) -> Re
     Ok(handed.rows_affected() == 1)
 }
 
-/// Appends what happened. Says for each world whether the server still has it, and it is recorded.
+/// Appends journals. Returns for each world whether the server still owns it, so that its journal is stored.
 pub async fn append(
     database: &Database,
     journals: Vec<(WorldId, Ownership, &Journal)>,
@@ -183,8 +185,8 @@ pub async fn append(
     let tokens = column(|(_, claim, _)| claim.token);
     let throughs = column(|(_, _, journal)| journal.through as i64);
     let events: Vec<Vec<u8>> = journals.iter().map(|(_, _, journal)| journal.encode()).collect();
-    // Whoever takes a world over waits for this lock, or skips the world until the events are there; or has taken it, and the token is
-    // another one.
+    // A takeover waits for this lock, or skips the world until the events are stored. After a takeover, the token
+    // differs.
     let appended = sqlx::query_scalar!(
         r#"WITH given AS (
              SELECT * FROM unnest($1::bigint[], $2::bigint[], $3::bigint[], $4::bigint[], $5::bytea[])
@@ -210,7 +212,7 @@ pub async fn append(
     Ok(journals.iter().map(|(id, ..)| (*id, appended.contains(&(id.0 as i64)))).collect())
 }
 
-/// What happened after the last save of a world, in order.
+/// Returns the journals since the last save of a world, in order.
 pub async fn journals(database: &Database, id: WorldId) -> Result<Vec<(u64, Vec<u8>)>, FleetError> {
     let rows = sqlx::query!(
         "SELECT world_events.through, events FROM world_events JOIN worlds ON worlds.id = world
@@ -221,7 +223,7 @@ pub async fn journals(database: &Database, id: WorldId) -> Result<Vec<(u64, Vec<
     Ok(rows.into_iter().map(|row| (row.through as u64, row.events)).collect())
 }
 
-/// Where worlds run, as the member `own` sees it. Worlds that do not exist are left out.
+/// Returns where worlds run, as the member `own` sees it. Worlds that do not exist are left out.
 pub async fn locate(
     database: &Database,
     ids: &BTreeSet<WorldId>,
@@ -242,7 +244,7 @@ pub async fn locate(
     Ok(found.collect())
 }
 
-/// All servers that hold their lease, by address.
+/// Returns all servers that hold their lease, by address.
 pub async fn servers(database: &Database, own: i64) -> Result<Vec<ServerInfo>, FleetError> {
     let rows = sqlx::query!(
         r#"SELECT id, address, (SELECT count(*) FROM worlds WHERE owner = members.id) AS "world_count!"
@@ -258,7 +260,7 @@ pub async fn servers(database: &Database, own: i64) -> Result<Vec<ServerInfo>, F
     Ok(rows.into_iter().map(|row| place(row.id, row.address, row.world_count)).collect())
 }
 
-/// All worlds and the blobs with their last saves.
+/// Returns all worlds and the blobs of their last saves.
 pub async fn saves(database: &Database) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
     let rows = sqlx::query!("SELECT id, blob FROM worlds ORDER BY id").fetch_all(&database.pool).await;
     let rows = rows.map_err(|error| database.failed(error))?;
@@ -266,7 +268,7 @@ pub async fn saves(database: &Database) -> Result<Vec<(WorldId, BlobId)>, FleetE
 }
 
 fn blob_id(database: &Database, name: Vec<u8>) -> Result<BlobId, FleetError> {
-    let name = name.try_into().map_err(|_| FleetError::new(database.place(), "the name of a blob is no hash"))?;
+    let name = name.try_into().map_err(|_| FleetError::new(database.place(), "the name of a blob is not a hash"))?;
     Ok(BlobId(name))
 }
 
