@@ -31,7 +31,10 @@ fn unit() -> impl Strategy<Value = Vec3> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 3000, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 3000, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
     fn rays_hit_where_parry_says(x in 0.0..80.0f32, y in 1.0..79.0f32, z in 0.0..80.0f32, direction in unit()) {
@@ -73,7 +76,8 @@ proptest! {
         match triangle.capsule_contact(low, height, radius) {
             // Deep contacts, where the axis passes through the triangle, are pushed out to the front instead.
             Some(contact) if distance > 1.0e-3 => {
-                prop_assert!((contact.depth - (radius - distance)).abs() < 1.0e-3, "{} against {}", contact.depth, radius - distance);
+                let expected = radius - distance;
+                prop_assert!((contact.depth - expected).abs() < 1.0e-3, "{} against {expected}", contact.depth);
                 prop_assert!((contact.normal.length() - 1.0).abs() < 1.0e-3);
             }
             Some(_) => {}

@@ -234,7 +234,8 @@ proptest! {
         }
         for (from, to) in rays {
             // What reaches out of a map is not seen from its border or from outside.
-            let [from, to] = [from, to].map(|share| share.clamp(Vec3::splat(0.001), Vec3::splat(0.999)) * plain.extent());
+            let inside = |share: Vec3| share.clamp(Vec3::splat(0.001), Vec3::splat(0.999)) * plain.extent();
+            let [from, to] = [from, to].map(inside);
             let Some(direction) = (to - from).try_normalize() else { continue };
             let most = to.distance(from);
             let ray = |map: &Map| map.mesh().cast_ray(from, direction, most).filter(|hit| hit.surface.is_solid());

@@ -71,7 +71,8 @@ fn setup(
     let (nearest, farthest) = band;
     if !(0.0..=MAX_GOAL_M).contains(&nearest) || !(nearest..=MAX_GOAL_M).contains(&farthest) {
         return Err(value(format!(
-            "goal_distance is ({nearest}, {farthest}), but must be two distances in ascending order, 0 to {MAX_GOAL_M} m"
+            "goal_distance is ({nearest}, {farthest}), but must be two distances in ascending order, \
+             0 to {MAX_GOAL_M} m"
         )));
     }
     let autoreset = match autoreset {

@@ -73,7 +73,9 @@ impl Graph {
 #[pymethods]
 impl Graph {
     #[staticmethod]
-    #[pyo3(signature = (level, body = Figures::default(), *, policy = None, vertices = 300, seed = 0, threads = None, progress = None))]
+    #[pyo3(signature = (
+        level, body = Figures::default(), *, policy = None, vertices = 300, seed = 0, threads = None, progress = None
+    ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn build(
         py: Python<'_>,

@@ -45,7 +45,10 @@ fn uri_of(text: &str) -> String {
 
 /// Connects to a server.
 #[pyfunction]
-#[pyo3(signature = (uri, *, token = None, tls_ca = None, tls_client_cert = None, tls_client_key = None, tls_server_name = None, patience = 30.0))]
+#[pyo3(signature = (
+    uri, *, token = None, tls_ca = None, tls_client_cert = None, tls_client_key = None, tls_server_name = None,
+    patience = 30.0
+))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn connect(
     py: Python<'_>,
