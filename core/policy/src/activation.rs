@@ -34,7 +34,8 @@ pub fn tanh(x: f32) -> f32 {
     2.0 / (1.0 + exp(-2.0 * x)) - 1.0
 }
 
-/// Activates one row of an LSTM's gates in place and computes the states after the step. `cell` holds the cell state before it.
+/// Activates one row of an LSTM's gates in place and computes the states after the step. `cell` holds the cell state
+/// before it.
 #[inline(always)]
 pub fn lstm_step(gates: &mut [f32], cell: &mut [f32], hidden: &mut [f32]) {
     let size = cell.len();

@@ -1,7 +1,8 @@
 //! The actor network on the CPU: loops over flat arrays, which allocate nothing once their buffers are made.
 //!
-//! An observation's rays pass through one layer. Its output, the rest of the observation and, in recurrent actors, the output of an LSTM
-//! over both pass through two hidden layers to the means and the logarithms of the standard deviations of the action's values.
+//! An observation's rays pass through one layer. Its output, the rest of the observation and, in recurrent actors, the
+//! output of an LSTM over both pass through two hidden layers to the means and the logarithms of the standard
+//! deviations of the action's values.
 
 use crate::activation::{exp, lstm_step, tanh};
 use crate::config::{ActorConfig, GATES, LOG_STD_RANGE, RAY_LEN};
@@ -21,7 +22,8 @@ pub struct CpuActor {
     arch: Arch,
     config: ActorConfig,
     proximities: Layer,
-    /// Weights of the ray values besides proximities, which are mostly zeros: `[RAY_LEN - RAY_COUNT, outputs of proximities]`.
+    /// Weights of the ray values besides proximities, which are mostly zeros: `[RAY_LEN - RAY_COUNT, outputs of
+    /// proximities]`.
     hazards: Aligned,
     gates: Option<Layer>,
     first: Layer,
@@ -29,7 +31,8 @@ pub struct CpuActor {
     head: Layer,
 }
 
-/// Buffers of a [`CpuActor`] for one block of rows. Allocated at first use, and again for a larger batch or an actor of other sizes.
+/// Buffers of a [`CpuActor`] for one block of rows. Allocated at first use, and again for a larger batch or an actor of
+/// other sizes.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
     sizes: Option<ActorConfig>,
@@ -112,7 +115,8 @@ impl CpuActor {
         }
     }
 
-    /// Runs a step of the LSTM, if there is one: overwrites `memory`, and copies the hidden state beside the encoded observation.
+    /// Runs a step of the LSTM, if there is one: overwrites `memory`, and copies the hidden state beside the encoded
+    /// observation.
     fn remember(&self, memory: &mut [f32], rows: usize, scratch: &mut Scratch) {
         let Some(layer) = &self.gates else { return };
         let Scratch { sensed, gates, .. } = scratch;

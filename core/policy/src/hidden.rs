@@ -48,8 +48,8 @@ impl HiddenStates {
         self.rows[end - self.len..end].fill(0.0);
     }
 
-    /// Calls [`Policy::act`] for the NPCs `npcs` and updates their memories. `observations` has a row for each of them, in their order;
-    /// so has `noise`, unless it is empty.
+    /// Calls [`Policy::act`] for the NPCs `npcs` and updates their memories. `observations` has a row for each of them,
+    /// in their order; so has `noise`, unless it is empty.
     ///
     /// # Panics
     /// As [`Policy::act`], or if [`forget`](Self::forget) was never called for one of the NPCs.

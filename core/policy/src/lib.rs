@@ -1,8 +1,9 @@
 //! Inference: turns rows of observations (`surefoot_world::sense`) into actions.
 //!
-//! Start at [`Policy`]. It holds an [`Actor`]; the one that [`Policy::from_bytes`] makes is [`CpuActor`], which allocates nothing
-//! and whose results do not depend on the batch. burn's network, from whose records [`Weights`] are read, is in `surefoot-train`, with
-//! a test that compares the two. This crate knows nothing of training, sockets or graphs.
+//! Start at [`Policy`]. It holds an [`Actor`]; the one that [`Policy::from_bytes`] makes is [`CpuActor`], which
+//! allocates nothing and whose results do not depend on the batch. burn's network, from whose records [`Weights`] are
+//! read, is in `surefoot-train`, with a test that compares the two. This crate knows nothing of training, sockets or
+//! graphs.
 
 pub mod activation;
 pub mod checkpoint;

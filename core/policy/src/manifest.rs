@@ -23,7 +23,8 @@ pub struct Manifest {
     pub observation_version: u32,
     /// blake3 of the weights file, hexadecimal.
     pub weights_hash: String,
-    /// How the model was trained, as free-form JSON: revision, configuration, seeds, decisions, hours, validation score.
+    /// How the model was trained, as free-form JSON: revision, configuration, seeds, decisions, hours, validation
+    /// score.
     pub training: serde_json::Value,
 }
 

@@ -1,8 +1,8 @@
 //! Fully connected layers on the CPU.
 //!
-//! Weights are stored in panels of two vectors' width, so that a product reads them once and in order. Several rows share each vector of
-//! weights that is loaded. Every output is one sum in the order of the inputs, so its bits depend neither on the number of rows nor on
-//! the width of vectors.
+//! Weights are stored in panels of two vectors' width, so that a product reads them once and in order. Several rows
+//! share each vector of weights that is loaded. Every output is one sum in the order of the inputs, so its bits depend
+//! neither on the number of rows nor on the width of vectors.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -79,8 +79,8 @@ impl Layer {
         self.bias.len
     }
 
-    /// Applies the layer to rows of inputs that begin `stride` values apart, one for each row of `outputs`. Results below `floor` are
-    /// raised to it.
+    /// Applies the layer to rows of inputs that begin `stride` values apart, one for each row of `outputs`. Results
+    /// below `floor` are raised to it.
     pub fn forward(&self, inputs: &[f32], stride: usize, floor: f32, outputs: &mut [f32]) {
         let rows = outputs.len() / self.stride();
         self.arch.dispatch(Product { layer: self, inputs, stride, rows, floor, outputs });

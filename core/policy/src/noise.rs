@@ -23,7 +23,8 @@ pub fn fill_gaussian(rng: &mut impl Rng, values: &mut [f32]) {
     }
 }
 
-/// Noise for the actions of `row_count` rows: `share` of the exploration noise. Share 0 draws nothing and returns no values.
+/// Noise for the actions of `row_count` rows: `share` of the exploration noise. Share 0 draws nothing and returns no
+/// values.
 pub fn for_rows(rng: &mut impl Rng, share: f32, row_count: usize) -> Vec<f32> {
     let mut values = if share > 0.0 { gaussian(rng, row_count * ACTION_LEN) } else { Vec::new() };
     values.iter_mut().for_each(|value| *value *= share);

@@ -65,7 +65,8 @@ impl Policy {
         Self { actor, ..self }
     }
 
-    /// The same policy, but its observations do not show zip lines and teleporters, as those of the paper's agents do not.
+    /// The same policy, but its observations do not show zip lines and teleporters, as those of the paper's agents do
+    /// not.
     #[must_use]
     pub fn without_transports(self) -> Self {
         Self { senses_transports: false, ..self }
@@ -91,7 +92,8 @@ impl Policy {
         &self.manifest.weights_hash
     }
 
-    /// Name and shortened hash of the weights for display, such as `general-reactive (1a2b3c4d5e6f)`: ASCII, at most 64 bytes.
+    /// Name and shortened hash of the weights for display, such as `general-reactive (1a2b3c4d5e6f)`: ASCII, at most 64
+    /// bytes.
     pub fn label(&self) -> String {
         let short = |text: &str, most: usize| text.chars().filter(char::is_ascii).take(most).collect::<String>();
         format!("{} ({})", short(&self.manifest.name, 40), short(&self.manifest.weights_hash, 12))
@@ -115,10 +117,11 @@ impl Policy {
         scratch
     }
 
-    /// Computes an action for each observation: the policy's mean plus its standard deviation times the noise, squashed. `actions` is
-    /// cleared and gets one entry per row.
+    /// Computes an action for each observation: the policy's mean plus its standard deviation times the noise,
+    /// squashed. `actions` is cleared and gets one entry per row.
     ///
-    /// Without noise the action is the most likely one. Some noise frees NPCs from places where the mean alone runs in circles.
+    /// Without noise the action is the most likely one. Some noise frees NPCs from places where the mean alone runs in
+    /// circles.
     ///
     /// # Panics
     /// If `observations` is not a whole number of rows, or the numbers of rows differ.

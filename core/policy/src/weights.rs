@@ -1,7 +1,7 @@
 //! The parameters of an actor as plain arrays, and the burnpack files that hold them.
 //!
-//! A burnpack file is how burn records a module: a header, CBOR metadata with the name, type, shape and place of each tensor, and
-//! the tensors at multiples of 256 bytes (<https://docs.rs/burn-pack>). This reader needs no part of burn.
+//! A burnpack file is how burn records a module: a header, CBOR metadata with the name, type, shape and place of each
+//! tensor, and the tensors at multiples of 256 bytes (<https://docs.rs/burn-pack>). This reader needs no part of burn.
 
 use crate::config::ActorConfig;
 use crate::manifest::CheckpointError;

@@ -1,12 +1,12 @@
 //! An actor as an ONNX model, for engines with an ONNX runtime.
 //!
-//! The model uses only common operators of opset 13 (`MatMul`, `Add`, `Relu`, `Sigmoid`, `Tanh`, `Mul`, `Slice`, `Concat`,
-//! `Clip`, `Identity`) and takes any number of rows:
+//! The model uses only common operators of opset 13 (`MatMul`, `Add`, `Relu`, `Sigmoid`, `Tanh`, `Mul`, `Slice`,
+//! `Concat`, `Clip`, `Identity`) and takes any number of rows:
 //!
 //! | tensor | shape | meaning |
 //! |---|---|---|
-//! | in `observations` | rows, 369 or 461 | observations with the layout of `surefoot_world::sense`; 461 if the policy sees others |
-//! | in `hidden_in`, `cell_in` | rows, memory | recurrent agents: zeros at first, then the previous `hidden_out`, `cell_out` |
+//! | in `observations` | rows, 369 or 461 | observations as in `surefoot_world::sense`; 461 for policies that see others |
+//! | in `hidden_in`, `cell_in` | rows, memory | recurrent agents: zeros, then the last `hidden_out`, `cell_out` |
 //! | out `action` | rows, 4 | the most likely action: forward, strafe, turn, jump in \[-1, 1\] |
 //! | out `mean`, `log_std` | rows, 4 | the Gaussian before tanh, for acting with noise |
 //! | out `hidden_out`, `cell_out` | rows, memory | recurrent agents: inputs of the next decision |

@@ -31,12 +31,12 @@ pub fn to_safetensors(weights: &Weights, manifest: &Manifest) -> Result<Vec<u8>,
     safetensors::serialize(views, Some(metadata)).map_err(|error| decode(&error))
 }
 
-/// Decodes the weights of an actor from the contents of a `.safetensors` file. Its sizes follow from the shapes. The manifest is the
-/// one in the file's metadata, if any.
+/// Decodes the weights of an actor from the contents of a `.safetensors` file. Its sizes follow from the shapes. The
+/// manifest is the one in the file's metadata, if any.
 ///
 /// # Errors
-/// If the bytes are not safetensors, the manifest is for another observation, or a parameter is missing, unknown, or of a
-/// shape or type that this program's network does not have. The error names the parameter.
+/// If the bytes are not safetensors, the manifest is for another observation, or a parameter is missing, unknown, or of
+/// a shape or type that this program's network does not have. The error names the parameter.
 pub fn from_safetensors(bytes: &[u8]) -> Result<(Weights, ActorConfig, Option<Manifest>), CheckpointError> {
     let decode = |error: &dyn std::fmt::Display| CheckpointError::Decode(error.to_string());
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|error| decode(&error))?;

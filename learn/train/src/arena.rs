@@ -31,7 +31,7 @@ pub(super) struct Arena {
 }
 
 impl Arena {
-    /// Makes the map of `seed` and an empty world on it, as [`on_some_map`](Self::on_some_map).
+    /// Creates the arena of `seed` and an empty world on its map.
     ///
     /// # Panics
     /// As [`on_some_map`](Self::on_some_map).
@@ -41,8 +41,8 @@ impl Arena {
         (arena, World::with_config(map, world))
     }
 
-    /// Makes the map of `seed`, and chooses the body of its NPCs. A few small maps have no ground; the map of the next seed then takes their
-    /// place.
+    /// Makes the map of `seed`, and chooses the body of its NPCs. A few small maps have no ground; the map of the next
+    /// seed then takes their place.
     ///
     /// # Panics
     /// If there is no map with ground, which the configuration's check rules out unless a file has changed since.
@@ -98,7 +98,7 @@ impl Arena {
     }
 }
 
-/// What the survey of a map says.
+/// The survey of a map.
 #[derive(Debug)]
 struct Surveyed {
     reach: Reach,
@@ -116,8 +116,8 @@ impl Surveyed {
         Self { reach, islands, share, points: HashMap::new() }
     }
 
-    /// For the share of goals that must be reachable, those of `points` that are reachable from `from`; otherwise, and where none is
-    /// known to be, `None`.
+    /// For the share of goals that must be reachable, those of `points` that are reachable from `from`; otherwise, and
+    /// where none is known to be, `None`.
     fn draw_points(&mut self, from: Vec3, points: &[Vec3], rng: &mut ChaCha8Rng) -> Option<&[Vec3]> {
         if !rng.random_bool(self.share) {
             return None;
@@ -135,7 +135,7 @@ impl Surveyed {
 
 /// Draws a body: half of them resemble a named one, the others come from the whole range that policies are trained for.
 fn random_body(rng: &mut ChaCha8Rng) -> CharacterProfile {
-    /// Half extents, as logarithms, of what resembles a named body.
+    /// Largest difference from a named body, as a logarithm.
     const LIKENESS: f32 = 0.3;
     let named = rng.random_bool(0.5).then(|| BODIES[rng.random_range(0..BODIES.len())].profile());
     let mut draw = |usual: fn(&CharacterProfile) -> f32, low: f32, high: f32| {

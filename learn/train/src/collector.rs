@@ -1,4 +1,4 @@
-//! Collects experience with many NPCs on a few maps at a time, which all decide together in the [decision loop](DecisionLoop).
+//! Collects experience in this process: many NPCs on a few maps decide together in the [decision loop](DecisionLoop).
 
 use super::arena::Arena;
 use super::config::CollectorConfig;
@@ -13,7 +13,7 @@ use surefoot_rollout::{DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{Action, DecisionOutcome, End, NpcSlot, Vec3, World, WorldState};
 
-/// Statistics since they were last taken.
+/// Statistics since the last call of [`Collector::take_stats`].
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub struct CollectorStats {
     /// Number of decisions.
@@ -27,7 +27,7 @@ pub struct CollectorStats {
 }
 
 impl CollectorStats {
-    /// Adds what happened elsewhere.
+    /// Adds other statistics.
     pub(super) fn add(&mut self, other: Self) {
         self.decisions += other.decisions;
         self.episodes += other.episodes;
@@ -76,7 +76,7 @@ struct ArenaState {
 }
 
 impl ArenaState {
-    /// The arena and its world; `None` if this cannot be their state.
+    /// Restores the arena and its world; `None` if the state is invalid.
     fn restore(self, config: &CollectorConfig) -> Option<(Arena, World)> {
         let (mut arena, mut world) = Arena::new(self.seed, config);
         let is_whole = self.world.fits(1, world.map())
@@ -146,7 +146,7 @@ impl Collector {
         self.lanes.len()
     }
 
-    /// Number of decisions since the beginning of the run.
+    /// Number of decisions since the start of the run.
     pub fn total_decisions(&self) -> u64 {
         self.total_decisions
     }
@@ -156,7 +156,8 @@ impl Collector {
         std::mem::take(&mut self.stats)
     }
 
-    /// Collects `step_count` decisions of every NPC with `policy`, step by step; `version` is the number of updates behind it.
+    /// Collects `step_count` decisions of every NPC with `policy`, step by step; `version` is the number of updates
+    /// behind it.
     pub fn collect(&mut self, policy: &Policy, version: u64, step_count: usize) -> Vec<Step> {
         self.rounds += 1;
         let is_due = self.rounds.is_multiple_of(self.config.rounds_per_map);
@@ -358,7 +359,8 @@ impl Collector {
         }
     }
 
-    /// Restores a collector from saved state; `None` if it cannot be the state of a collector with `config` for agents of these sizes.
+    /// Restores a collector from saved state; `None` if it cannot be the state of a collector with `config` for agents
+    /// of these sizes.
     pub fn restore(config: CollectorConfig, network: &ActorConfig, state: CollectorState) -> Option<Self> {
         let lanes = lanes_of(&config);
         let lens = [state.starts.len(), state.boundaries.len(), state.is_fresh.len()];

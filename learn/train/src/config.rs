@@ -94,25 +94,26 @@ pub struct TrainConfig {
     /// Updates without a better validation after which the run ends early; `None` for never, written as 0 in files.
     #[serde(default, with = "zero_is_none")]
     pub stop_after: Option<NonZeroU64>,
-    /// Folder of a run or model to start from, with `weights.bpk` and `critics.bpk`. A recurrent agent may start from a reactive
-    /// one.
+    /// Folder of a run or model to start from, with `weights.bpk` and `critics.bpk`. A recurrent agent may start from a
+    /// reactive one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_from: Option<PathBuf>,
     /// Configuration of the learner.
     pub sac: SacConfig,
     /// Configuration of the collector.
     pub collector: CollectorConfig,
-    /// Addresses of the worlds in which NPCs collect experience: servers of ours, or games. None: they do so in this process.
+    /// Addresses of servers or games whose worlds run the NPCs; empty: this process runs them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub worlds: Vec<String>,
-    /// Environments at a time in each of `worlds`, with `collector.npcs_per_world` NPCs each: while one moves, another decides.
+    /// Environments in each of `worlds`, with `collector.npcs_per_world` NPCs each. While one moves, another decides.
     #[serde(default = "two")]
     pub envs_per_world: usize,
-    /// Number of actors that feed the run instead, each with `collector.world_count` times `collector.npcs_per_world` NPCs; 0: none do.
+    /// Number of actors that feed the run, each with `collector.world_count` times `collector.npcs_per_world` NPCs; 0: this
+    /// process collects.
     #[serde(default)]
     pub actors: usize,
-    /// Greatest age of the weights that chose an action, in updates; from older decisions nothing is learned. Only where there are `worlds`
-    /// or `actors`.
+    /// Greatest age of the weights that chose an action, in updates. Older decisions are not learned from. Only used with
+    /// `worlds` or `actors`.
     #[serde(default = "usual_staleness")]
     pub max_staleness: u64,
 }
@@ -184,7 +185,7 @@ impl TrainConfig {
         }
     }
 
-    /// Sets the saved maps to train on, which validation uses as well.
+    /// Sets the saved maps to train and validate on.
     pub fn train_on_levels(&mut self, levels: Vec<PathBuf>) {
         let seeds: Vec<u64> = (0..levels.len() as u64).collect();
         self.train_on(seeds.clone());
@@ -249,7 +250,7 @@ impl TrainConfig {
         self.check_maps()
     }
 
-    /// Checks what NPCs in worlds elsewhere cannot do.
+    /// Checks the limits of NPCs in other processes.
     fn check_worlds(&self) -> Result<(), TrainError> {
         let refuse = |field, problem| Err(TrainError::Config { field, problem });
         let level_count = self.collector.levels.len();
@@ -260,13 +261,13 @@ impl TrainConfig {
             return refuse("actors and worlds", "cannot both feed a run: set one of them");
         }
         if self.sac.network.sees_others || self.collector.solid_npcs {
-            return refuse("sac.network.sees_others and collector.solid_npcs", "NPCs elsewhere do not meet");
+            return refuse("sac.network.sees_others and collector.solid_npcs", "NPCs in other processes do not collide: set both to false");
         }
         if self.actors == 0 && level_count > 1 && level_count != self.worlds.len() {
             return refuse("collector.levels", "name one level for all worlds, or one for each");
         }
         if self.collector.npcs_per_world > MAX_NPCS {
-            return refuse("collector.npcs_per_world", "must be at most 4096 in worlds elsewhere");
+            return refuse("collector.npcs_per_world", "must be at most 4096 in other processes");
         }
         if self.actors > MAX_ACTORS {
             return refuse("actors", "must be at most 1024");
@@ -274,17 +275,17 @@ impl TrainConfig {
         Ok(())
     }
 
-    /// Checks that there are maps, and places on them for the body.
+    /// Checks that maps can be loaded and have room for the body.
     fn check_maps(&self) -> Result<(), TrainError> {
         let CollectorConfig { levels, body, .. } = &self.collector;
         self.collector.spec(0).map_err(|_| map_refusal())?;
-        // Generated maps have ground for the default body; of others one map is tried.
+        // Generated maps have ground for the default body; for other bodies one map is tried.
         let tried_count =
             if levels.is_empty() { usize::from(*body != CharacterProfile::default()) } else { levels.len() };
         for seed in 0..tried_count as u64 {
             let (map, mut rng) = (self.collector.map(seed)?, ChaCha8Rng::seed_from_u64(seed));
             if navigable::sample_many(&map, body, 1, &mut rng).is_err() {
-                let problem = "there is a map without a place for this body to stand";
+                let problem = "does not fit anywhere on one of the maps";
                 return Err(TrainError::Config { field: "collector.body", problem });
             }
         }
@@ -326,7 +327,8 @@ pub struct SacConfig {
     pub min_alpha: f32,
     /// Number of critic updates per update of actor and temperature.
     pub actor_interval: u64,
-    /// Number of updates over which the step size falls linearly to a tenth; `None` for a constant one, written as 0 in files.
+    /// Number of updates over which the step size falls linearly to a tenth; `None` for a constant one, written as 0 in
+    /// files.
     #[serde(default, with = "zero_is_none")]
     pub decay_updates: Option<NonZeroU64>,
 }
@@ -349,10 +351,10 @@ impl Default for SacConfig {
 /// Configuration of the collector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CollectorConfig {
-    /// Seeds of the maps to train on; a range in files where they are one.
+    /// Seeds of the training maps; consecutive seeds are written as a range.
     #[serde(with = "seed_range")]
     pub map_seeds: Vec<u64>,
-    /// Saved maps to train on, which take the place of generated ones: a map's seed modulo their number chooses one.
+    /// Saved maps to train on instead of generated ones; a map's seed modulo their number chooses one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub levels: Vec<PathBuf>,
     /// Side of the training maps, m.
@@ -369,7 +371,7 @@ pub struct CollectorConfig {
     /// Kinds of the training maps; a map's seed modulo their number chooses one.
     #[serde(default = "terrain_only")]
     pub map_kinds: Vec<MapKind>,
-    /// Whether the NPCs of a map get in each other's way.
+    /// Whether the NPCs of a map collide.
     #[serde(default)]
     pub solid_npcs: bool,
     /// Body of the NPCs, in validation as well.
@@ -378,7 +380,7 @@ pub struct CollectorConfig {
     /// Share of the maps whose NPCs have a random body instead.
     #[serde(default)]
     pub random_bodies: f64,
-    /// Share of goals drawn from the places that the survey finds reachable from where the NPC stands; the others are drawn from all
+    /// Share of goals that are drawn from places that the survey finds reachable for the NPC. The rest is drawn from all
     /// places.
     #[serde(default)]
     pub reachable_share: f64,
@@ -394,13 +396,12 @@ pub struct CollectorConfig {
     pub near_goals: (f32, f32),
     /// Range of distances of far goals, m.
     pub far_goals: (f32, f32),
-    /// Probability that an NPC that reached its goal continues to another one without respawning, as a policy that follows
-    /// waypoints must.
+    /// Probability that an NPC continues from its goal to another one without respawning, as when following waypoints.
     pub switch_chance: f64,
     /// Share of spawns that retry a failed attempt on the same map, if there is one.
     #[serde(default)]
     pub retry_share: f64,
-    /// Probability per decision that an NPC gets a new goal before reaching its goal, as by a re-plan.
+    /// Probability per decision that an NPC gets a new goal before it reaches its goal, as after a re-plan.
     #[serde(default)]
     pub redirect_chance: f64,
     /// Decisions without progress after which an attempt is cut off (truncated).
@@ -472,13 +473,13 @@ fn map_refusal() -> TrainError {
     TrainError::Config { field: "collector.map_side, map_height and map_features", problem }
 }
 
-/// Serializes seeds that follow one another as a range.
+/// Serializes consecutive seeds as a range.
 mod seed_range {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
     use std::ops::Range;
 
-    /// Most seeds that a range may stand for.
+    /// Most seeds of a range.
     const MAX_SEEDS: u64 = 1 << 20;
 
     #[derive(Serialize, Deserialize)]

@@ -28,7 +28,7 @@ impl Critics {
         }
     }
 
-    /// Adds what critics of the sizes `to` have and those of their own, `from`, lack, without influence on the values.
+    /// Extends critics of the sizes `from` to the sizes `to`, without influence on the values.
     #[must_use]
     pub fn grown(self, from: &ActorConfig, to: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
         Self { trunk: self.trunk.grown(from, to, device, rng), head: self.head }

@@ -34,9 +34,10 @@ pub enum TrainError {
         /// What is wrong with the field.
         problem: &'static str,
     },
-    /// No step has come from environments or actors elsewhere for too long.
+    /// No step has arrived from other processes for too long.
     #[error(
-        "no step came for {} s: {live} of {count} environments or actors are connected; start them, then go on with --resume",
+        "no step arrived for {} s: {live} of {count} environments or actors are connected; \
+         start them, then continue with --resume",
         .waited.as_secs()
     )]
     NoSteps {
@@ -47,8 +48,8 @@ pub enum TrainError {
         /// Sources of the run.
         count: usize,
     },
-    /// All threads that bring steps from elsewhere have ended.
-    #[error("all environments or actors of the run have failed: go on with --resume")]
+    /// All threads that receive steps have ended.
+    #[error("all environments or actors of the run have failed: continue with --resume")]
     NoSource,
     /// The folder already contains a run.
     #[error("{0} already contains a run: resume it, or choose another folder")]

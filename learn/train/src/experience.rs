@@ -1,7 +1,8 @@
 //! Experience from other processes: environments of [`worlds`](super::worlds), or [`actors`](super::actors).
 //!
-//! Each source sends single steps with the version of the weights that chose the actions. The learner waits for a number of steps, not for
-//! a certain source. A source reports where its steps do not continue the previous ones, so that no row gets a wrong successor.
+//! Each source sends single steps with the version of the weights that chose the actions. The learner waits for a
+//! number of steps, not for a certain source. A source reports where its steps do not continue the previous ones, so
+//! that no row gets a wrong successor.
 
 use super::actors::slots::{SlotState, Slots};
 use super::collector::CollectorStats;
@@ -233,8 +234,8 @@ impl ExperienceReceiver {
         }
     }
 
-    /// Publishes the policy of `version`, then waits for `step_count` steps per source on average, or until `stop` is set. Returns the steps
-    /// with the index of their source.
+    /// Publishes the policy of `version`, then waits for `step_count` steps per source on average, or until `stop` is
+    /// set. Returns the steps with the index of their source.
     ///
     /// # Errors
     /// If no step arrives for ten minutes, or all sources have ended.
@@ -280,7 +281,7 @@ impl ExperienceReceiver {
             *said = waited;
             let waited_s = waited.as_secs();
             warn!(
-                "the learner has waited {waited_s} s for steps: {live} of {count} environments or actors are connected; \
+                "learner: no step for {waited_s} s, {live} of {count} environments or actors are connected; \
                  training ends after {} s without any",
                 limit.as_secs()
             );
@@ -288,7 +289,8 @@ impl ExperienceReceiver {
         Ok(())
     }
 
-    /// Counts a step. One with too old weights is not learned from, but its observations still close the attempts before it.
+    /// Counts a step. One with too old weights is not learned from, but its observations still close the attempts
+    /// before it.
     fn admit(&mut self, mut step: Step, stats: CollectorStats, updates: u64) -> Step {
         self.total_decisions += stats.decisions;
         self.stats.add(stats);

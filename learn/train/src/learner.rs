@@ -1,7 +1,7 @@
 //! The learner: actor, twin critics, their targets and the temperature, and one update of all of them.
 //!
-//! Start at [`Learner::update`]; the losses are in [`losses`](super::losses). Actor and critics have separate encoders, which the
-//! GameRLand3D paper found to be more stable.
+//! Start at [`Learner::update`]; the losses are in [`losses`](super::losses). Actor and critics have separate encoders,
+//! which the GameRLand3D paper found to be more stable.
 
 use super::adam::adam;
 use super::batch::Rows;
@@ -99,8 +99,8 @@ impl Learner {
         }
     }
 
-    /// Loads the networks of a trained model. A recurrent learner can start from a reactive model and adds the LSTM; one that sees others
-    /// can start from one that does not.
+    /// Loads the networks of a trained model. A recurrent learner can start from a reactive model and adds the LSTM;
+    /// one that sees others can start from one that does not.
     ///
     /// Returns the model's manifest.
     ///

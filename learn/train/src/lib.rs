@@ -1,10 +1,11 @@
 //! Soft actor-critic training of reactive and recurrent agents.
 //!
-//! Start at [`run`](mod@run). A run is a sequence of rounds. In each, the [`collector`] and the [`learner`] work concurrently, on
-//! one thread each, and meet at a barrier, where the collected steps go into the [`replay`] buffer. So a run is a pure function
-//! of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes exactly. Experience may come from
-//! [`worlds`] or [`actors`] elsewhere instead, at their own pace; such a run resumes without its running attempts. [`losses`] follows the
-//! paper's equations; docs/training-and-models.md lists where we differ from them, and why.
+//! Start at [`run`](mod@run). A run is a sequence of rounds. In each, the [`collector`] and the [`learner`] work
+//! concurrently, on one thread each, and meet at a barrier, where the collected steps go into the [`replay`] buffer. So
+//! a run is a pure function of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes
+//! exactly. Experience may also come from [`worlds`] or [`actors`] in other processes, at their own pace; such a run
+//! resumes without its running attempts. [`losses`] follows the paper's equations; docs/training-and-models.md lists the
+//! differences, with reasons. [`networks`] has the networks.
 
 pub mod actors;
 mod adam;

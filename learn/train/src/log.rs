@@ -71,7 +71,8 @@ impl<'a> Log<'a> {
         let (decisions_s, updates_s) = (rate(stats.decisions), rate(updates - self.updates_before));
         let UpdateStats { critic_loss, q_mean, actor_loss, entropy, alpha } = self.recent;
         self.line(&format!(
-            "updates {updates} decisions {decisions} | {decisions_s:.0} decisions/s {updates_s:.1} updates/s | success {:.1} % of {} | q {q_mean:.3} critic {critic_loss:.4} entropy {entropy:.2} alpha {alpha:.4}",
+            "updates {updates} decisions {decisions} | {decisions_s:.0} decisions/s {updates_s:.1} updates/s | \
+             success {:.1} % of {} | q {q_mean:.3} critic {critic_loss:.4} entropy {entropy:.2} alpha {alpha:.4}",
             100.0 * success,
             stats.episodes,
         ));
@@ -93,11 +94,12 @@ impl<'a> Log<'a> {
         Ok(())
     }
 
-    /// Logs what the sources of the run did, and how the time was spent.
+    /// Logs how the sources fared, and how time was spent.
     pub fn traffic(&mut self, updates: u64, learn: f64, traffic: Traffic) -> Result<(), TrainError> {
         let Traffic { act, encode, wait, live, stale, lost, repeated } = traffic;
         self.line(&format!(
-            "sources: {live} connected, {lost} lost | {stale} stale decisions, {repeated} repeated steps | act {:.0} % encode {:.0} % wait {:.0} % learn {:.0} %",
+            "sources: {live} connected, {lost} lost | {stale} stale decisions, {repeated} repeated steps | \
+             act {:.0} % encode {:.0} % wait {:.0} % learn {:.0} %",
             100.0 * act,
             100.0 * encode,
             100.0 * wait,

@@ -1,12 +1,13 @@
 //! The losses of soft actor-critic, as pure functions of the networks' outputs.
 //!
-//! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications" (arXiv 1812.05905).
-//! docs/training-and-models.md lists where we differ from it, and why. `rows` are the rows of a batch. Each has a weight, its
-//! share in the mean; the weights of a batch add up to 1.
+//! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications" (arXiv
+//! 1812.05905). docs/training-and-models.md lists where we differ from it, and why. `rows` are the rows of a batch.
+//! Each has a weight, its share in the mean; the weights of a batch add up to 1.
 
 use burn::tensor::Tensor;
 
-/// Targets of the critics, eq. (3) within (6): `returns + bootstrap (min Q(s', a') - alpha log pi(a'|s'))`, all `[rows, 1]`.
+/// Targets of the critics, eq. (3) within (6): `returns + bootstrap (min Q(s', a') - alpha log pi(a'|s'))`, all `[rows,
+/// 1]`.
 ///
 /// `bootstrap` is the discount up to the successor: 0 if the episode terminated, but not if it was truncated.
 pub fn soft_targets(
@@ -27,15 +28,16 @@ pub fn critic_loss(values: Tensor<3>, targets: Tensor<2>, weights: Tensor<2>) ->
     (errors * weights.unsqueeze::<3>()).sum()
 }
 
-/// Loss of the actor, eq. (9): the mean of `alpha log pi - Q`. Gradients pass through the critics' values but not to their
-/// weights.
+/// Loss of the actor, eq. (9): the mean of `alpha log pi - Q`. Gradients pass through the critics' values but not to
+/// their weights.
 ///
 /// `log_prob`, `value` and `weights` are `[rows, 1]`; the result is `[1]`.
 pub fn actor_loss(log_prob: Tensor<2>, value: Tensor<2>, weights: Tensor<2>, alpha: f32) -> Tensor<1> {
     ((log_prob * alpha - value) * weights).sum()
 }
 
-/// Loss of the temperature, eq. (18) in its usual form on `log alpha`: `-log alpha (mean log pi + target entropy)`, `[1]`.
+/// Loss of the temperature, eq. (18) in its usual form on `log alpha`: `-log alpha (mean log pi + target entropy)`,
+/// `[1]`.
 ///
 /// The policy gets no gradient, because `mean_log_prob` is a number.
 pub fn temperature_loss(log_alpha: Tensor<1>, mean_log_prob: f32, target_entropy: f32) -> Tensor<1> {

@@ -1,4 +1,4 @@
-//! The curves of a run as MLflow's file store has them, so that `mlflow ui --backend-store-uri RUN/mlruns` shows them without a server.
+//! Writes the curves of a run to MLflow's file store: `mlflow ui --backend-store-uri RUN/mlruns` shows them.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The only experiment of a run's folder.
 const EXPERIMENT: &str = "0";
-/// The only run of the experiment: a run that is continued adds to it.
+/// The only run of the experiment; a resumed run appends to it.
 const RUN: &str = "00000000000000000000000000000001";
 
 /// Appends curves to a file store.
@@ -17,7 +17,7 @@ pub struct FileStore {
 }
 
 impl FileStore {
-    /// Opens the store in `folder`, or makes it, for a run of this name with these parameters.
+    /// Opens or creates the store in `folder`, for a run of this name with these parameters.
     pub fn open(folder: &Path, name: &str, parameters: &serde_json::Value) -> io::Result<Self> {
         let experiment = folder.join(EXPERIMENT);
         let run = experiment.join(RUN);
@@ -29,12 +29,15 @@ impl FileStore {
             let (now, artifacts) = (now_ms(), run.join("artifacts"));
             let text = |value: &str| serde_json::to_string(value).expect("a string is JSON, which YAML contains");
             let meta = format!(
-                "artifact_location: {}\ncreation_time: {now}\nexperiment_id: '{EXPERIMENT}'\nlast_update_time: {now}\nlifecycle_stage: active\nname: Surefoot\n",
+                "artifact_location: {}\ncreation_time: {now}\nexperiment_id: '{EXPERIMENT}'\nlast_update_time: {now}\n\
+                 lifecycle_stage: active\nname: Surefoot\n",
                 text(&experiment.display().to_string()),
             );
             std::fs::write(experiment.join("meta.yaml"), meta)?;
             let meta = format!(
-                "artifact_uri: {}\nend_time: null\nentry_point_name: ''\nexperiment_id: '{EXPERIMENT}'\nlifecycle_stage: active\nrun_id: {text_id}\nrun_name: {}\nrun_uuid: {text_id}\nsource_name: ''\nsource_type: 4\nsource_version: ''\nstart_time: {now}\nstatus: 1\ntags: []\nuser_id: ''\n",
+                "artifact_uri: {}\nend_time: null\nentry_point_name: ''\nexperiment_id: '{EXPERIMENT}'\n\
+                 lifecycle_stage: active\nrun_id: {text_id}\nrun_name: {}\nrun_uuid: {text_id}\nsource_name: ''\n\
+                 source_type: 4\nsource_version: ''\nstart_time: {now}\nstatus: 1\ntags: []\nuser_id: ''\n",
                 text(&artifacts.display().to_string()),
                 text(name),
                 text_id = text(RUN),

@@ -26,11 +26,11 @@ use surefoot_policy::Policy;
 use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
 
-/// Batches of rows, or steps of all lanes if these are more rows, that must be stored before learning begins.
+/// Number of batches, or of steps of all lanes if these have more rows, that must be stored before learning begins.
 const WARM_UP: usize = 40;
 /// Rounds between two progress lines of the log.
 const LOG_EVERY: u64 = 50;
-/// Longest time between two progress lines of a run whose experience comes from elsewhere, at any pace.
+/// Longest time between two progress lines of a run that other processes feed.
 const LOG_INTERVAL: Duration = Duration::from_secs(20);
 
 /// A run between two rounds.
@@ -45,7 +45,7 @@ pub struct Run {
     /// Wall time of all rounds, h.
     pub(super) hours: f64,
     pub(super) connect: Connect,
-    /// Time spent on updates since it was last logged.
+    /// Time spent on updates since the last progress line.
     pub(super) learned: Duration,
     /// The stages of the weights that the run started from, for its manifests.
     pub(super) started_from: Option<serde_json::Value>,
@@ -53,17 +53,17 @@ pub struct Run {
     pub(super) revision: Option<String>,
 }
 
-/// Where a run is, and how it reaches worlds.
+/// Folder and connections of a run.
 pub struct RunArgs<'a> {
     /// Folder of the run.
     pub folder: &'a Path,
-    /// Whether to continue the run in the folder.
+    /// Whether to resume the run in the folder.
     pub resume: bool,
-    /// Addresses of the worlds of a run that is continued, if they are others than before.
+    /// New addresses of the worlds of a resumed run; empty if they are unchanged.
     pub worlds: Vec<String>,
     /// Connects to worlds.
     pub connect: Connect,
-    /// Where actors connect, for a run that has some.
+    /// The endpoint for actors, if the run has any.
     pub listener: Option<Listener>,
     /// Revision of the program, if it is known.
     pub revision: Option<String>,
@@ -76,9 +76,9 @@ impl<'a> RunArgs<'a> {
     }
 }
 
-/// Reaches no worlds.
+/// Connects to no worlds.
 fn nowhere() -> Connect {
-    let reason = "this run was made without connections".to_owned();
+    let reason = "this run has no connections".to_owned();
     Arc::new(move |uri| Err(GameError::Unreachable { uri: uri.into(), reason: reason.clone() }))
 }
 
@@ -154,16 +154,16 @@ impl Run {
         self.source.total_decisions()
     }
 
-    /// Runs one round: the collector acts with the actor of the last barrier, while the learner learns from rows stored
-    /// before it. The results do not depend on how the two threads interleave, unless the worlds are elsewhere.
+    /// Runs one round: the collector acts with the policy of the last barrier while the learner learns from rows stored
+    /// before it. With worlds in this process, the result does not depend on how the two threads interleave.
     ///
     /// # Errors
-    /// If worlds or actors elsewhere send nothing for too long.
+    /// If other processes send nothing for too long.
     pub fn round(&mut self) -> Result<Vec<UpdateStats>, TrainError> {
         self.round_until(&AtomicBool::new(false))
     }
 
-    /// Runs one round, which collects less if `stop` is set meanwhile.
+    /// Runs one round, which ends early when `stop` is set.
     fn round_until(&mut self, stop: &AtomicBool) -> Result<Vec<UpdateStats>, TrainError> {
         let acting = (self.policy(), self.updates());
         let update_count = if self.is_warm() { self.config.updates_per_round } else { 0 };
@@ -185,7 +185,7 @@ impl Run {
         Ok(stats)
     }
 
-    /// What is in the replay buffers.
+    /// Counts of the rows in the replay buffers.
     pub fn census(&self) -> Census {
         census(&self.buffers)
     }
@@ -210,7 +210,7 @@ impl Run {
         let (greedy, validation) = match measure(0.0).and_then(|greedy| Ok((greedy, measure(DEFAULT_NOISE_SHARE)?))) {
             Ok(both) => both,
             Err(error) => {
-                log.line(&format!("no validation at {} updates: {error}", self.updates()));
+                log.line(&format!("validation at {} updates failed: {error}", self.updates()));
                 return Ok(());
             }
         };
@@ -235,13 +235,14 @@ fn learn(learner: &mut Learner, buffers: &[Replay], sampling: Sampling, update_c
     stats
 }
 
-/// Trains in a folder until the configured number of updates, until validation no longer improves, or until `stop` is set.
+/// Trains in a folder until the configured number of updates, until validation no longer improves, or until `stop` is
+/// set.
 ///
-/// A run that is continued ignores `config`. Log lines go to `report`.
+/// A resumed run ignores `config`. Log lines go to `report`.
 ///
 /// # Errors
-/// If the configuration is invalid, files cannot be read or written, the folder already contains another run, or a checkpoint
-/// does not fit.
+/// If the configuration is invalid, files cannot be read or written, the folder already contains another run, or a
+/// checkpoint does not fit.
 pub fn run(
     config: TrainConfig,
     args: RunArgs<'_>,
@@ -302,7 +303,7 @@ fn start(config: TrainConfig, RunArgs { folder, connect, listener, .. }: RunArgs
     let run = Run::create(config, RunIo { connect, listener })?;
     std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     if let Some(stages) = &run.started_from {
-        // The model that the run started from may be replaced before the run is continued.
+        // The model that the run started from may be replaced before the run is resumed.
         write_atomically(
             &folder.join(STAGES_FILE),
             &serde_json::to_vec_pretty(stages).expect("a value is plain data"),

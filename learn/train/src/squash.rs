@@ -4,9 +4,9 @@ use super::networks::ActionDistribution;
 use burn::tensor::Tensor;
 use burn::tensor::activation::softplus;
 
-/// Samples squashed actions with the reparameterisation trick from standard normal `noise`, `[batch, ACTION_LEN]`. Returns
-/// actions `[batch, ACTION_LEN]` and their log probabilities `[batch, 1]`: eq. (21) of [`losses`](super::losses)' paper, with the
-/// tanh correction in numerically stable form.
+/// Samples squashed actions with the reparameterisation trick from standard normal `noise`, `[batch, ACTION_LEN]`.
+/// Returns actions `[batch, ACTION_LEN]` and their log probabilities `[batch, 1]`: eq. (21) of
+/// [`losses`](super::losses)' paper, with the tanh correction in numerically stable form.
 pub fn sample_squashed(distribution: ActionDistribution, noise: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
     const HALF_LOG_TWO_PI: f32 = 0.918_938_5;
     const LOG_TWO: f32 = std::f32::consts::LN_2;

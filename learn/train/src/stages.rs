@@ -1,13 +1,14 @@
-//! The stages of training behind a model: a run that starts from other weights copies their training into its own manifest.
+//! The stages of training behind a model: a run that starts from other weights copies their training into its own
+//! manifest.
 
 use serde_json::{Map, Value, json};
 use std::path::Path;
 use surefoot_policy::Manifest;
 
-/// Name of the file in a run's folder that keeps the stages of the weights that the run started from.
+/// File in a run's folder with the stages of the weights that the run started from.
 pub(super) const STAGES_FILE: &str = "started_from.json";
 
-/// The figures that add up over stages.
+/// Figures that are summed over stages.
 const FIGURES: [&str; 3] = ["updates", "decisions", "hours"];
 
 /// The stages of a model: its training, with the name and the hash of the weights that it produced.
@@ -30,7 +31,7 @@ pub fn total(training: &Value) -> Value {
     Value::Object(FIGURES.iter().map(|figure| ((*figure).to_owned(), sum(figure))).collect::<Map<_, _>>())
 }
 
-/// Whether two paths name one folder, or the second is inside the first.
+/// Whether the second path is the first folder or inside it.
 pub(super) fn holds(folder: &Path, other: &Path) -> bool {
     let real = |path: &Path| path.canonicalize().ok();
     real(folder).zip(real(other)).is_some_and(|(folder, other)| other.starts_with(folder))

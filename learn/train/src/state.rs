@@ -28,7 +28,7 @@ struct RunState {
     hours: f64,
 }
 
-/// Counts what is in the replay buffers of the run in `folder`, as its last checkpoint has them.
+/// Counts the rows of the replay buffers in the last checkpoint of the run in `folder`.
 ///
 /// # Errors
 /// If there is no checkpoint, or it is damaged.
@@ -36,7 +36,7 @@ pub fn census_of(folder: &Path) -> Result<Census, TrainError> {
     Ok(census(&read_state(folder)?.0.buffers))
 }
 
-/// Reads the state of the run in `folder`; returns its file as well.
+/// Reads the state of the run in `folder`, and returns it with the path of its file.
 fn read_state(folder: &Path) -> Result<(RunState, PathBuf), TrainError> {
     let path = folder.join(STATE_FILE);
     let bytes = std::fs::read(&path).map_err(|source| TrainError::Io { path: path.clone(), source })?;
@@ -92,7 +92,7 @@ impl Run {
     /// Writes a model's folder.
     pub(super) fn save_weights(&self, folder: &Path, validation: Option<&Validation>) -> Result<(), TrainError> {
         let weights = module_bytes(self.actor())?;
-        // `started_from` names the start by its hash; a path would say nothing elsewhere.
+        // `started_from` names the start by its hash, because a path means nothing on another machine.
         let config = TrainConfig { start_from: None, ..self.config.clone() };
         let mut training = serde_json::json!({
             "config": config,
@@ -115,7 +115,7 @@ impl Run {
         Ok(checkpoint::save(folder, &manifest, &weights)?)
     }
 
-    /// Loads the run of a folder. In worlds elsewhere NPCs begin anew: what they were doing when it was saved is over.
+    /// Loads the run of a folder. NPCs in other processes start new attempts.
     ///
     /// # Errors
     /// If a file cannot be read, is damaged, or does not fit the others.
@@ -130,13 +130,13 @@ impl Run {
         config.validate()?;
         let io = RunIo { connect: connect.clone(), listener };
         if !folder.join(STATE_FILE).exists() {
-            // It was killed before its first checkpoint.
+            // The run was killed before its first checkpoint.
             return Self::create(config, io);
         }
         let (state, path) = read_state(folder)?;
         let started_from = read_stages(folder)?;
         let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
-        let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
+        let foreign = || damaged("it does not fit the lanes, networks or maps in config.json");
         let learner = Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?;
         let policy = learner.policy(&config.name);
         let source = Source::restore(&config, state.source, policy, io)?.ok_or_else(foreign)?;
@@ -148,7 +148,7 @@ impl Run {
         }
         let mut buffers = state.buffers;
         if !is_here {
-            // Worlds may have come or gone since.
+            // The number of worlds may have changed.
             buffers.iter_mut().for_each(Replay::close);
             let made = source.buffers(config.replay_capacity).into_iter();
             buffers.truncate(source.buffer_count());

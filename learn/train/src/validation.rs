@@ -45,10 +45,10 @@ impl ValidationSet {
         Self { maps, body: config.collector.body.clone(), task: TaskConfig::default() }
     }
 
-    /// Sends NPCs to the goals; in `worlds`, if there are any.
+    /// Sends NPCs to the goals, in `worlds` if given, otherwise in this process.
     ///
     /// # Errors
-    /// If a world is of no use.
+    /// If a world fails.
     pub fn measure(
         &self,
         policy: &Policy,

@@ -1,7 +1,8 @@
-//! Experience from actors: processes that run the policy themselves and send their steps to the learner (`surefoot train --listen`,
-//! `surefoot act`). The learner sends them new weights at intervals.
+//! Experience from actors: processes that run the policy themselves and send their steps to the learner (`surefoot
+//! train --listen`, `surefoot act`). The learner sends them new weights at intervals.
 //!
-//! `service` is the learner's side, with a slot for each actor in `slots`; [`actor`] is the actor's side; `wire` has the messages.
+//! `service` is the learner's side, with a slot for each actor in `slots`; [`actor`] is the actor's side; `wire` has
+//! the messages.
 
 pub mod actor;
 mod service;

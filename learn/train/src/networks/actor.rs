@@ -1,9 +1,10 @@
 //! The actor network.
 //!
-//! Rays pass through one linear layer. Its output is concatenated with the state vector and, for recurrent agents, with the
-//! output of an LSTM over both. Two hidden layers map the result to the mean and log standard deviation of a squashed Gaussian
-//! (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications", appendix C). The ray encoder is a linear layer
-//! instead of the paper's small CNN: on this backend it learns several times faster (docs/adr/0003-linear-ray-encoder.md).
+//! Rays pass through one linear layer. Its output is concatenated with the state vector and, for recurrent agents, with
+//! the output of an LSTM over both. Two hidden layers map the result to the mean and log standard deviation of a
+//! squashed Gaussian (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications", appendix C). The ray
+//! encoder is a linear layer instead of the paper's small CNN: on this backend it learns several times faster
+//! (docs/adr/0003-linear-ray-encoder.md).
 
 use super::dense::Dense;
 use super::state::HiddenState;
@@ -40,7 +41,7 @@ impl ActorNetwork {
         }
     }
 
-    /// Adds what an actor of the sizes `to` has and one of its own, `from`, lacks: sight of others and an LSTM. Neither has influence:
+    /// Extends an actor of the sizes `from` to the sizes `to`: adds inputs for others and an LSTM. Both have weight 0, so
     /// decisions are unchanged until training continues.
     #[must_use]
     pub fn grown(self, from: &ActorConfig, to: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {

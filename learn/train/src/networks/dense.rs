@@ -23,7 +23,8 @@ impl Dense {
         self.weight.dims()
     }
 
-    /// Layers of shape `[members, input, output]`, with weights and biases from U(-1/sqrt(input), 1/sqrt(input)) as in PyTorch.
+    /// Layers of shape `[members, input, output]`, with weights and biases from U(-1/sqrt(input), 1/sqrt(input)) as in
+    /// PyTorch.
     pub fn new([members, input, output]: [usize; 3], device: &Device, rng: &mut impl Rng) -> Self {
         Self::biased([members, input, output], 0..0, device, rng)
     }

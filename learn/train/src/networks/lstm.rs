@@ -1,8 +1,8 @@
 //! A long short-term memory (Hochreiter & Schmidhuber 1997) over whole sequences.
 //!
 //! One matrix computes all four gates. On the CPU a sequence is one operation with its own backward pass
-//! ([`super::cpu::lstm`]). On other devices it is composed of tensor operations, which are also the reference for tests of the
-//! fast path.
+//! ([`super::cpu::lstm`]). On other devices it is composed of tensor operations, which are also the reference for tests
+//! of the fast path.
 
 use super::cpu;
 use super::dense::{Dense, blend};
@@ -23,8 +23,8 @@ pub struct Lstm {
 }
 
 impl Lstm {
-    /// An LSTM of `size` units for `input` features. Recurrent weights are from U(-1/sqrt(size), 1/sqrt(size)) as in PyTorch; 1 is
-    /// added to the forget biases.
+    /// An LSTM of `size` units for `input` features. Recurrent weights are from U(-1/sqrt(size), 1/sqrt(size)) as in
+    /// PyTorch; 1 is added to the forget biases.
     pub fn new(members: usize, input: usize, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
         let bound = 1.0 / (size as f32).sqrt();
         let recurrent = (0..members * size * GATES * size).map(|_| rng.random_range(-bound..bound)).collect();
@@ -45,9 +45,10 @@ impl Lstm {
 
     /// Processes a sequence.
     ///
-    /// `inputs` are `[members, steps * batch, features]`, all rows of step 0 first. `keep` has one factor for each of these rows,
-    /// by which the state before the row's step is multiplied: 0 where memory is reset, otherwise 1. Returns the hidden states,
-    /// `[members, steps * batch, size]`, and the state after the last step, which has no gradient.
+    /// `inputs` are `[members, steps * batch, features]`, all rows of step 0 first. `keep` has one factor for each of
+    /// these rows, by which the state before the row's step is multiplied: 0 where memory is reset, otherwise 1.
+    /// Returns the hidden states, `[members, steps * batch, size]`, and the state after the last step, which has no
+    /// gradient.
     pub fn forward(&self, inputs: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
         let gates = self.input.forward(inputs);
         sequence(gates, self.recurrent.val(), past, keep)
@@ -63,8 +64,8 @@ impl Lstm {
     }
 }
 
-/// Runs the recurrence on gates before activation, `[members, steps * batch, 4 size]`. `past`, `keep` and the results are those
-/// of [`Lstm::forward`].
+/// Runs the recurrence on gates before activation, `[members, steps * batch, 4 size]`. `past`, `keep` and the results
+/// are those of [`Lstm::forward`].
 pub fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
     cpu::lstm::sequence(&gates, &recurrent, past, keep).unwrap_or_else(|| composed(gates, recurrent, past, keep))
 }

@@ -1,7 +1,8 @@
 //! The networks of actor and critics, in burn.
 //!
-//! These are what is trained, and the reference for inference without burn (`surefoot_policy::CpuActor`); a test compares the two on
-//! every shipped model. On the CPU, layers use the fused operations of [`cpu`]. Start at [`ActorNetwork`].
+//! These are what is trained, and the reference for inference without burn (`surefoot_policy::CpuActor`); a test
+//! compares the two on every shipped model. On the CPU, layers use the fused operations of [`cpu`]. Start at
+//! [`ActorNetwork`].
 
 mod actor;
 pub mod cpu;

@@ -1,7 +1,7 @@
 //! The trunk of actors and critics: a ray encoder, an optional LSTM and two hidden layers.
 //!
-//! Every layer holds several *members*, networks of equal shape that one call evaluates together. An actor has one member,
-//! twin critics have two.
+//! Every layer holds several *members*, networks of equal shape that one call evaluates together. An actor has one
+//! member, twin critics have two.
 
 use super::dense::Dense;
 use super::lstm::Lstm;
@@ -21,7 +21,7 @@ pub struct Past<'a> {
     pub keep: &'a [f32],
 }
 
-/// Encoded observations: the output of the ray encoder with the state vector, and that of the LSTM. Both are
+/// Encoded observations: the ray encoder's output with the state vector, and the LSTM's output. Both are
 /// `[members, rows, features]`.
 #[derive(Debug, Clone)]
 pub struct Encoding {
@@ -30,7 +30,7 @@ pub struct Encoding {
 }
 
 impl Encoding {
-    /// The same values, detached from the autodiff graph.
+    /// Detaches the values from the autodiff graph.
     #[must_use]
     pub fn detach(self) -> Self {
         Self { sensed: self.sensed.detach(), remembered: self.remembered.map(Tensor::detach) }
@@ -65,8 +65,7 @@ impl Trunk {
         }
     }
 
-    /// Adds what a trunk of the sizes `to` has and one of its own, `from`, lacks: inputs for others and an LSTM, both without influence on
-    /// the output.
+    /// Extends a trunk of the sizes `from` to the sizes `to`: adds inputs for others and an LSTM, both with weight 0.
     #[must_use]
     pub fn grown(mut self, from: &ActorConfig, to: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
         if to.sees_others && !from.sees_others {

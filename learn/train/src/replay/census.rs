@@ -1,4 +1,4 @@
-//! What is in the buffers of a run, for those who want to check the bookkeeping.
+//! Counts of the rows in a run's replay buffers, for checks of the bookkeeping.
 
 use super::{Replay, RowKind};
 use serde::Serialize;
@@ -8,23 +8,23 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 /// Counts of rows, over all buffers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Census {
-    /// Buffers: one for each source of experience.
+    /// Number of buffers.
     pub buffers: usize,
-    /// Rows stored.
+    /// Stored rows.
     pub rows: usize,
     /// Transitions within episodes.
     pub continues: usize,
     /// Transitions that ended an episode in a terminal state.
     pub terminated: usize,
-    /// Last observations of attempts that were cut off, and NPCs that waited.
+    /// Boundary rows: last observations of truncated attempts, and rows of waiting NPCs.
     pub boundaries: usize,
-    /// Transitions that are stored more than once: the same observation, action and reward to the bit.
+    /// Transitions that are stored more than once, with the same bits of observation, action and reward.
     pub twins: usize,
     /// Oldest and newest version of weights that chose an action, in updates.
     pub versions: (u64, u64),
 }
 
-/// Counts what is in these buffers.
+/// Counts the rows of these buffers.
 pub fn census(buffers: &[Replay]) -> Census {
     let mut census = Census { buffers: buffers.len(), ..Census::default() };
     let mut seen = HashSet::new();

@@ -4,11 +4,11 @@
 //! observation is stored twice. A truncated episode is followed by a *boundary* row with only its last observation:
 //! truncation is never mistaken for termination, and the value of the last state is still bootstrapped.
 //!
-//! A run keeps one buffer for each source whose NPCs decide together, and draws batches from all of them.
+//! A run has one buffer for each environment or actor, and draws batches from all of them.
 //!
 //! For recurrent agents the buffer also stores each NPC's hidden state at every [`MEMORY_STRIDE`]th step, and returns
-//! sequences that start at these steps (Kapturowski et al. 2019, "Recurrent Experience Replay in Distributed Reinforcement
-//! Learning": stored state with burn-in).
+//! sequences that start at these steps (Kapturowski et al. 2019, "Recurrent Experience Replay in Distributed
+//! Reinforcement Learning": stored state with burn-in).
 
 mod census;
 mod row;
@@ -34,12 +34,12 @@ pub struct Replay {
     lane_count: usize,
     /// Capacity in steps, a multiple of [`MEMORY_STRIDE`]; the oldest are overwritten.
     step_capacity: usize,
-    /// Number of steps written since the beginning.
+    /// Number of steps written so far.
     steps_written: u64,
     rows: Vec<Row>,
     /// Version of the weights that chose the actions of each stored step: the number of updates behind them.
     versions: Vec<u64>,
-    /// What the observation of each row tells of others, `[rows, OTHERS_LEN]`; empty for agents that do not see them.
+    /// The part of each row's observation that shows others, `[rows, OTHERS_LEN]`; empty for agents that do not see them.
     others: Vec<f32>,
     /// The actor's hidden and cell states at each stored stride, `[strides, lanes, memory]`.
     memories: Vec<f32>,
@@ -54,7 +54,7 @@ impl Replay {
         Self { lane_count, step_capacity, steps_written: 0, rows, versions, others, memories }
     }
 
-    /// Whether this can be the buffer of `lane_count` lanes for at most about `capacity` rows, for agents of these sizes.
+    /// Whether this is a valid buffer of `lane_count` lanes and about `capacity` rows, for agents of these sizes.
     pub fn fits(&self, lane_count: usize, capacity: usize, network: &ActorConfig) -> bool {
         let most = Self::new(lane_count, capacity).step_capacity;
         let steps = self.steps_written.min(self.step_capacity as u64) as usize;
@@ -124,8 +124,8 @@ impl Replay {
         self.steps_written += 1;
     }
 
-    /// Ends the attempts of all lanes where they are: what is pushed next does not continue them. The last rows, whose successors will
-    /// never be known, are boundaries from now on.
+    /// Ends the attempts of all lanes: the next rows do not continue them. The last rows have no successor, so they become
+    /// boundaries.
     pub fn close(&mut self) {
         let Some(last) = self.steps_written.checked_sub(1) else { return };
         let start = self.slot(last) * self.lane_count;
@@ -141,7 +141,7 @@ impl Replay {
         &self.rows[self.slot(step) * self.lane_count + lane]
     }
 
-    /// Number of values of an observation that tell of others.
+    /// Number of values of an observation that show others.
     fn others_len(&self) -> usize {
         self.others.len() / self.rows.len().max(1)
     }

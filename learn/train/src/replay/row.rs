@@ -79,10 +79,10 @@ impl Row {
 /// Bytes of a row in messages.
 const ROW_BYTES: usize = 2 * RAY_COUNT + RAY_COUNT + 4 * (STATE_LEN + ACTION_LEN + 1) + 2;
 
-/// Why bytes are not rows.
+/// Why bytes cannot be decoded as rows.
 #[derive(Debug, thiserror::Error)]
 pub enum RowError {
-    /// There are too many or too few.
+    /// The number of bytes is wrong.
     #[error("{found} bytes, expected {ROW_BYTES} for each of {expected} NPCs")]
     Length {
         /// Number of bytes.
@@ -95,12 +95,12 @@ pub enum RowError {
     Value {
         /// Index of the NPC.
         npc_idx: usize,
-        /// What is wrong.
+        /// The problem.
         problem: &'static str,
     },
 }
 
-/// Packs the rows of a step for a message: `learn.proto` has the layout. What a step tells of others is left out.
+/// Packs the rows of a step for a message, in the layout that `learn.proto` describes. Observations of others are left out.
 pub fn rows_to_bytes(step: &Step) -> Vec<u8> {
     let len = step.observations.len() / step.kinds.len().max(1);
     let mut bytes = Vec::with_capacity(step.kinds.len() * ROW_BYTES);
@@ -116,10 +116,10 @@ pub fn rows_to_bytes(step: &Step) -> Vec<u8> {
     bytes
 }
 
-/// Reads the rows of `npc_count` NPCs; memory and version are left to the caller.
+/// Decodes the rows of `npc_count` NPCs, without memory and version.
 ///
 /// # Errors
-/// If there are too many or too few bytes, or a value is out of range.
+/// If the number of bytes is wrong, or a value is out of range.
 pub fn rows_from_bytes(bytes: &[u8], npc_count: usize) -> Result<Step, RowError> {
     if bytes.len() != npc_count * ROW_BYTES {
         return Err(RowError::Length { found: bytes.len(), expected: npc_count });

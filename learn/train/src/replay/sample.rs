@@ -6,11 +6,11 @@ use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{mirror_action, mirror_observation};
 
-/// Draws for a row to learn from; a buffer that has hardly any then gives a boundary, from which nothing is learned.
+/// Most draws for a row to learn from. If all of them fail, the batch gets a boundary row with weight 0.
 const DRAWS: usize = 64;
 
-/// A batch of sequences as flat rows, all of step 0 first. A reactive agent's sequence is one transition: the step to learn
-/// from, and the successor.
+/// A batch of sequences as flat rows, all of step 0 first. A reactive agent's sequence is one transition: the step to
+/// learn from, and the successor.
 #[derive(Debug, Default)]
 pub struct Batch {
     /// Number of sequences.
@@ -111,7 +111,8 @@ impl Replay {
         let (start, lane) = self.draw(sampling, rng);
         if !is_single {
             let memory = self.memory(start, lane);
-            // The mirror image of a hidden state is unknown, so mirrored sequences start from zeros and rely on burn-in.
+            // The mirror image of a hidden state is unknown, so mirrored sequences start from zeros and rely on
+            // burn-in.
             batch.memory.extend(memory.iter().map(|value| if mirrored { 0.0 } else { *value }));
             for step in 0..sampling.steps() {
                 self.put(batch, step * size + sequence, (start + step as u64, lane), mirrored);

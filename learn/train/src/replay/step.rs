@@ -1,4 +1,4 @@
-//! What is appended to a buffer: a step of all lanes.
+//! A step of all lanes, which is appended to a buffer.
 
 use serde::{Deserialize, Serialize};
 use surefoot_world::character::ACTION_LEN;

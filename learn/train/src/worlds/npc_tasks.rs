@@ -1,7 +1,7 @@
 //! Starts, goals and ends of the attempts of one environment's NPCs.
 //!
-//! The rules are those of the collector. But a game carries out a new start one step later, so an NPC whose attempt has ended waits for
-//! one step. The row of that step is a boundary.
+//! The rules are those of the collector. But a game carries out a new start one step later, so an NPC whose attempt has
+//! ended waits for one step. The row of that step is a boundary.
 
 use crate::arena::Arena;
 use crate::collector::CollectorStats;

@@ -1,8 +1,8 @@
 //! The LSTM recurrence on the CPU: the backend computes matrix products, everything else takes one pass over the gates.
 //!
-//! Composed of tensor operations, a step of a small LSTM spends most of its time in scalar `exp` and `tanh` calls and in
-//! temporaries. Here activations are polynomials that the compiler vectorises, and the backward pass (the chain rule through
-//! Hochreiter & Schmidhuber's equations) is written by hand.
+//! Composed of tensor operations, a step of a small LSTM spends most of its time in scalar `exp` and `tanh` calls and
+//! in temporaries. Here activations are polynomials that the compiler vectorises, and the backward pass (the chain rule
+//! through Hochreiter & Schmidhuber's equations) is written by hand.
 
 use super::super::state::HiddenState;
 use super::{Tracked, contiguous, tensor};
@@ -17,7 +17,8 @@ use burn::tensor::{Tensor, TensorData};
 use surefoot_policy::activation::{lstm_step, tanh};
 use surefoot_policy::config::GATES;
 
-/// Runs the recurrence; `None` if the tensors are not on the CPU. For the arguments see [`super::super::lstm::sequence`].
+/// Runs the recurrence; `None` if the tensors are not on the CPU. For the arguments see
+/// [`super::super::lstm::sequence`].
 pub fn sequence(
     gates: &Tensor<3>,
     recurrent: &Tensor<3>,
@@ -224,7 +225,8 @@ fn backward(run: &Run, recurrent: &FlexTensor, output_gradient: &FlexTensor) -> 
     tensor(gate_gradient, [members, steps * batch, GATES * size])
 }
 
-/// Applies the chain rule to one row of one step and replaces `cell_gradient` by the gradient of the previous cell state.
+/// Applies the chain rule to one row of one step and replaces `cell_gradient` by the gradient of the previous cell
+/// state.
 fn backward_row(
     gates: &[f32],
     before: &[f32],
@@ -252,7 +254,8 @@ fn backward_row(
     }
 }
 
-/// Gradient of the recurrent weights, `[members, size, 4 size]`: hidden states before each step times the step's gate gradients.
+/// Gradient of the recurrent weights, `[members, size, 4 size]`: hidden states before each step times the step's gate
+/// gradients.
 fn recurrent_gradient(run: &Run, gate_gradient: &FlexTensor) -> FlexTensor {
     let Shape { members, steps, batch, size } = run.shape;
     let mut kept = Vec::with_capacity(members * steps * run.shape.state());

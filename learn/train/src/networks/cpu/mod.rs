@@ -1,5 +1,5 @@
-//! Fast paths for the CPU backend: fused operations with handwritten backward passes. Each returns `None` if its tensors are
-//! on another device. Tests compare each with the equivalent tensor operations.
+//! Fast paths for the CPU backend: fused operations with handwritten backward passes. Each returns `None` if its
+//! tensors are on another device. Tests compare each with the equivalent tensor operations.
 
 pub mod dense;
 pub mod lstm;

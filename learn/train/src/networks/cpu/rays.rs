@@ -1,7 +1,8 @@
 //! The ray encoder, optimized for inputs that are mostly zeros.
 //!
 //! A ray's first value, its proximity, is rarely zero; the values that show hazards or devices nearly always are. The
-//! proximities go through a matrix product, the other values are added one by one. That saves four fifths of the layer's work.
+//! proximities go through a matrix product, the other values are added one by one. That saves four fifths of the
+//! layer's work.
 
 use super::{Tracked, add_bias, dims, packed, relu_gradient, sum_rows, tensor};
 use burn::backend::Flex;
@@ -17,8 +18,8 @@ use surefoot_world::sense::RAY_COUNT;
 
 /// Encodes the rays of observations with ReLU; `None` if the tensors are not on the CPU. Observations get no gradient.
 ///
-/// `observations` are `[rows, values]` and begin with the rays, `weight` is `[members, RAY_LEN, out]`, `bias` `[members, 1, out]`, the result
-/// `[members, rows, out]`.
+/// `observations` are `[rows, values]` and begin with the rays, `weight` is `[members, RAY_LEN, out]`, `bias`
+/// `[members, 1, out]`, the result `[members, rows, out]`.
 pub fn layer(observations: &Tensor<2>, weight: &Tensor<3>, bias: &Tensor<3>) -> Option<Tensor<3>> {
     if let Ok(observations) = observations.clone().try_into_primitive::<Flex>() {
         let weight = weight.clone().try_into_primitive::<Flex>().ok()?;
