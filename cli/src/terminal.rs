@@ -78,6 +78,21 @@ pub fn progress_bar(total: u64, what: &'static str) -> ProgressBar {
     bar
 }
 
+/// Runs `work` beside a progress bar, which it sets to a name and to the numbers of finished and of all attempts.
+pub fn with_bar<T, E>(
+    message: &'static str,
+    work: impl FnOnce(&mut dyn FnMut(&str, usize, usize)) -> Result<T, E>,
+) -> Result<T, E> {
+    let bar = progress_bar(1, message);
+    let result = work(&mut |name, done, total| {
+        bar.set_message(name.to_owned());
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    result
+}
+
 /// Whether stdout is a terminal.
 pub fn is_interactive() -> bool {
     std::io::stdout().is_terminal()

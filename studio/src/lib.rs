@@ -75,7 +75,8 @@ fn without_page(path: &str, reason: &str) -> Response {
         "<!doctype html><meta charset=utf-8><title>Surefoot</title>\
          <style>body {{ font: 16px/1.5 system-ui; max-width: 40rem; margin: 4rem auto; padding: 0 1rem }}</style>\
          <h1>Surefoot is running</h1><p>Studio is not part of this build: {reason}.</p>\
-         <p>To get it, install Node.js 20.19 or later with npm and build again: <code>SUREFOOT_STUDIO=require cargo build --release</code>. \
+         <p>To get it, install Node.js 20.19 or later with npm and build again: <code>SUREFOOT_STUDIO=require cargo \
+         build --release</code>. \
          The Docker image always has it. All services work without it.</p>"
     );
     Html(text).into_response()

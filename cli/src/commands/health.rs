@@ -10,11 +10,14 @@ use tonic_health::pb::health_client::HealthClient;
 /// Check whether a service is serving, for health checks of containers. The exit code is 0 only if it is.
 #[derive(clap::Args)]
 #[command(after_help = "With --json, standard output is one object, whether or not the service is serving:\n  \
-                  {\"uri\": STRING, \"serving\": BOOLEAN, \"status\": STATUS, \"error\": STRING or null}\n  \
-                  STATUS is SERVING, NOT_SERVING, SERVICE_UNKNOWN or UNKNOWN as the service answers, or UNREACHABLE if it does \
-                  not answer;\n  \"error\" gives the reason. The exit code is 0 if \"serving\" is true, otherwise 1.\n\n\
-                  Examples:\n  surefoot health\n  surefoot health http://127.0.0.1:7601 --json\n  \
-                  surefoot health --service surefoot.world.v1.WorldService")]
+        {\"uri\": STRING, \"serving\": BOOLEAN, \"status\": STATUS, \"error\": STRING or null}\n  \
+        STATUS is SERVING, NOT_SERVING, SERVICE_UNKNOWN or UNKNOWN as the service answers,\n  \
+        or UNREACHABLE if it does not answer; \"error\" gives the reason.\n  \
+        The exit code is 0 if \"serving\" is true, otherwise 1.\n\n\
+        Examples:\n  \
+        surefoot health\n  \
+        surefoot health http://127.0.0.1:7601 --json\n  \
+        surefoot health --service surefoot.world.v1.WorldService")]
 pub struct Args {
     /// URI of the service
     #[arg(default_value = "http://127.0.0.1:7600")]

@@ -263,7 +263,8 @@ pub struct ShowArgs {
 /// Import a level as a map.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Nodes named lava*, water*, pad*, zip_line*:from, zip_line*:to, teleporter*:from, teleporter*:to and jetpack* become\n\
+    after_help = "Nodes named lava*, water*, pad*, zip_line*:from, zip_line*:to, teleporter*:from, teleporter*:to and \
+    jetpack* become\n\
         features; a sidecar file can list them instead.\n\n\
         Examples:\n  \
         surefoot map import level.glb --out level.sfmap\n  \

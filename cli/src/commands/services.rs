@@ -103,7 +103,12 @@ pub struct ServerLimits {
     #[arg(long, default_value_t = DEFAULT_MAX_MEMORY_BYTES / MB, value_name = "MB")]
     max_memory: u64,
     /// Close a stream whose reader reads nothing for this long
-    #[arg(long, default_value_t = ServerConfig::default().reader_patience.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
+    #[arg(
+        long,
+        default_value_t = ServerConfig::default().reader_patience.as_secs_f64(),
+        value_name = "SECONDS",
+        value_parser = parse_seconds
+    )]
     reader_patience: f64,
     /// Folder to save worlds in, and to restore them from at start; default: worlds are not saved
     #[arg(long, value_name = "FOLDER")]
@@ -270,10 +275,24 @@ pub struct WorkArgs {
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
+    /// What evaluates the policy
+    #[arg(long, default_value = "cpu")]
+    pub inference: Inference,
     #[command(flatten)]
     graph: GraphArgs,
     #[command(flatten)]
     credentials: CredentialArgs,
+}
+
+/// What evaluates a policy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Inference {
+    /// Surefoot's own implementation for CPUs
+    Cpu,
+    /// burn on the CPU, in surefoot-lab
+    Burn,
+    /// burn on an NVIDIA GPU, in a surefoot-lab that was built with --features cuda
+    BurnCuda,
 }
 
 /// How graphs are built.
@@ -437,9 +456,9 @@ impl StyleArg {
     }
 }
 
-/// Runs an NPC worker until a signal stops it.
-pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
-    let policy = load_policy(args.model.as_deref())?;
+/// Runs an NPC worker until a signal stops it. `prepare` may change how the policy is evaluated.
+pub fn run_worker(args: &WorkArgs, prepare: impl FnOnce(Policy) -> anyhow::Result<Policy>) -> anyhow::Result<()> {
+    let policy = prepare(load_policy(args.model.as_deref())?)?;
     let config = WorkConfig {
         servers: args.server.clone(),
         is_of_fleet: args.fleet,

@@ -83,7 +83,8 @@ async fn sample_world(client: &mut WorldServiceClient<Link>, world: wire::World)
 
 fn table(server: &str, before: &[Sample], now: &[Sample], span: Duration) -> String {
     let mut text = format!(
-        "{server}   {} worlds, {} NPCs\n\n{:>6} {:>10} {:>6} {:>6} {:>6} {:>6} {:>7} {:>9} {:>9} {:>7} {:>8} {:>9} {:>8} {:>8}\n",
+        "{server}   {} worlds, {} NPCs\n\n{:>6} {:>10} {:>6} {:>6} {:>6} {:>6} {:>7} {:>9} {:>9} {:>7} {:>8} {:>9} \
+         {:>8} {:>8}\n",
         now.len(),
         now.iter().map(|sample| sample.npcs.len()).sum::<usize>(),
         "world",

@@ -378,7 +378,14 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
             "arrivals": arrivals,
             "attempts": attempted,
             "success": arrivals as f64 / attempted.max(1) as f64,
-            "ends": { "reached": arrivals, "fell": sum(|s| s.fell), "burnt": sum(|s| s.burnt), "drowned": sum(|s| s.drowned), "no_progress": sum(|s| s.no_progress), "unreachable": sum(|s| s.unreachable) },
+            "ends": {
+                "reached": arrivals,
+                "fell": sum(|s| s.fell),
+                "burnt": sum(|s| s.burnt),
+                "drowned": sum(|s| s.drowned),
+                "no_progress": sum(|s| s.no_progress),
+                "unreachable": sum(|s| s.unreachable),
+            },
             "tick_ms_p50": worst(|s| s.tick_us_p50) / 1000.0,
             "tick_ms_p99": worst(|s| s.tick_us_p99) / 1000.0,
             "ticks_dropped": sum(|s| s.ticks_dropped),
@@ -387,7 +394,8 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
         }))?;
     } else {
         println!(
-            "{arrivals} arrivals in {attempted} finished attempts: {:.1} % success (fell {}, burnt {}, drowned {}, no progress {}, unreachable {})",
+            "{arrivals} arrivals in {attempted} finished attempts: {:.1} % success (fell {}, burnt {}, drowned {}, no \
+             progress {}, unreachable {})",
             percent(arrivals, attempted),
             sum(|s| s.fell),
             sum(|s| s.burnt),

@@ -11,12 +11,13 @@ use super::unit::Unit;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use strum::VariantArray;
 use surefoot_planner::{Attach, BuildSettings, Placement, Probing};
 use surefoot_policy::Policy;
 use surefoot_rollout::FollowConfig;
 
 /// One of our choices in which we differ from the paper.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, VariantArray)]
 #[serde(rename_all = "snake_case")]
 pub enum Factor {
     /// The reactive policy that was trained on all kinds of maps, instead of the LSTM of the paper's kind.
@@ -39,18 +40,6 @@ pub enum Factor {
 }
 
 impl Factor {
-    /// All factors.
-    pub const ALL: [Factor; 8] = [
-        Factor::Policy,
-        Factor::Transports,
-        Factor::SpecialMoves,
-        Factor::Probing,
-        Factor::Attach,
-        Factor::Price,
-        Factor::Memory,
-        Factor::Rehearsals,
-    ];
-
     /// What is changed, for tables.
     pub fn about(self) -> &'static str {
         match self {
@@ -168,8 +157,8 @@ pub fn run(
     if base.maps.len() < 2 {
         return Err(EvalError::TooFewMaps);
     }
-    let all = Factor::ALL;
-    let without = |factor: Factor| all.into_iter().filter(|it| *it != factor).collect::<Vec<_>>();
+    let all = Factor::VARIANTS;
+    let without = |factor: Factor| all.iter().copied().filter(|it| *it != factor).collect::<Vec<_>>();
     let mut sets: Vec<Vec<Factor>> = vec![Vec::new(), all.to_vec()];
     sets.extend(all.iter().map(|factor| vec![*factor]));
     sets.extend(all.iter().map(|factor| without(*factor)));
@@ -195,7 +184,7 @@ pub fn run(
     let differ =
         |one: usize, other: usize| Interval::of_difference(&units[one], &units[other]).expect("two maps or more");
     let count = all.len();
-    let factors = all.into_iter().enumerate().map(|(idx, factor)| FactorReport {
+    let factors = all.iter().enumerate().map(|(idx, &factor)| FactorReport {
         factor,
         alone: report(2 + idx),
         adds_to_paper: differ(2 + idx, 0),
@@ -217,7 +206,8 @@ impl AblationReport {
     /// The results as a Markdown table.
     pub fn markdown(&self) -> String {
         let mut text = format!(
-            "{} maps, {} goals each; an attempt ends after {} decisions without progress, a leg after {}. Success in % with 95 % intervals over maps.\n\n\
+            "{} maps, {} goals each; an attempt ends after {} decisions without progress, a leg after {}. Success in \
+             % with 95 % intervals over maps.\n\n\
              The paper's method: {}. Ours: {}.\n\n\
              | our choice | alone, on the paper's method | adds | ours without it | adds |\n|---|---|---|---|---|\n",
             self.paper.success.maps,

@@ -197,8 +197,10 @@ impl ConditionReport {
     pub fn markdown(&self) -> String {
         let percent = |share: f64| format!("{:.1}", 100.0 * share);
         let mut text = format!(
-            "{} goals on each map and seed, seeds {:?}, graphs of {} vertices. All figures but counts in %; success with 95 % intervals over maps, and over models where a row has several.\n\n\
-             | condition | maps | on foot | can be reached | by policy | hard | by plan | hard | between maps | by plan, of what can be reached | failed by plan: impossible, died, avoidable |\n\
+            "{} goals on each map and seed, seeds {:?}, graphs of {} vertices. All figures but counts in %; success \
+             with 95 % intervals over maps, and over models where a row has several.\n\n\
+             | condition | maps | on foot | can be reached | by policy | hard | by plan | hard | between maps | by \
+             plan, of what can be reached | failed by plan: impossible, died, avoidable |\n\
              |---|---|---|---|---|---|---|---|---|---|---|\n",
             self.goals, self.seeds, self.vertices,
         );

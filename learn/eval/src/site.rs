@@ -170,7 +170,8 @@ fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Str
     let EvalConfig { goals, method, distance, noise_share, rehearses, follow, price, profile, .. } = config;
     let map = choice.identity();
     let text = format!(
-        "{VERSION} {} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {follow:?} {price:?} {:?} {:?}{}",
+        "{VERSION} {} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {follow:?} {price:?} \
+         {:?} {:?}{}",
         policy.weights_hash(),
         policy.senses_transports(),
         TaskConfig::default(),

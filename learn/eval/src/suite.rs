@@ -224,13 +224,15 @@ impl SuiteReport {
         let percent = |share: f64| format!("{:.1}", 100.0 * share);
         writeln!(
             text,
-            "{} maps, {} goals each, {} seeds. Success in %: ours (the paper's); intervals are those of 95 % over maps.\n",
+            "{} maps, {} goals each, {} seeds. Success in %: ours (the paper's); intervals are those of 95 % over \
+             maps.\n",
             self.maps.len(),
             self.goals,
             self.seeds.len()
         )
         .expect("writing to a String cannot fail");
-        text += "| method | all | interval | between seeds | easy | medium | hard | path efficiency | time to goal |\n|---|---|---|---|---|---|---|---|---|\n";
+        text += "| method | all | interval | between seeds | easy | medium | hard | path efficiency | time to goal \
+         |\n|---|---|---|---|---|---|---|---|---|\n";
         for row in &self.rows {
             let paper = PAPER.iter().find(|paper| paper.name == row.name);
             let cell = |rate: Rate, theirs: fn(&PaperRow) -> f64| match paper {
@@ -273,7 +275,8 @@ impl SuiteReport {
         }
         let mut text = "\n| failures by plan | ".to_owned();
         text += &Fault::ALL.map(|fault| fault.name().replace('_', " ")).join(" | ");
-        text += " | vertices | edges | probes | islands | pairs connected |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
+        text += " | vertices | edges | probes | islands | pairs connected \
+         |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
         for (row, graph) in rows() {
             let counts = Fault::ALL.map(|fault| row.faults.get(fault.name()).copied().unwrap_or(0).to_string());
             writeln!(

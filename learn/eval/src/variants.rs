@@ -92,7 +92,8 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     let report = &first.report;
     let mut text = format!(
         "Maps {}, {} goals each, seeds {:?}. Success in % with its 95 % interval.\n\n\
-         | variant | weights | all | easy | medium | hard | re-plans | time to goal | probes | build | attempts | search |\n\
+         | variant | weights | all | easy | medium | hard | re-plans | time to goal | probes | build | attempts | \
+         search |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|\n",
         report.maps.iter().map(MapName::to_string).collect::<Vec<_>>().join(", "),
         report.goals,

@@ -13,7 +13,8 @@ use surefoot_train::actors::actor::{ActorConfig, act};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot act --learner http://127.0.0.1:7610\n  \
-        surefoot act --learner https://learner.example:7610 --token-file token --maps level.glb --world http://127.0.0.1:7700")]
+        surefoot act --learner https://learner.example:7610 --token-file token --maps level.glb \
+        --world http://127.0.0.1:7700")]
 pub struct Args {
     /// Address of the learner
     #[arg(long, value_name = "URI", env = "SUREFOOT_LEARNER")]

@@ -134,13 +134,24 @@ pub struct HostArgs {
     #[arg(long, default_value_t = 16, value_name = "N")]
     warm_up: usize,
     /// Time limit for the attempts that run together
-    #[arg(long, default_value_t = 600, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    #[arg(
+        long,
+        default_value_t = 600,
+        value_name = "SECONDS",
+        value_parser = clap::value_parser!(u64).range(1..=86_400)
+    )]
     limit: u64,
     /// Name of the entrant
     #[arg(long, default_value = "Surefoot over gRPC", value_name = "NAME")]
     name: String,
     /// Number of workers to start
-    #[arg(long, default_value_t = 1, value_name = "N", conflicts_with = "server", value_parser = clap::value_parser!(u16).range(1..=64))]
+    #[arg(
+        long,
+        default_value_t = 1,
+        value_name = "N",
+        conflicts_with = "server",
+        value_parser = clap::value_parser!(u16).range(1..=64)
+    )]
     workers: u16,
     #[command(flatten)]
     credentials: CredentialArgs,
@@ -380,7 +391,8 @@ fn print_table(scores: &[Score]) {
     let or_none = |share: Option<f64>| share.map_or("-".to_owned(), percent);
     println!("Success in %, with 95 % intervals over maps where there are several.\n");
     println!(
-        "| entrant | set | all | interval | hard | on foot | not on foot | died | reported | time to goal | path | build | size |"
+        "| entrant | set | all | interval | hard | on foot | not on foot | died | reported | time to goal | path | \
+         build | size |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for it in scores {

@@ -13,7 +13,10 @@ mod processes;
 mod train;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use surefoot_cli::commands::services::{self, Inference};
 use surefoot_cli::{config, terminal};
+use surefoot_train::Processor;
+use surefoot_train::networks::with_burn;
 
 /// Training, evaluation and benches of Surefoot. `surefoot` starts this program for these commands.
 #[derive(Parser)]
@@ -53,6 +56,8 @@ enum Command {
     Import(export::ImportArgs),
     /// Measure speed on this machine.
     Bench(bench::Args),
+    /// Run an NPC worker; unlike `surefoot`, this program can evaluate the policy with burn.
+    Work(Box<services::WorkArgs>),
 }
 
 fn main() -> std::process::ExitCode {
@@ -77,7 +82,21 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Export(args) => export::export(&args),
         Command::Import(args) => export::import(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Work(args) => work(&args),
     }
+}
+
+/// Runs an NPC worker whose policy is evaluated as `--inference` says.
+fn work(args: &services::WorkArgs) -> anyhow::Result<()> {
+    let processor = match args.inference {
+        Inference::Cpu => None,
+        Inference::Burn => Some(Processor::Cpu),
+        Inference::BurnCuda => Some(Processor::Cuda),
+    };
+    services::run_worker(args, |policy| match processor {
+        Some(processor) => Ok(with_burn(policy, processor.device()?)?),
+        None => Ok(policy),
+    })
 }
 
 #[cfg(test)]

@@ -33,14 +33,20 @@ const USUAL_ACTORS: usize = 2;
         surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  \
         surefoot train runs/mine --config my.json --updates 50000\n  \
         surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  \
-        surefoot train runs/game --from models/general-reactive --maps level.glb --worlds http://10.0.0.7:7700,http://10.0.0.8:7700\n  \
-        surefoot train runs/fed --listen 0.0.0.0:7610 --actors 8 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  \
+        surefoot train runs/game --from models/general-reactive --maps level.glb --worlds \
+        http://10.0.0.7:7700,http://10.0.0.8:7700\n  \
+        surefoot train runs/fed --listen 0.0.0.0:7610 --actors 8 --tls-cert server.pem --tls-key server.key --tokens \
+        tokens.toml\n  \
         tensorboard --logdir runs")]
 pub struct Args {
     /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
     folder: PathBuf,
     /// Continue the run in the folder
-    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features", "movers", "kind", "body", "name", "processor", "npcs", "envs"])]
+    #[arg(
+        long,
+        conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features",
+            "movers", "kind", "body", "name", "processor", "npcs", "envs"]
+    )]
     resume: bool,
     /// Use this configuration (the config.json of another run) instead of the defaults
     #[arg(long, value_name = "FILE")]

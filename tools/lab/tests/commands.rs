@@ -27,12 +27,13 @@ fn help_of_the_laboratorys_commands_is_the_same_through_both_programs() {
 
 #[test]
 fn bad_input_ends_with_one_clear_line() {
-    let cases: [(&[&str], &str); 6] = [
+    let cases: [(&[&str], &str); 7] = [
         (&["eval", "--maps", "nowhere"], "--maps takes training, validation, test"),
         (&["eval", "--distance", "9..3"], "expected MIN..MAX"),
         (&["eval", "--goals", "0"], "--goals is 0"),
         (&["eval", "--model", "/does/not/exist"], "/does/not/exist/manifest.json"),
         (&["eval", "--vertices", "1"], "settings.vertices is 1"),
+        (&["work", "--inference", "burn", "--token-file", "/no/secret"], "cannot read /no/secret"),
         // Before anything is measured, with and without the feature `fleet`.
         (&["bench", "scale", "--store", "nowhere", "--blobs", "file:///no"], "--store"),
     ];

@@ -25,8 +25,8 @@ pub struct Args {
     /// Jobs at a time, each on a thread; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Print the lane and exit. The consumer prove-LANE has the jobs for provers with this model, on processors that compute
-    /// the same bits
+    /// Print the lane and exit. The consumer prove-LANE has the jobs for provers with this model, on processors that
+    /// compute the same bits
     #[arg(long)]
     print_lane: bool,
     #[command(flatten)]

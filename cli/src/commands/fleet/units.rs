@@ -52,7 +52,8 @@ impl prover::Runner for Runner {
     fn metrics(&self) -> String {
         let probes = self.probes.load(Ordering::Relaxed);
         format!(
-            "# HELP surefoot_probes_total Probes run.\n# TYPE surefoot_probes_total counter\nsurefoot_probes_total {probes}\n"
+            "# HELP surefoot_probes_total Probes run.\n# TYPE surefoot_probes_total counter\nsurefoot_probes_total \
+             {probes}\n"
         )
     }
 }

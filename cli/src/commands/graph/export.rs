@@ -16,7 +16,8 @@ use surefoot_world::reach::Reach;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
         surefoot graph export 2000 --format graphml --out map.graphml\n  \
-        surefoot graph export 2000 --format json > map.json   # networkx.node_link_graph(json.load(f), edges=\"edges\")\n  \
+        surefoot graph export 2000 --format json > map.json   # networkx.node_link_graph(json.load(f), \
+        edges=\"edges\")\n  \
         surefoot graph export 2000 --format detour --out links.json\n  \
         surefoot graph export level.glb --format godot --out links.tscn")]
 pub struct Args {
@@ -118,7 +119,8 @@ impl Args {
         let Summary { links, left_out, connected } = summary;
         let percent = |share: f64| 100.0 * share;
         let text = format!(
-            "{links} links ({left_out} edges left out): {:.1} % of pairs of vertices are connected, {:.1} % without links",
+            "{links} links ({left_out} edges left out): {:.1} % of pairs of vertices are connected, {:.1} % without \
+             links",
             percent(connected.with),
             percent(connected.without)
         );

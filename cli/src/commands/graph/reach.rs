@@ -215,7 +215,8 @@ fn junit(report: &Report) -> String {
     let escape = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
     let failures = report.checks.iter().filter(|check| !check.passed).count();
     let mut xml = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"reachability of {}\" tests=\"{}\" failures=\"{failures}\">\n",
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"reachability of {}\" tests=\"{}\" \
+         failures=\"{failures}\">\n",
         escape(&report.map),
         report.checks.len()
     );

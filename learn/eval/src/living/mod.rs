@@ -344,7 +344,8 @@ impl LivingReport {
     /// The results as a Markdown table.
     pub fn markdown(&self) -> String {
         let mut text = String::from(
-            "| scene | target | arrived | deadlocks | runs in which all did | last one, s | beside |\n|---|---|---|---|---|---|---|\n",
+            "| scene | target | arrived | deadlocks | runs in which all did | last one, s | beside \
+             |\n|---|---|---|---|---|---|---|\n",
         );
         for scene in &self.scenes {
             let beside = scene

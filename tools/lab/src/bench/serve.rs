@@ -264,7 +264,8 @@ impl Measured {
 
     fn print(&self, npcs: usize) {
         eprintln!(
-            "{npcs:>5} NPCs: tick p50 {:.2} ms, p99 {:.2} ms, {:.3} % of {} late, {} dropped, {:.3} % of {} decisions on time: {}",
+            "{npcs:>5} NPCs: tick p50 {:.2} ms, p99 {:.2} ms, {:.3} % of {} late, {} dropped, {:.3} % of {} decisions \
+             on time: {}",
             self.p50_ms(),
             self.p99_ms(),
             100.0 * self.late_share(),

@@ -180,10 +180,20 @@ pub(super) struct Rules {
     #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "no_transports"])]
     pub(super) faithful: bool,
     /// Decisions without progress that end an attempt
-    #[arg(long, default_value_t = FollowConfig::default().patience, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(
+        long,
+        default_value_t = FollowConfig::default().patience,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=100_000)
+    )]
     patience: u32,
     /// Decisions without coming closer to a waypoint that cause a re-plan
-    #[arg(long, default_value_t = FollowConfig::default().replan_after, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(
+        long,
+        default_value_t = FollowConfig::default().replan_after,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=100_000)
+    )]
     replan_after: u32,
     /// Most re-plans of an attempt
     #[arg(long, default_value_t = FollowConfig::default().max_replans, value_name = "N")]

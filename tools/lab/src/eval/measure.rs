@@ -6,7 +6,7 @@ use super::{suites, tables};
 use anyhow::bail;
 use std::sync::Arc;
 use surefoot_cli::commands::load_policy;
-use surefoot_cli::terminal::progress_bar;
+use surefoot_cli::terminal::with_bar;
 use surefoot_eval::record::Record;
 use surefoot_eval::{EvalConfig, evaluate};
 use surefoot_policy::Policy;
@@ -16,6 +16,7 @@ use surefoot_policy::Policy;
 #[cfg(feature = "fleet")]
 fn share(args: &Args, policy: &Policy, config: EvalConfig) -> anyhow::Result<(EvalConfig, Option<tempfile::TempDir>)> {
     use surefoot_cli::commands::fleet::{Shared, units};
+    use surefoot_cli::terminal::progress_bar;
     use surefoot_fleet::work::dispatch::Threads;
 
     let is_checked = config.record.as_ref().is_some_and(|record| record.is_checked());
@@ -60,9 +61,8 @@ pub fn measure(args: &Args, record: Option<Arc<Record>>) -> anyhow::Result<Resul
             let model = args.model.clone().or_else(|| args.rules.faithful.then(|| args.models.join("general-lstm")));
             let policy = args.rules.apply(load_policy(model.as_deref())?);
             let (config, _folder) = share(args, &policy, config)?;
-            let bar = progress_bar((config.maps.len() * config.seeds.len() * config.goals) as u64, "evaluating");
-            let report = evaluate(&policy, &config, |done, _| bar.set_position(done as u64))?;
-            bar.finish_and_clear();
+            let report =
+                with_bar("evaluating", |bar| evaluate(&policy, &config, |done, total| bar("evaluating", done, total)))?;
             Ok(Results::Plain(Box::new(report)))
         }
     }

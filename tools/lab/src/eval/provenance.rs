@@ -197,9 +197,10 @@ impl Outcome {
         println!("{}: made by `{}`", self.folder.display(), self.command);
         println!("at commit {} on {}", self.made_at_commit, self.made_on);
         let follows = if self.derived { "follow" } else { "DO NOT FOLLOW" };
-        println!("the figures {follows} from the attempts of {units} units on record");
+        println!("the figures {follows} from the attempts of {units} recorded units");
         println!(
-            "{attempts} attempts of {batches} batches made again: {identical} identical, {lost} failed that had succeeded, {gained} succeeded that had failed (chance of such a difference: {:.2})",
+            "{attempts} attempts of {batches} batches repeated: {identical} identical, {lost} failed that had \
+             succeeded, {gained} succeeded that had failed (chance of such a difference: {:.2})",
             self.chance
         );
     }

@@ -3,7 +3,7 @@
 use super::args::Args;
 use super::results::Results;
 use surefoot_cli::commands::{load_policy, parse_maps};
-use surefoot_cli::terminal::progress_bar;
+use surefoot_cli::terminal::with_bar;
 use surefoot_eval::ablation::{self, Policies};
 use surefoot_eval::living::{self, LivingConfig};
 use surefoot_eval::suite::{self, Entry};
@@ -71,13 +71,7 @@ pub fn paper(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
         ("validation", parse_maps("validation", args.generated.size)?),
         ("test", parse_maps("test", args.generated.size)?),
     ]);
-    let bar = progress_bar(1, "evaluating");
-    let report = suite::run(&entries, &splits.collect::<Vec<_>>(), base, |row, done, total| {
-        bar.set_message(row.to_owned());
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    })?;
-    bar.finish_and_clear();
+    let report = with_bar("evaluating", |bar| suite::run(&entries, &splits.collect::<Vec<_>>(), base, bar))?;
     Ok(Results::Paper(report))
 }
 
@@ -90,14 +84,15 @@ pub fn living(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
     let policy = load_policy(Some(&args.models.join("general-reactive")))?;
     let scenes = args.scene.clone();
     let scene_count = if scenes.is_empty() { living::SCENES.len() } else { scenes.len() };
-    let bar = progress_bar(scene_count as u64, "evaluating");
     let (thread_count, settings) = (base.thread_count, args.graph.settings()?);
     let config = LivingConfig { scenes, runs: args.runs, thread_count, settings };
-    let report = living::run(&policy, &config, |scene| {
-        bar.set_message(scene.to_owned());
-        bar.inc(1);
+    let report = with_bar("evaluating", |bar| {
+        let mut begun = 0;
+        living::run(&policy, &config, |scene| {
+            begun += 1;
+            bar(scene, begun, scene_count);
+        })
     })?;
-    bar.finish_and_clear();
     Ok(Results::Living(report))
 }
 
@@ -105,12 +100,10 @@ pub fn living(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
 pub fn ablation(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
     let load = |name: &str| load_policy(Some(&args.models.join(name)));
     let policies = Policies { recurrent: load("general-lstm")?, reactive: load("general-reactive")? };
-    let bar = progress_bar(1, "evaluating");
-    let report = ablation::run(&policies, base, args.graph.settings()?, |done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
+    let settings = args.graph.settings()?;
+    let report = with_bar("evaluating", |bar| {
+        ablation::run(&policies, base, settings, |done, total| bar("evaluating", done, total))
     })?;
-    bar.finish_and_clear();
     Ok(Results::Ablation(Box::new(report)))
 }
 
@@ -153,12 +146,5 @@ pub fn big_map(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
 }
 
 fn run_variants(base: &EvalConfig, entries: &[Variant], bin_m: f32) -> anyhow::Result<Vec<variants::Outcome>> {
-    let bar = progress_bar(1, "evaluating");
-    let outcomes = variants::run(entries, base, bin_m, |name, done, total| {
-        bar.set_message(name.to_owned());
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    })?;
-    bar.finish_and_clear();
-    Ok(outcomes)
+    Ok(with_bar("evaluating", |bar| variants::run(entries, base, bin_m, bar))?)
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use surefoot_cli::commands::map::load_body;
 use surefoot_cli::commands::{load_policy, parse_maps};
-use surefoot_cli::terminal::progress_bar;
+use surefoot_cli::terminal::with_bar;
 use surefoot_eval::conditions::{self, Condition};
 use surefoot_eval::{EvalConfig, EvalMap};
 use surefoot_policy::Policy;
@@ -31,12 +31,9 @@ impl Args {
 
     fn conditions(&self, suite: &str, base: &EvalConfig, conditions: &[Condition]) -> anyhow::Result<Results> {
         let settings = self.rules.graph(self.graph.settings()?)?;
-        let bar = progress_bar(1, "evaluating");
-        let report = conditions::run(suite, conditions, base, settings, |done, total| {
-            bar.set_length(total as u64);
-            bar.set_position(done as u64);
+        let report = with_bar("evaluating", |bar| {
+            conditions::run(suite, conditions, base, settings, |done, total| bar("evaluating", done, total))
         })?;
-        bar.finish_and_clear();
         Ok(Results::Conditions(report))
     }
 }

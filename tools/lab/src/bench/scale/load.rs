@@ -140,7 +140,8 @@ async fn record(npcs: usize) -> anyhow::Result<Rung> {
         late_share: measured.late_share(),
     };
     eprintln!(
-        "{npcs:>5} NPCs: CPU of server {:.1} %, workers {:.1} %, planner {:.1} % of a core; {:.0} decisions/s, {:.1} plans/s",
+        "{npcs:>5} NPCs: CPU of server {:.1} %, workers {:.1} %, planner {:.1} % of a core; {:.0} decisions/s, {:.1} \
+         plans/s",
         100.0 * rung.cpu_s[0] / seconds,
         100.0 * rung.cpu_s[1] / seconds,
         100.0 * rung.cpu_s[2] / seconds,

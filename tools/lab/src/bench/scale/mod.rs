@@ -64,7 +64,8 @@ fn compare_with_what_was_measured(load: &Load, model: &Model) {
     for rung in &load.rungs {
         let played = play(Fleet::on_one_machine(load, rung.npcs), model, load);
         eprintln!(
-            "{:>5} NPCs: tick p50 {:.2} and {:.2} ms, p99 {:.2} and {:.2} ms, late {:.3} and {:.3} %, cores busy {:.1} and {:.1} %",
+            "{:>5} NPCs: tick p50 {:.2} and {:.2} ms, p99 {:.2} and {:.2} ms, late {:.3} and {:.3} %, cores busy \
+             {:.1} and {:.1} %",
             rung.npcs,
             played.tick_p50_ms,
             rung.tick_p50_ms,
@@ -90,7 +91,9 @@ fn most_held(load: &Load, model: &Model, servers: usize) -> usize {
         let is_held = is_held(&played);
         let of = |share: f64| 100.0 * share;
         eprintln!(
-            "{npcs:>5} NPCs each, {} workers, {} planners: tick p99 {:.2} ms, {:.3} % late, {:.3} % of decisions on time; busy, simulated (model): servers {:.0} ({:.0}) %, workers {:.0} ({:.0}) %, planners {:.0} ({:.0}) %, record {:.1} ({:.1}) %: {}",
+            "{npcs:>5} NPCs each, {} workers, {} planners: tick p99 {:.2} ms, {:.3} % late, {:.3} % of decisions on \
+             time; busy, simulated (model): servers {:.0} ({:.0}) %, workers {:.0} ({:.0}) %, planners {:.0} ({:.0}) \
+             %, database {:.1} ({:.1}) %: {}",
             fleet.workers,
             fleet.planners,
             played.tick_p99_ms,

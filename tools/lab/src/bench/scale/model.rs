@@ -168,7 +168,8 @@ impl Model {
     pub fn print(&self) {
         let [work, plans] = self.bytes_per_s;
         eprintln!(
-            "a tick takes {:.1} us + {:.3} us for each NPC; a decision {:.1} us; a plan {:.0} us, {:.3} plans/s for each NPC\n\
+            "a tick takes {:.1} us + {:.3} us for each NPC; a decision {:.1} us; a plan {:.0} us, {:.3} plans/s for \
+             each NPC\n\
              bytes/s for each NPC: server to workers {:.0}, back {:.0}; workers to planners {:.0}, back {:.0}",
             self.tick_us.fixed,
             self.tick_us.each,
@@ -192,7 +193,9 @@ impl Model {
             let (saves, each) = (worlds / self.record.save_every_s, self.record.save_bytes);
             let writes = self.writes_per_s(servers, worlds, servers + planner.ceil());
             eprintln!(
-                "{npcs:>9} NPCs, {servers} servers: cores busy of servers {server:.1}, workers {worker:.1}, planners {planner:.2}; {:.1} Mbit/s to workers; {writes:.0} writes/s to the record, which take {:.2} cores; {saves:.0} blobs/s and {:.1} MB/s to the object store",
+                "{npcs:>9} NPCs, {servers} servers: cores busy of servers {server:.1}, workers {worker:.1}, planners \
+                 {planner:.2}; {:.1} Mbit/s to workers; {writes:.0} writes/s to the database, which take {:.2} cores; \
+                 {saves:.0} blobs/s and {:.1} MB/s to the object store",
                 8e-6 * npcs * self.bytes_per_s[0][1],
                 writes * self.record.cpu_us_per_write / 1e6,
                 1e-6 * saves * (each[0] + each[1] * 128.0),

@@ -46,7 +46,8 @@ pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
         save_bytes: save_bytes(&scene, &database, &opened).await?,
     };
     eprintln!(
-        "over PostgreSQL, {NPCS} NPCs: {:.1} commits/s, of which {:.1} record what happened; {:.0} us of CPU each; server {:.1} % of a core, tick p99 {:.2} ms; a saved world {:.0} bytes + {:.0} for each NPC",
+        "over PostgreSQL, {NPCS} NPCs: {:.1} commits/s, of which {:.1} record what happened; {:.0} us of CPU each; \
+         server {:.1} % of a core, tick p99 {:.2} ms; a saved world {:.0} bytes + {:.0} for each NPC",
         commits / seconds,
         load.notes_per_s,
         load.cpu_us_per_write,
