@@ -69,7 +69,7 @@ enum Command {
     Lab(Lab),
 }
 
-/// Commands that `surefoot-lab` runs.
+// Commands that `surefoot-lab` runs. A doc comment here would replace the description of the program.
 #[derive(Subcommand)]
 enum Lab {
     /// Train a reactive or recurrent policy with SAC.
