@@ -94,7 +94,7 @@ fn work(args: &services::WorkArgs) -> anyhow::Result<()> {
         Inference::BurnCuda => Some(Processor::Cuda),
     };
     services::run_worker(args, |policy| match processor {
-        Some(processor) => Ok(with_burn(policy, processor.device()?)?),
+        Some(processor) => Ok(with_burn(policy, processor)?),
         None => Ok(policy),
     })
 }
