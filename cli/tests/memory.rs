@@ -227,7 +227,8 @@ async fn levels_that_many_read_and_some_do_not_read_on() {
 fn exchange(address: &str, method: &str, path: &str, json: &[u8]) -> String {
     let mut socket = TcpStream::connect(address).expect("the server accepts");
     let head = format!(
-        "{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n",
+        "{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\
+         Content-Type: application/json\r\nContent-Length: {}\r\n\r\n",
         json.len()
     );
     // What is refused early is not read to its end, so that both may fail.

@@ -1,0 +1,256 @@
+//! `surefoot map`.
+
+mod show;
+mod source;
+
+pub use source::{
+    BodyArg, Generated, Source, file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers,
+};
+
+use crate::commands::fleet::{BlobsArg, NatsArg};
+use crate::commands::{core_count, parse_seeds};
+use crate::terminal::progress_bar;
+use anyhow::{Context, bail};
+use source::{import_level, read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+use surefoot_levels::{ImportOptions, UpAxis};
+use surefoot_policy::Policy;
+use surefoot_world::replay::Recording;
+use surefoot_world::{MapSpec, TICKS_PER_DECISION};
+
+/// Generate, show, import, export and replay maps.
+#[derive(clap::Subcommand)]
+pub enum Command {
+    /// Generate a map and save it
+    Generate(GenerateArgs),
+    /// Describe a map, measure how it is connected, or draw it
+    Show(show::Args),
+    /// Import a level (.glb, .gltf or .obj) as a map
+    Import(ImportArgs),
+    /// Write a map as .glb for Blender, Godot and other programs
+    Export(ExportArgs),
+    /// Run NPCs on a map and record their inputs
+    Record(RecordArgs),
+    /// Replay a recording and compare states
+    Replay(ReplayArgs),
+}
+
+/// Generate a map and save it.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+        surefoot map generate 7 --features all --out seven.sfmap\n  \
+        surefoot map generate 0..64 --features all --out maps\n  \
+        surefoot map generate 0..64 --nats nats://127.0.0.1:4222 --blobs file:///srv/blobs --out maps")]
+pub struct GenerateArgs {
+    #[command(flatten)]
+    source: Source,
+    /// File to write the map to; of several seeds, such as 0..8 or 3,5: the folder, in which files are named after
+    /// seeds
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    #[command(flatten)]
+    nats: NatsArg,
+    #[command(flatten)]
+    blobs: BlobsArg,
+}
+
+/// Import a level as a map.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Nodes named lava*, water*, pad*, zip_line*:from, zip_line*:to, teleporter*:from, teleporter*:to and \
+    jetpack* become\n\
+        features; a sidecar file can list them instead.\n\n\
+        Examples:\n  \
+        surefoot map import level.glb --out level.sfmap\n  \
+        surefoot map import level.obj --up z --scale 0.01 --out level.sfmap"
+)]
+pub struct ImportArgs {
+    /// The level: .glb, .gltf or .obj
+    level: PathBuf,
+    /// File to write the map to
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Metres per unit of the level
+    #[arg(long, default_value_t = 1.0)]
+    scale: f32,
+    /// Axis that points up in the level
+    #[arg(long, default_value = "y", value_parser = ["y", "z"])]
+    up: String,
+    /// Do not turn surfaces whose front seems to be on the wrong side
+    #[arg(long)]
+    keep_sides: bool,
+    /// File with a list of features; default: LEVEL.surefoot.json beside the level, if it exists
+    #[arg(long, value_name = "FILE")]
+    sidecar: Option<PathBuf>,
+}
+
+/// Write a map as .glb.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot map export 7 --features all --out seven.glb")]
+pub struct ExportArgs {
+    #[command(flatten)]
+    source: Source,
+    /// File to write the level to
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Run NPCs on a map and record their inputs.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot map record 7 --npcs 32 --ticks 3600 --out run.sfreplay")]
+pub struct RecordArgs {
+    #[command(flatten)]
+    source: Source,
+    /// Number of NPCs, each with its own goals
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    npcs: u32,
+    /// Number of ticks, 60 per second, rounded down to whole decisions of 10
+    #[arg(long, default_value_t = 3600, value_parser = clap::value_parser!(u64).range(10..=1_000_000))]
+    ticks: u64,
+    /// File to write the recording to
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Replay a recording; without --check, only describe it.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot map replay run.sfreplay --check")]
+pub struct ReplayArgs {
+    /// The recording
+    file: PathBuf,
+    /// Run the recording and compare its state with the recorded state every 600 ticks and at the end
+    #[arg(long)]
+    check: bool,
+    /// The saved map; needed for recordings on imported maps
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
+}
+
+/// Runs a command.
+pub fn run(command: &Command) -> anyhow::Result<()> {
+    match command {
+        Command::Generate(args) => generate(args),
+        Command::Show(args) => show::run(args),
+        Command::Import(args) => import(args),
+        Command::Export(args) => write(&args.out, &surefoot_levels::export_glb(&args.source.load()?)),
+        Command::Record(args) => record(args),
+        Command::Replay(args) => replay(args),
+    }
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    println!("wrote {} ({:.1} MB)", path.display(), bytes.len() as f64 / 1.0e6);
+    Ok(())
+}
+
+fn generate(args: &GenerateArgs) -> anyhow::Result<()> {
+    args.nats.check()?;
+    let is_range = args.source.map.contains("..") || args.source.map.contains(',');
+    if let Some(seeds) = is_range.then(|| parse_seeds(&args.source.map).ok()).flatten() {
+        return generate_all(args, &seeds);
+    }
+    let map = args.source.load()?;
+    println!("hash {}", map.hash());
+    write(&args.out, &surefoot_levels::encode(&map))
+}
+
+/// Maps that are generated together; their bytes are in memory at the same time.
+const MAPS_AT_A_TIME: usize = 32;
+
+/// Generates the maps of several seeds into a folder.
+fn generate_all(args: &GenerateArgs, seeds: &[u64]) -> anyhow::Result<()> {
+    let specs: anyhow::Result<Vec<MapSpec>> =
+        seeds.iter().map(|&seed| args.source.generated.apply(&MapSpec::new(seed))).collect();
+    let specs = specs?;
+    std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
+    let bar = progress_bar(specs.len() as u64, "maps");
+    let path = |spec: &MapSpec| args.out.join(format!("{}.sfmap", spec.seed));
+    for specs in specs.chunks(MAPS_AT_A_TIME) {
+        match share(args, specs, &|_| bar.inc(1))? {
+            Some(maps) => specs.iter().zip(maps).try_for_each(|(spec, bytes)| write(&path(spec), &bytes))?,
+            None => {
+                for spec in specs {
+                    write(&path(spec), &surefoot_levels::encode(&surefoot_generate::generate(spec)))?;
+                    bar.inc(1);
+                }
+            }
+        }
+    }
+    bar.finish_and_clear();
+    println!("{} maps in {}", specs.len(), args.out.display());
+    Ok(())
+}
+
+/// Lets provers generate maps if `--nats` is given, and returns the saved maps.
+#[cfg(feature = "fleet")]
+fn share(
+    args: &GenerateArgs,
+    specs: &[MapSpec],
+    is_made: &(dyn Fn(usize) + Sync),
+) -> anyhow::Result<Option<Vec<Vec<u8>>>> {
+    use super::fleet::Shared;
+    use surefoot_fleet::work::{dispatch::Threads, maps};
+
+    let Some(nats) = &args.nats.nats else { return Ok(None) };
+    // Maps need no policy, so any lane works. Provers with the shipped model are the most likely to run.
+    let policy = super::load_policy(None)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let shared = runtime.block_on(Shared::open(nats, args.blobs.blobs.as_deref(), &policy))?;
+    let grounds = runtime.block_on(async { shared.maps() });
+    let threads = Threads { beside_provers: 1, alone: core_count() };
+    Ok(Some(maps::generate_all(&shared.dispatcher(), &grounds, specs, threads, is_made)?))
+}
+
+/// This build has no queue.
+#[cfg(not(feature = "fleet"))]
+fn share(args: &GenerateArgs, _: &[MapSpec], _: &(dyn Fn(usize) + Sync)) -> anyhow::Result<Option<Vec<Vec<u8>>>> {
+    let _ = &args.blobs.blobs;
+    Ok(None)
+}
+
+fn import(args: &ImportArgs) -> anyhow::Result<()> {
+    let up = if args.up == "z" { UpAxis::Z } else { UpAxis::Y };
+    let imported = import_level(
+        &args.level,
+        args.sidecar.as_deref(),
+        &ImportOptions { scale: args.scale, up, keep_sides: args.keep_sides },
+    )?;
+    let size = imported.map.size();
+    let [x, y, z] = imported.origin.to_array();
+    println!("map of {} x {} x {} m, hash {}", size.width, size.height, size.depth, imported.map.hash());
+    // Plans and graphs are in the map's frame, which begins at 0.
+    println!("the level's origin is at {x} {y} {z} on the map");
+    write(&args.out, &surefoot_levels::encode(&imported.map))
+}
+
+fn record(args: &RecordArgs) -> anyhow::Result<()> {
+    let map = Arc::new(args.source.load()?);
+    let policy = Policy::shipped().context("cannot use the shipped model")?;
+    let decision_count = args.ticks / u64::from(TICKS_PER_DECISION);
+    let recording = surefoot_rollout::crowd::record(map, &policy, args.npcs as usize, decision_count)?;
+    println!("{} ticks, {} inputs", recording.tick_count(), recording.input_count());
+    write(&args.out, &recording.encode())
+}
+
+fn replay(args: &ReplayArgs) -> anyhow::Result<()> {
+    let recording =
+        Recording::decode(&read(&args.file)?).with_context(|| format!("cannot use {}", args.file.display()))?;
+    println!("{} ticks, {} inputs, map {}", recording.tick_count(), recording.input_count(), recording.map);
+    if !args.check {
+        return Ok(());
+    }
+    let map = match (&args.map, recording.spec) {
+        (Some(path), _) => {
+            surefoot_levels::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?
+        }
+        (None, Some(spec)) => surefoot_generate::generate(&spec),
+        (None, None) => bail!("the recording was made on an imported map: give its file with --map"),
+    };
+    let started = Instant::now();
+    recording.replay(Arc::new(map), None)?;
+    println!("the replay reached the same state in {:.2} s", started.elapsed().as_secs_f64());
+    Ok(())
+}

@@ -1,0 +1,188 @@
+//! `surefoot map show`.
+
+use super::source::{BodyArg, Source};
+use crate::commands::core_count;
+use crate::terminal::print_json;
+use anyhow::bail;
+use std::path::PathBuf;
+use std::time::Instant;
+use surefoot_report::render::{self, Picture, View};
+use surefoot_world::Map;
+use surefoot_world::reach::{Means, Reach};
+
+/// Describe a map, measure how it is connected, or draw it.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+        surefoot map show 2000\n  \
+        surefoot map show 7 --features all --stats\n  \
+        surefoot map show 7 --png map.png --iso\n  \
+        surefoot map show 7 --png floor.png --section 31.5\n  \
+        surefoot map show 3000 --size 1000 --height 200 --json")]
+pub struct Args {
+    #[command(flatten)]
+    source: Source,
+    #[command(flatten)]
+    body: BodyArg,
+    /// Measure the share of reachable goals among random ones, on foot and by every means
+    #[arg(long)]
+    stats: bool,
+    /// Draw the map into this file
+    #[arg(long, value_name = "FILE")]
+    png: Option<PathBuf>,
+    /// View from above (the default)
+    #[arg(long, conflicts_with_all = ["iso", "section"])]
+    top: bool,
+    /// View from a corner
+    #[arg(long, conflicts_with = "section")]
+    iso: bool,
+    /// View from above, cut off at this height in metres
+    #[arg(long, value_name = "Y")]
+    section: Option<f32>,
+    /// Give all ground that is connected on foot one colour
+    #[arg(long)]
+    islands: bool,
+    /// Pixels per metre in the picture; default: a picture 1,000 pixels wide, but at most 8
+    #[arg(long)]
+    scale: Option<f32>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Describes or draws a map.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let started = Instant::now();
+    let map = args.source.load()?;
+    let seconds = started.elapsed().as_secs_f64();
+    let profile = args.body.profile()?;
+    let reach = (args.stats || args.islands).then(|| Reach::survey(&map, &profile, core_count()));
+    if let Some(path) = &args.png {
+        draw(args, &map, reach.as_ref())?.save(path)?;
+    }
+    let placed = map.placed();
+    let counts = [
+        ("plateaus", placed.plateaus.len()),
+        ("buildings", placed.buildings.len()),
+        ("pools", placed.pools.len()),
+        ("pads", placed.pads.len()),
+        ("zip_lines", placed.zip_lines.len()),
+        ("ravines", placed.ravines.len()),
+        ("caves", placed.caves.len()),
+        ("teleporters", placed.teleporters.len()),
+        ("jetpacks", placed.jetpacks.len()),
+    ];
+    let size = map.size();
+    let mut description = serde_json::json!({
+        "seed": map.spec().map(|spec| spec.seed),
+        "size": { "width": size.width, "height": size.height, "depth": size.depth },
+        "hash": map.hash().to_string(),
+        "triangles": map.mesh().triangles().len(),
+        "memory_mb": map.memory_bytes() as f64 / 1.0e6,
+        "load_s": seconds,
+        "features": counts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+    });
+    let stats = reach.as_ref().filter(|_| args.stats).map(Stats::of);
+    if let (Some(stats), Some(object)) = (&stats, description.as_object_mut()) {
+        object.extend(stats.to_json());
+    }
+    if args.json {
+        return print_json(&description);
+    }
+    println!("map {} ({} x {} x {} m), hash {}", args.source.map, size.width, size.height, size.depth, map.hash());
+    println!(
+        "{} triangles, {:.0} MB, ready in {seconds:.2} s",
+        map.mesh().triangles().len(),
+        map.memory_bytes() as f64 / 1.0e6
+    );
+    let counts: Vec<String> = counts
+        .into_iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(name, count)| format!("{count} {}", name.replace('_', " ")))
+        .collect();
+    println!("{}", counts.join(", "));
+    if let Some(stats) = stats {
+        stats.print();
+    }
+    Ok(())
+}
+
+fn draw(args: &Args, map: &Map, reach: Option<&Reach>) -> anyhow::Result<Picture> {
+    let side = map.extent().x.max(map.extent().z);
+    let scale = args.scale.unwrap_or((1000.0 / side).min(8.0));
+    if !(0.1..=16.0).contains(&scale) || scale * side > 8192.0 {
+        bail!("--scale is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
+    }
+    let view = match args.section {
+        Some(y) if !(0.0..=map.extent().y).contains(&y) => {
+            bail!("--section is {y}, the map reaches from 0 to {} m", map.extent().y)
+        }
+        Some(y) => View::Section(y),
+        None if args.iso => View::Iso,
+        None => View::Top,
+    };
+    let islands = reach.filter(|_| args.islands).map(|reach| &reach.ground);
+    let mut picture = Picture::of(map, view, scale, islands);
+    let mut entries = render::legend(map);
+    if islands.is_some() {
+        entries[0] = ([200, 160, 120], "one colour: connected on foot");
+    }
+    picture.add_legend(&format!("map {}", args.source.map), &entries);
+    Ok(picture)
+}
+
+/// How a map is connected.
+struct Stats {
+    walk: f64,
+    all: f64,
+    island_count: usize,
+    place_count: usize,
+    /// Share of pairs of places that are cut off without each means.
+    needs: Vec<(&'static str, f64)>,
+}
+
+impl Stats {
+    fn of(reach: &Reach) -> Self {
+        let all = reach.share_by(|_| true);
+        Self {
+            walk: reach.share_on_foot(),
+            all,
+            island_count: reach.ground.islands().len(),
+            place_count: reach.ground.cells().len(),
+            needs: Means::ALL
+                .iter()
+                .copied()
+                .map(|means| (means.name(), all - reach.share_by(|other| other != means)))
+                .collect(),
+        }
+    }
+
+    fn to_json(&self) -> serde_json::Map<String, serde_json::Value> {
+        let table = |rows: &[(&'static str, f64)]| -> serde_json::Value {
+            rows.iter().map(|&(name, share)| (name.to_owned(), share.into())).collect::<serde_json::Map<_, _>>().into()
+        };
+        [
+            ("walk_connected", self.walk.into()),
+            ("all_connected", self.all.into()),
+            ("islands", self.island_count.into()),
+            ("places", self.place_count.into()),
+            ("cut_off_without", table(&self.needs)),
+        ]
+        .into_iter()
+        .map(|(name, value): (&str, serde_json::Value)| (name.to_owned(), value))
+        .collect()
+    }
+
+    fn print(&self) {
+        println!("random goals connected on foot: {:.1} %", self.walk * 100.0);
+        println!("random goals connected by every means: {:.1} %", self.all * 100.0);
+        println!("{} islands among {} places to stand (1.25 m apart)", self.island_count, self.place_count);
+        let list = |rows: &[(&'static str, f64)]| {
+            let mut rows: Vec<_> = rows.iter().filter(|(_, share)| *share >= 0.0005).collect();
+            rows.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let texts: Vec<String> =
+                rows.iter().map(|(name, share)| format!("{} {:.1} %", name.replace('_', " "), share * 100.0)).collect();
+            texts.join(", ")
+        };
+        println!("cut off without: {}", list(&self.needs));
+    }
+}
