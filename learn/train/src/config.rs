@@ -261,7 +261,10 @@ impl TrainConfig {
             return refuse("actors and worlds", "cannot both feed a run: set one of them");
         }
         if self.sac.network.sees_others || self.collector.solid_npcs {
-            return refuse("sac.network.sees_others and collector.solid_npcs", "NPCs in other processes do not collide: set both to false");
+            return refuse(
+                "sac.network.sees_others and collector.solid_npcs",
+                "NPCs in other processes do not collide: set both to false",
+            );
         }
         if self.actors == 0 && level_count > 1 && level_count != self.worlds.len() {
             return refuse("collector.levels", "name one level for all worlds, or one for each");
