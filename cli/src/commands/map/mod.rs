@@ -8,7 +8,7 @@ pub use source::{
 };
 
 use crate::commands::fleet::{BlobsArg, NatsArg};
-use crate::commands::{core_count, parse_seeds};
+use crate::commands::parse_seeds;
 use crate::terminal::progress_bar;
 use anyhow::{Context, bail};
 use source::{import_level, read};
@@ -200,7 +200,7 @@ fn share(
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let shared = runtime.block_on(Shared::open(nats, args.blobs.blobs.as_deref(), &policy))?;
     let grounds = runtime.block_on(async { shared.maps() });
-    let threads = Threads { beside_provers: 1, alone: core_count() };
+    let threads = Threads { beside_provers: 1, alone: crate::commands::core_count() };
     Ok(Some(maps::generate_all(&shared.dispatcher(), &grounds, specs, threads, is_made)?))
 }
 
