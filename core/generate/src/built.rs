@@ -1,5 +1,5 @@
-//! Maps that are built of blocks instead of shaped as terrain: islands, towers, arenas and interiors. Beyond and between the
-//! blocks there is nothing: what falls there is lost.
+//! Maps that are built of blocks instead of shaped as terrain: islands, towers, arenas and interiors. Beyond and
+//! between the blocks there is nothing: what falls there is lost.
 
 use noise::{NoiseFn, Perlin};
 use rand::rngs::ChaCha8Rng;

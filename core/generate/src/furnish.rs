@@ -1,7 +1,8 @@
-//! Places movers on generated maps: doors where walls leave a gap, lifts at cliffs, platforms and floors that vanish over
-//! gaps, conveyors and crates on level ground.
+//! Places movers on generated maps: doors where walls leave a gap, lifts at cliffs, platforms and floors that vanish
+//! over gaps, conveyors and crates on level ground.
 //!
-//! Each kind draws places where a body stands and keeps those that suit it: the space that the mover sweeps must be free.
+//! Each kind draws places where a body stands and keeps those that suit it: the space that the mover sweeps must be
+//! free.
 
 use crate::stage::count_on;
 use rand::rngs::ChaCha8Rng;
@@ -293,7 +294,8 @@ impl<'a> Furnisher<'a> {
         floors[..count].iter().map(|(floor, _)| floor.y).find(|height| heights.contains(height))
     }
 
-    /// Where a gap as wide as `widths` begins and ends that lies ahead of a place, m from there. Both banks are as high as the place.
+    /// Where a gap as wide as `widths` begins and ends that lies ahead of a place, m from there. Both banks are as high
+    /// as the place.
     fn banks(&self, feet: Vec3, ahead: Vec3, widths: Range<f32>) -> Option<(f32, f32)> {
         const STEP_M: f32 = 0.5;
         let is_bank = |far: f32| self.ground(feet + ahead * far, feet.y - 0.4..feet.y + 0.4).is_some();

@@ -1,5 +1,5 @@
-//! Generates a [`Map`] from a [`MapSpec`], in phases: terrain, what is cut into it, what stands on it, devices, and
-//! finally the repair of ground that has no way in or out.
+//! Generates a [`Map`] from a [`MapSpec`], in phases: terrain, cuts, structures, devices, the repair of ground without
+//! an entrance or exit, and movers.
 
 mod buildings;
 mod built;
@@ -49,8 +49,8 @@ pub fn generate(spec: &MapSpec) -> Map {
     generate_with(spec, core_count, |_| {})
 }
 
-/// Generates the map of `spec` on `thread_count` threads and calls `progress` at the start of each stage. The bits of the
-/// map do not depend on the number of threads.
+/// Generates the map of `spec` on `thread_count` threads and calls `progress` at the start of each stage. The bits of
+/// the map do not depend on the number of threads.
 pub fn generate_with(spec: &MapSpec, thread_count: usize, mut progress: impl FnMut(Stage)) -> Map {
     let mut placer = Placer::new(spec);
     progress(Stage::Terrain);

@@ -1,5 +1,5 @@
-//! Places devices that need a survey of the ground: zip lines and teleporters between islands, and a pad or a zip line
-//! wherever ground has no way in or out.
+//! Places the devices that need a survey of the ground: zip lines and teleporters between islands, and a pad or a zip
+//! line for each island without an entrance or exit.
 
 use crate::stage::{Stage, count_on, pad};
 use rand::RngExt;
@@ -123,7 +123,8 @@ impl Repair<'_> {
         cells[rng.random_range(0..cells.len())]
     }
 
-    /// Whether a device's disc fits on the ground around `feet`: the ground is level and clear of other devices and of pools.
+    /// Whether a device's disc fits on the ground around `feet`: the ground is level and clear of other devices and of
+    /// pools.
     fn is_site(&self, feet: Vec3) -> bool {
         let (column, row) = self.ground().column_of(feet);
         let is_level = [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().all(|&(dx, dz)| {
@@ -249,7 +250,8 @@ impl Repair<'_> {
         }
     }
 
-    /// Adds a device that leads from connected ground to `cells`, or from `cells` to connected ground; false if none fits.
+    /// Adds a device that leads from connected ground to `cells`, or from `cells` to connected ground; false if none
+    /// fits.
     fn add_device(&mut self, spec: &MapSpec, cells: &[Cell], is_main: &[bool], direction: Direction) -> bool {
         if spec.features.pads > 0.0 {
             let own_count = if direction == Direction::In { 6 } else { 8 };

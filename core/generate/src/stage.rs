@@ -18,7 +18,7 @@ pub enum Stage {
     Mesh,
     /// Surveys which ground is connected.
     Survey,
-    /// Adds devices where ground has no way in or out.
+    /// Adds devices to ground without an entrance or exit.
     Repair,
     /// The map is complete.
     Done,

@@ -21,12 +21,13 @@ const NOISE_STRIDE: usize = 2;
 const BASE_HEIGHT_M: f32 = 26.0;
 /// Height of the default map, m. Lower maps flatten the octaves; higher ones get an additional swell.
 const REFERENCE_HEIGHT_M: f32 = 80.0;
-/// Wavelength of the swell, m; its amplitude and the rise of the mean height, both per metre above the reference height.
+/// Wavelength of the swell, m; its amplitude and the rise of the mean height, both per metre above the reference
+/// height.
 const SWELL: (f64, f32, f32) = (420.0, 0.45, 0.3);
 /// (wavelength m, amplitude m) of each octave of 3D Perlin noise.
 const OCTAVES: [(f64, f32); 3] = [(95.0, 34.0), (33.0, 12.0), (13.0, 1.6)];
-/// Range of the height of a terrace, m, drawn for each map: a double jump (5 m) climbs the risers of low terraces, while
-/// high ones call for a detour or a device.
+/// Range of the height of a terrace, m, drawn for each map: a double jump (5 m) climbs the risers of low terraces,
+/// while high ones call for a detour or a device.
 const TERRACE_M: (f32, f32) = (5.2, 8.0);
 /// Wavelength of the noise that decides where the ground is terraced and where it rises smoothly, m.
 const TERRACING_WAVELENGTH_M: f64 = 60.0;
@@ -304,8 +305,8 @@ impl Terraces {
         (TERRACING.0 + TERRACING.1 * self.noise.get(point) as f32).clamp(0.0, 1.0)
     }
 
-    /// Maps a height to the noise that puts the surface there, m. Most of the range of the noise falls in treads, so that
-    /// the ground there is nearly level.
+    /// Maps a height to the noise that puts the surface there, m. Most of the range of the noise falls in treads, so
+    /// that the ground there is nearly level.
     fn warp(&self, height: f32) -> f32 {
         let step = (height / self.height).floor();
         let t = height / self.height - step;

@@ -94,7 +94,8 @@ impl Animation {
     }
 }
 
-/// The places without those that lie where the ones around them lead anyway, and evenly chosen ones if these are still too many.
+/// The places without those that lie where the ones around them lead anyway, and evenly chosen ones if these are still
+/// too many.
 fn thinned(places: Vec<(f32, Vec3)>) -> Vec<(f32, Vec3)> {
     let last = places.len().saturating_sub(1);
     let turns = |idx: usize| {
@@ -114,7 +115,8 @@ fn thinned(places: Vec<(f32, Vec3)>) -> Vec<(f32, Vec3)> {
         .collect()
 }
 
-/// Indices of the places that matter: all others lie within `slack` metres of the straight lines between them (Douglas and Peucker 1973).
+/// Indices of the places that matter: all others lie within `slack` metres of the straight lines between them (Douglas
+/// and Peucker 1973).
 fn simplified(places: &[(f32, Vec3)], slack: f32) -> Vec<usize> {
     let mut kept = vec![false; places.len()];
     let last = places.len() - 1;

@@ -270,7 +270,8 @@ impl SceneWriter {
         self.nodes.push(node);
     }
 
-    /// Writes the header, the JSON chunk padded with spaces, and the binary chunk padded with zeros (glTF 2.0, section 4.4).
+    /// Writes the header, the JSON chunk padded with spaces, and the binary chunk padded with zeros (glTF 2.0, section
+    /// 4.4).
     fn finish(self, MapSize { width, height, depth }: MapSize) -> Vec<u8> {
         let mut document = json!({
             "asset": { "version": "2.0", "generator": "Surefoot" },

@@ -1,7 +1,8 @@
 //! Reads glTF 2.0 into a scene: nodes with their transforms applied.
 //!
-//! The JSON is parsed into the types of the `gltf` crate, but without its wrappers: those trust indices and lengths, and
-//! the crate's own validation indexes with a number from the file. Here every index, offset and length is checked on use.
+//! The JSON is parsed into the types of the `gltf` crate, but without its wrappers: those trust indices and lengths,
+//! and the crate's own validation indexes with a number from the file. Here every index, offset and length is checked
+//! on use.
 
 use crate::animated::Animation;
 use crate::faults::{ImportError, MAX_TRIANGLES};
@@ -148,7 +149,7 @@ struct SurefootExtras {
 struct Source<'a> {
     root: &'a Root,
     buffers: Vec<Cow<'a, [u8]>>,
-    /// Content of those views that are compressed, once somebody has read them.
+    /// Decoded content of compressed views, filled on the first read.
     decoded: Vec<OnceCell<Vec<u8>>>,
     /// Bytes that may still be decoded.
     decoding_budget: Cell<usize>,
@@ -208,8 +209,8 @@ impl Reader<'_> {
         Ok(Scene { nodes, former_size, skipped_count: self.skipped_count })
     }
 
-    /// Reads how nodes with triangles at or below them are shifted and turned; bones and cameras have none. Of several animations of a node
-    /// the first counts.
+    /// Reads how nodes with triangles at or below them are shifted and turned; bones and cameras have none. Of several
+    /// animations of a node the first counts.
     fn animate(&mut self, nodes: &mut [Node], placed: &[Option<(usize, Mat4)>]) -> Result<(), ImportError> {
         let mut is_shown: Vec<bool> = nodes.iter().map(|node| !node.triangles.is_empty()).collect();
         // Parents come before their children.

@@ -71,8 +71,8 @@ pub enum LevelError {
     Model(#[from] ImportError),
 }
 
-/// Reads a level of any format that its first bytes tell: a saved map, a glTF, or else an OBJ. `sidecar` is as in [`import_gltf`]; saved maps
-/// need none.
+/// Reads a level of any format that its first bytes tell: a saved map, a glTF, or else an OBJ. `sidecar` is as in
+/// [`import_gltf`]; saved maps need none.
 ///
 /// # Errors
 /// As [`decode`], [`import_gltf`] or [`import_obj`].

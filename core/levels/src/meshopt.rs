@@ -1,6 +1,6 @@
-//! Views that meshoptimizer compressed: the extensions `EXT_meshopt_compression` and `KHR_meshopt_compression`, as far as
-//! positions and indices need them. The formats are those of the extension's specification: attributes of version 0, triangles
-//! and indices of versions 0 and 1. Every read is checked, because the bytes are not trusted.
+//! Views that meshoptimizer compressed: the extensions `EXT_meshopt_compression` and `KHR_meshopt_compression`, as far
+//! as positions and indices need them. The formats are those of the extension's specification: attributes of version 0,
+//! triangles and indices of versions 0 and 1. Every read is checked, because the bytes are not trusted.
 
 use gltf::json::buffer::View;
 use serde::Deserialize;
@@ -173,8 +173,8 @@ fn attributes(count: usize, stride: usize, bytes: &[u8]) -> Result<Vec<u8>, &'st
     if blocks.0.is_empty() { Ok(elements) } else { Err(DAMAGED) }
 }
 
-/// Decodes a block of elements. They are stored by byte position: all first bytes come first, each as the difference from that
-/// byte of the previous element. `last` is the element before the first, and then the last one.
+/// Decodes a block of elements. They are stored by byte position: all first bytes come first, each as the difference
+/// from that byte of the previous element. `last` is the element before the first, and then the last one.
 fn attribute_block(bytes: &mut Bytes<'_>, block: &mut [u8], last: &mut [u8]) -> Option<()> {
     let stride = last.len();
     let group_count = (block.len() / stride).div_ceil(GROUP);
@@ -191,8 +191,8 @@ fn attribute_block(bytes: &mut Bytes<'_>, block: &mut [u8], last: &mut [u8]) -> 
     Some(())
 }
 
-/// Reads the differences of a group, of 0, 2, 4 or 8 bits each. For those of 2 or 4 bits that are all ones, a byte follows after
-/// the group.
+/// Reads the differences of a group, of 0, 2, 4 or 8 bits each. For those of 2 or 4 bits that are all ones, a byte
+/// follows after the group.
 fn differences(bytes: &mut Bytes<'_>, width: u8) -> Option<[u8; GROUP]> {
     let mut differences = [0; GROUP];
     let bits: u32 = match width {

@@ -1,12 +1,12 @@
 //! Finds the movers of a level by the names of its nodes, their extras, and in the sidecar.
 //!
-//! Nodes: `door*` opens; `lift*`, `elevator*` and `platform*` travel to the places of the nodes `NAME:path` (`NAME:path.001`, ...), in
-//! the order of their names; `vanish*` goes away when it is told to, or is there and away in turn; `conveyor*` carries what stands on it with
-//! the `velocity` of its extras; `pushable*` is a crate.
-//! What a node's animation says of its stops and times counts where names and extras say nothing, and a node of at most 30 m that is animated
-//! from place to place is a lift or platform whatever its name is.
-//! Names that only speak of a door (`door_frame`, `doorway`, `doorstep`) stay solid, like lifts and platforms without a path and conveyors
-//! without a velocity. An extra `mover` with the kind makes a mover of any node, and `mover: false` keeps it solid.
+//! Nodes: `door*` opens; `lift*`, `elevator*` and `platform*` travel to the places of the nodes `NAME:path`
+//! (`NAME:path.001`, ...), in the order of their names; `vanish*` disappears on an order, or in turn; `conveyor*`
+//! carries what stands on it with the `velocity` of its extras; `pushable*` is a crate. What a node's animation says of
+//! its stops and times counts where names and extras say nothing, and a node of at most 30 m that is animated from
+//! place to place is a lift or platform whatever its name is. Names that only speak of a door (`door_frame`, `doorway`,
+//! `doorstep`) stay solid, like lifts and platforms without a path and conveyors without a velocity. An extra `mover`
+//! with the kind makes a mover of any node, and `mover: false` keeps it solid.
 
 use crate::animated::{Animation, Journey};
 use crate::extras::Extras;
@@ -61,7 +61,8 @@ pub(super) struct Whole {
 }
 
 impl Whole {
-    /// Whether it may be a lift or platform only because it is animated: whole levels and detailed props stay where they are.
+    /// Whether it may be a lift or platform only because it is animated: whole levels and detailed props stay where
+    /// they are.
     fn is_small(&self) -> bool {
         let is_near = |bounds: Bounds| (bounds.high - bounds.low).max_element() <= LARGEST_M;
         self.bounds.is_some_and(is_near) && self.triangle_count <= MOST_TRIANGLES
@@ -245,8 +246,8 @@ pub(super) fn from_node(
     Ok(Some(assemble(node.name.clone(), kind, solid(triangles), bounds, Some(node.origin), motion)))
 }
 
-/// The name of a mover that is animated, which files do not keep short and unique: that of its node, with the number of the node if there is
-/// another of that name.
+/// The name of a mover that is animated, which files do not keep short and unique: that of its node, with the number of
+/// the node if there is another of that name.
 pub(super) fn distinct_name(name: &str, node_idx: usize, others: &[Mover]) -> String {
     let end = (0..=MOST_NAME_LEN.min(name.len())).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
     let short = if name.is_empty() { "animated" } else { &name[..end] };

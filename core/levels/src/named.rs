@@ -1,15 +1,16 @@
 //! Finds the pools and devices of a level by the names of its nodes and in the sidecar.
 //!
-//! Nodes: `lava*` and `water*` fill their bounding box; `pad*` and `jetpack*` stand at the centre of the bottom of their
-//! bounding box; `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end (`_from` works
-//! like `:from`, for tools that do not allow colons). Case does not matter. Such nodes and their children are not solid.
+//! Nodes: `lava*` and `water*` fill their bounding box; `pad*` and `jetpack*` stand at the centre of the bottom of
+//! their bounding box; `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end
+//! (`_from` works like `:from`, for tools that do not allow colons). Case does not matter. Such nodes and their
+//! children are not solid.
 //!
-//! Helpers are left out: `navmesh*`, `trigger*`, `occluder*`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot), and the simple
-//! colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
-//! A node whose extras say `solid: false` is left out as well, and one with `solid: true` is solid whatever its name says. The sidecar lists
-//! patterns of names: `leave_out`, and `colliders`, beside which nothing else is solid.
-//! What moves is found in `moving`.
-//! The position of a node without a mesh is its origin; if there are feature nodes below it, it is only a group.
+//! Helpers are left out: `navmesh*`, `trigger*`, `occluder*`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot),
+//! and the simple colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves. A node
+//! whose extras say `solid: false` is left out as well, and one with `solid: true` is solid whatever its name says. The
+//! sidecar lists patterns of names: `leave_out`, and `colliders`, beside which nothing else is solid. What moves is
+//! found in `moving`. The position of a node without a mesh is its origin; if there are feature nodes below it, it is
+//! only a group.
 
 use crate::extras::{Extras, property};
 use crate::faults::ImportError;

@@ -23,8 +23,8 @@ pub struct ImportOptions {
     pub scale: f32,
     /// Vertical axis of the level.
     pub up: UpAxis,
-    /// Leaves the fronts and backs of all surfaces as they were modelled, instead of turning what looks wrong and giving thickness to
-    /// surfaces without.
+    /// Leaves the fronts and backs of all surfaces as they were modelled, instead of turning what looks wrong and
+    /// giving thickness to surfaces without.
     pub keep_sides: bool,
 }
 

@@ -1,8 +1,8 @@
-//! Settles which side of a level's faces is solid: shells that were modelled inside out are turned, and surfaces without thickness become
-//! plates that hold from both sides.
+//! Settles which side of a level's faces is solid: shells that were modelled inside out are turned, and surfaces
+//! without thickness become plates that hold from both sides.
 //!
-//! Bodies collide with the front of a face, and tell by fronts and backs whether a place lies inside something solid. Renderers often draw
-//! both sides, so that levels look right whose faces are not.
+//! Bodies collide with the front of a face, and tell by fronts and backs whether a place lies inside something solid.
+//! Renderers often draw both sides, so that levels look right whose faces are not.
 
 use crate::inspect::{cube, weld};
 use std::collections::HashMap;
@@ -13,7 +13,8 @@ use surefoot_world::mesh::Mesh;
 const PLATE_M: f32 = 0.05;
 /// Upright component of the normal, downwards, from which a face is a ceiling.
 const UPRIGHT: f32 = 0.5;
-/// Triangles of an open surface that are looked at, and the share of their area behind which bodies may come that makes it a plate.
+/// Triangles of an open surface that are looked at, and the share of their area behind which bodies may come that makes
+/// it a plate.
 const SAMPLES: usize = 256;
 const BARE_SHARE: f64 = 0.5;
 /// Distance behind a face from which, and up to which, other faces are looked for, m.
@@ -23,8 +24,8 @@ const SIGHT_M: f32 = 100.0;
 const ROOM_M: f64 = 1.0;
 /// Share of the level's area from which a shell is the level itself.
 const LEVEL_SHARE: f64 = 0.5;
-/// Times as many faces as look up that must look down for the level itself to be inside out: ground is modelled in more detail than what
-/// is below it, or than ceilings.
+/// Times as many faces as look up that must look down for the level itself to be inside out: ground is modelled in more
+/// detail than what is below it, or than ceilings.
 const GROUND_DETAIL: f64 = 1.5;
 /// Most other shells that are looked for inside one.
 const MAX_OTHERS: usize = 4096;
@@ -38,8 +39,8 @@ pub(super) struct Turned {
     pub triangles: usize,
 }
 
-/// Turns what is inside out in `meshes`, each of which is a list of triangles, m, counter-clockwise seen from the front. Also returns the
-/// surfaces that are not closed.
+/// Turns what is inside out in `meshes`, each of which is a list of triangles, m, counter-clockwise seen from the
+/// front. Also returns the surfaces that are not closed.
 pub(super) fn turn(meshes: &mut [&mut Vec<[Vec3; 3]>]) -> (Turned, Vec<Surface>) {
     let mut turned = Turned::default();
     let mut shells: Vec<(usize, Shell)> = Vec::new();
@@ -63,7 +64,8 @@ pub(super) fn turn(meshes: &mut [&mut Vec<[Vec3; 3]>]) -> (Turned, Vec<Surface>)
 pub(super) struct Surface(Vec<[Vec3; 3]>);
 
 impl Surface {
-    /// The backs of the surface's triangles, if bodies may come behind it on `mesh`, which holds the surface moved by `shift`.
+    /// The backs of the surface's triangles, if bodies may come behind it on `mesh`, which holds the surface moved by
+    /// `shift`.
     pub fn backs(&self, shift: Vec3, mesh: &Mesh) -> Option<Vec<[Vec3; 3]>> {
         let step = self.0.len().div_ceil(SAMPLES);
         let (mut bare, mut total) = (0.0, 0.0);
@@ -76,8 +78,8 @@ impl Surface {
     }
 }
 
-/// Whether bodies may come behind a triangle: the first face in sight from there is seen from its front. Behind ground, walls and ceilings
-/// of something solid, faces are seen from their backs, or there is nothing at all.
+/// Whether bodies may come behind a triangle: the first face in sight from there is seen from its front. Behind ground,
+/// walls and ceilings of something solid, faces are seen from their backs, or there is nothing at all.
 fn is_bare_behind([a, b, c]: [Vec3; 3], mesh: &Mesh) -> bool {
     let normal = (b - a).cross(c - a).normalize_or_zero();
     if normal.y < -UPRIGHT {
@@ -107,7 +109,8 @@ struct Shell {
 /// The triangles beyond a triangle's edges, each with whether it faces the other way.
 type Neighbours = [Option<(u32, bool)>; 3];
 
-/// Splits a mesh into shells, and turns triangles that face another way than most of their shell. Triangles without area are left out.
+/// Splits a mesh into shells, and turns triangles that face another way than most of their shell. Triangles without
+/// area are left out.
 fn shells_of(triangles: &mut [[Vec3; 3]], turned_count: &mut usize) -> Vec<Shell> {
     let vertices = weld(triangles);
     // Each edge: its lower vertex, its higher vertex, the triangle, and whether it runs from low to high.
@@ -154,8 +157,8 @@ fn shells_of(triangles: &mut [[Vec3; 3]], turned_count: &mut usize) -> Vec<Shell
     shells
 }
 
-/// The triangles that are joined to `first`, in ascending order, and whether all ways round agree on which of them face another way than
-/// `first`. That is noted in `sides`, where triangles that were not met yet have `None`.
+/// The triangles that are joined to `first`, in ascending order, and whether all ways round agree on which of them face
+/// another way than `first`. That is noted in `sides`, where triangles that were not met yet have `None`.
 fn flood(first: u32, neighbours: &[Neighbours], sides: &mut [Option<bool>]) -> (Vec<u32>, bool) {
     let (mut members, mut is_consistent) = (vec![first], true);
     sides[first as usize] = Some(false);
@@ -224,7 +227,8 @@ impl Shell {
     }
 }
 
-/// For each shell, whether its fronts face the wrong way: inwards, unless it is a room; or, if it is the level itself, mostly down.
+/// For each shell, whether its fronts face the wrong way: inwards, unless it is a room; or, if it is the level itself,
+/// mostly down.
 fn inside_out(shells: &[(usize, Shell)], meshes: &[&mut Vec<[Vec3; 3]>]) -> Vec<bool> {
     let total: f64 = shells.iter().map(|(_, shell)| shell.area).sum();
     let holds_others = |own: usize| {

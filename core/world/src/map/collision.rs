@@ -163,7 +163,8 @@ impl CollisionMap {
         self.placed.nearest_jetpack(point)
     }
 
-    /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`; see [`Placed::best_transport`].
+    /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`; see
+    /// [`Placed::best_transport`].
     pub fn best_transport(&self, point: Vec3, goal: Vec3) -> Option<(Vec3, Vec3)> {
         self.placed.best_transport(point, goal)
     }

@@ -1,7 +1,7 @@
 //! Movers: doors, lifts, platforms, floors that vanish, conveyors, and crates, as they belong to a map.
 //!
-//! A mover is a rigid piece of geometry that stands at stops and travels between neighbouring ones; a crate goes where it is pushed. What it does at the moment
-//! is part of a world, see [`MoverState`](crate::MoverState).
+//! A mover is a rigid piece of geometry that stands at stops and travels between neighbouring ones; a crate goes where
+//! it is pushed. What it does at the moment is part of a world, see [`MoverState`](crate::MoverState).
 
 use crate::float::turned;
 use crate::mesh::{Surface, Triangle};
@@ -101,7 +101,7 @@ pub struct Mover {
     pub travel_s: f32,
     /// How long it stays at each stop while it cycles, s.
     pub dwell_s: f32,
-    /// Whether it goes from stop to stop, forth and back, unless it is told otherwise; or waits until it is told.
+    /// Whether it travels from stop to stop and back by itself. Otherwise it waits for orders.
     pub cycles: bool,
     /// Velocity that it gives to what stands on it, m/s.
     pub belt: Vec3,

@@ -38,7 +38,7 @@ pub struct RawMapSpec {
     /// Density of each kind of mover.
     #[serde(default)]
     pub movers: MoverDensities,
-    /// Whether ground that has no way in or out gets a pad or a zip line.
+    /// Whether ground without an entrance or exit gets a pad or a zip line.
     #[serde(default = "yes")]
     pub repair: bool,
 }
@@ -47,7 +47,8 @@ fn yes() -> bool {
     true
 }
 
-/// What the ground of a generated map is like. Only terrain and open terrain have every feature; the others have devices.
+/// What the ground of a generated map is like. Only terrain and open terrain have every feature; the others have
+/// devices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MapKind {
@@ -118,7 +119,7 @@ pub struct Features {
     pub water: f32,
     /// Lava pools (burn at once).
     pub lava: f32,
-    /// Jump pads; 0 also keeps the generator from adding pads where ground has no way in or out.
+    /// Jump pads; 0 also keeps the generator from adding pads to ground without an entrance or exit.
     pub pads: f32,
     /// Zip lines.
     pub zip_lines: f32,
@@ -204,8 +205,8 @@ impl FromStr for Features {
     }
 }
 
-/// Density of each kind of mover: 0 places none (the default), 1 is the usual amount, at most [`MAX_DENSITY`]. Maps have fewer where there is no room:
-/// a lift needs a cliff, a platform a gap.
+/// Density of each kind of mover: 0 places none (the default), 1 is the usual amount, at most [`MAX_DENSITY`]. Maps
+/// have fewer where there is no room: a lift needs a cliff, a platform a gap.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct MoverDensities {
     /// Doors that open and shut by turns, in gaps between walls.
@@ -248,7 +249,8 @@ impl MoverDensities {
 impl FromStr for MoverDensities {
     type Err = String;
 
-    /// Parses an optional `none` (the default) or `all`, then changes: `all,doors=0,lifts=2`; a bare name means density 1.
+    /// Parses an optional `none` (the default) or `all`, then changes: `all,doors=0,lifts=2`; a bare name means density
+    /// 1.
     fn from_str(text: &str) -> Result<Self, String> {
         let mut movers = Self::default();
         for (position, word) in text.split(',').map(str::trim).enumerate() {
