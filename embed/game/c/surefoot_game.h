@@ -21,7 +21,7 @@
  *     surefoot graph export level.obj --world tcp://127.0.0.1:7701 --format json --out level.json
  *     surefoot eval --maps level.obj --world tcp://127.0.0.1:7701 --graph level.json
  *
- * Right-handed, y up; metres, seconds, radians. Whoever connects steers characters and nothing else, but there is no password: listen on
+ * Right-handed, y up; metres, seconds, radians. A client that connects can only steer characters, but there is no password: listen on
  * 127.0.0.1 or on a Unix socket. Lengths of what arrives are checked before anything is read into memory, and numbers must be finite.
  *
  * Errors: functions that return int return 0 or more, or -1; sfg_error(server) then says in one line what went wrong. A connection that
@@ -74,7 +74,7 @@ typedef struct sfg_command { uint32_t character; sfg_action action; int is_first
 enum {
     SFG_GROUNDED = 1u << 0,        /* stands on ground on which it can walk */
     SFG_CAN_JUMP = 1u << 1,        /* a jump wanted now would be made, from the ground or in the air */
-    SFG_RIDES = 1u << 2,           /* hangs on a zip line */
+    SFG_RIDES = 1u << 2,           /* rides a zip line */
     SFG_IN_WATER = 1u << 3,
     /* What it did in the last tick: */
     SFG_JUMPED = 1u << 8,
@@ -83,7 +83,7 @@ enum {
     SFG_ZIPPED = 1u << 11,
     SFG_TELEPORTED = 1u << 12,
     SFG_THRUST = 1u << 13,         /* a jetpack pushed it */
-    /* How it came to harm, if it did; it is then left alone until it is placed anew: */
+    /* How it came to harm, if it did; the library then ignores it until it places it again: */
     SFG_FELL = 1u << 16,
     SFG_BURNT = 2u << 16,
     SFG_DROWNED = 3u << 16,
@@ -110,7 +110,7 @@ typedef struct sfg_game {
     void (*close)(void *world);
     /* Puts a character there, at rest, unharmed and with nothing left of what it did. */
     void (*place)(void *world, uint32_t character, sfg_vec3 feet, float yaw);
-    /* Advances the world by 1/60 s. The characters of `commands`, ascending, do as they are told; all others may be left alone. */
+    /* Advances the world by 1/60 s. The characters of `commands`, ascending, carry out their actions; all others may be ignored. */
     void (*tick)(void *world, const sfg_command *commands, uint32_t count);
     void (*state)(void *world, uint32_t character, sfg_state *state);
     /* Casts rays of at most `range` m in these unit directions. Characters are not in the way of rays. */
@@ -610,7 +610,7 @@ static void sfg_drop(sfg_server *server, int idx) {
 }
 
 static void sfg_accept(sfg_server *server) {
-    /* Whoever comes when there are as many as there may be waits until a place is free. */
+    /* When the limit is reached, a new client waits until a place is free. */
     while (server->peer_count < SFG_MAX_WORLDS) {
         sfg_peer *peer;
         int on = 1;

@@ -82,7 +82,7 @@ fn measure(uri: &str, geometry: &Geometry) -> anyhow::Result<f64> {
     let (started, mut steps) = (Instant::now(), 0);
     while started.elapsed() < TIME {
         env.step(&actions, &[])?;
-        // Whoever does not get on for 300 decisions rests.
+        // A character without progress for 300 decisions rests.
         steps += 1;
         if steps % 250 == 0 {
             let wake = |npc_idx| surefoot_rollout::env::Route {

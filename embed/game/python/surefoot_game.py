@@ -8,7 +8,7 @@ One file, only the standard library. docs/games.md describes the protocol.
 
     class MyWorld(surefoot_game.World):
         def place(self, character, feet, yaw): ...       # at rest, unharmed
-        def tick(self, commands): ...                    # 1/60 s of the characters that are told something
+        def tick(self, commands): ...                    # 1/60 s of the characters with commands
         def state(self, character): ...                  # a State
         def cast(self, origin, directions, range_m): ... # a Hit or None for each of 64 rays
 
@@ -59,7 +59,7 @@ _MOST_REQUEST = 8 + 2 * _ENTRY.size * MAX_CHARACTERS
 
 
 class Refusal(Exception):
-    """Raised by a game that cannot do what is asked, with a line that says why. The connection ends."""
+    """Raise this when the game cannot carry out a request. The message says why; the connection ends."""
 
 
 class Body(NamedTuple):
@@ -117,7 +117,7 @@ class State(NamedTuple):
     is_in_water: bool = False
     fuel: float = 0.0  # seconds of jetpack thrust left
     events: int = 0  # what it did in the last tick
-    harm: int = 0  # FELL, BURNT or DROWNED; it is then left alone until it is placed anew
+    harm: int = 0  # FELL, BURNT or DROWNED; ignored until it is placed again
 
 
 class Hit(NamedTuple):
@@ -135,7 +135,7 @@ class World:
         raise NotImplementedError
 
     def tick(self, commands: list) -> None:
-        """Advances the world by 1/60 s. The characters of `commands`, ascending, do as they are told; others may be left alone."""
+        """Advances the world by 1/60 s. The characters of `commands`, ascending, carry out their actions; others may be ignored."""
         raise NotImplementedError
 
     def state(self, character: int) -> State:
@@ -319,7 +319,7 @@ class Server:
         peer = self._peers[connection] = _Peer(connection)
         self._selector.register(connection, selectors.EVENT_READ, peer)
         if len(self._peers) == MAX_WORLDS:
-            # Whoever comes now waits until a place is free.
+            # A client that connects now waits until a place is free.
             self._selector.unregister(self._listener)
 
     def _attend(self, peer: _Peer, events: int) -> int:

@@ -20,13 +20,13 @@ pub struct BodyState {
     pub is_grounded: bool,
     /// Whether a jump wanted now would be made, from the ground or in the air.
     pub can_jump: bool,
-    /// Whether it hangs on a zip line.
+    /// Whether it rides a zip line.
     pub rides: bool,
     /// Seconds of jetpack thrust left.
     pub fuel: f32,
     /// Whether it is in water.
     pub is_in_water: bool,
-    /// How it came to harm, if it did: fell out of the level, burnt or drowned. It is then left alone until it is placed anew.
+    /// How it came to harm, if it did: fell out of the level, burnt or drowned. It is then ignored until it is placed again.
     pub harm: Option<End>,
     /// Abilities that it used in the last tick.
     pub used_abilities: AbilitySet,
@@ -47,7 +47,7 @@ pub trait GameWorld: Send {
     /// Puts a character there, at rest, unharmed and with nothing left of what it did; `feet` is in m, `yaw` in rad.
     fn place(&mut self, character: usize, feet: Vec3, yaw: f32);
 
-    /// Advances the world by a tick of 1/60 s. The characters of `commands`, ascending, do as they are told; all others may be left alone.
+    /// Advances the world by a tick of 1/60 s. The characters of `commands`, ascending, carry out their actions. All others may be ignored.
     fn tick(&mut self, commands: &[(usize, Command)]);
 
     /// The state of a character.

@@ -25,7 +25,7 @@ pub enum BridgeError {
     /// The address is of another form.
     #[error("{0} is no address of a game: it must be tcp://HOST:PORT or unix:PATH")]
     Address(String),
-    /// Nobody answers there, or somebody who does not speak the protocol.
+    /// The address does not answer, or answers in another protocol.
     #[error("cannot use the game at {address}: {reason}")]
     Game {
         /// The address.
@@ -65,7 +65,7 @@ impl Bridge {
         let (uri, shutdown) = (endpoint.uri(), Shutdown::default());
         let serving = serve_game(endpoint, Arc::new(Remote { address: game }), ENVS, shutdown.clone());
         std::thread::Builder::new().name("game bridge".to_owned()).spawn(move || {
-            // Whoever uses it notices when it ends.
+            // Its users notice when it ends.
             let _ = runtime.block_on(serving);
         })?;
         Ok(Self { uri, shutdown })

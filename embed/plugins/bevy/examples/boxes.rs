@@ -55,7 +55,7 @@ fn main() -> Result<(), SurefootError> {
     Ok(())
 }
 
-/// Sends whoever has arrived to another place, and ends after as many arrivals as there are agents.
+/// Sends each agent that has arrived to another place. Ends after as many arrivals as there are agents.
 fn go_on(
     event: On<'_, '_, GoalReached>,
     places: Res<'_, Places>,

@@ -55,7 +55,7 @@ pub struct AgentState {
     pub is_grounded: bool,
     /// Whether a jump wanted now would be made, from the ground or in the air.
     pub can_jump: bool,
-    /// Whether it hangs on a zip line.
+    /// Whether it rides a zip line.
     pub rides: bool,
     /// Seconds of jetpack thrust left.
     pub fuel: f32,

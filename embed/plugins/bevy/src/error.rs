@@ -42,7 +42,7 @@ pub enum SurefootError {
         "{astray} of the graph's {count} vertices are nowhere to stand in this level: export the graph from this very file, with the body that walks there"
     )]
     OtherLevel {
-        /// Vertices where nobody can stand.
+        /// Vertices where the character cannot stand.
         astray: usize,
         /// All vertices.
         count: usize,

@@ -1,6 +1,6 @@
 // What an agent sees of the scene: its rays in Godot's physics, and the devices of the level.
 //
-// Groups say what a node is: a collider in `surefoot_water` is water to rays, and so on; whatever is in no group is solid ground.
+// Groups say what a node is: a collider in `surefoot_water` is water to rays, and so on; a node in no group is solid ground.
 #pragma once
 
 #include "engine.hpp"

@@ -113,7 +113,7 @@ void SurefootAgent3D::end() {
     life_.reset();
 }
 
-// Takes from the character what Godot knows of it: the size of its capsule, and the slopes that it can walk on.
+// Reads the size of the capsule and the walkable slopes from the character.
 bool SurefootAgent3D::read_body(const Variant& body, double& feet_offset) {
     const int64_t child_count = body.call("get_child_count").integer();
     for (int64_t idx = 0; idx < child_count; idx++) {
@@ -263,7 +263,7 @@ void SurefootAgent3D::tick() {
             arrive();
         }
         const bool is_near = frames::length(frames::minus(waypoint_, place)) <= SF_REACHED_WITHIN;
-        // Whoever hears of the end of an attempt may have removed the agent from the scene.
+        // A receiver of the signal may have removed the agent from the scene.
         if (life_ == nullptr) {
             return;
         }

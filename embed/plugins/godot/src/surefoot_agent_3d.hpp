@@ -21,7 +21,7 @@ public:
     bool set_goal(sf_vec3 goal);
     // Gives up the goal without a signal.
     void stop();
-    // Tells that the character died or was put elsewhere: the agent forgets what it remembers, and fails if it had a goal.
+    // Call this when the character has died or was moved elsewhere: the agent forgets what it remembers, and fails if it had a goal.
     void respawned();
     bool is_navigating() const { return is_navigating_; }
     sf_vec3 get_goal() const { return goal_; }

@@ -13,7 +13,7 @@ public:
     void begin_decision(const sf_action& action);
     // One tick of `seconds`.
     void move(float seconds);
-    // Whether a jump that is asked for now would be made.
+    // Whether the character can jump now.
     bool can_jump() const;
 
 private:

@@ -1,4 +1,4 @@
-// Agents that walk to goals by plan: the loop that most pages want. Whoever wants another one uses agents and followers by themselves.
+// Agents that walk to goals by plan: the loop that most pages want. For another loop, use agents and followers directly.
 
 import { type Action, Agents } from './agents/agents.ts'
 import { REACHED_WITHIN_M } from './agents/attempt.ts'

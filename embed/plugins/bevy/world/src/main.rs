@@ -21,7 +21,7 @@ fn main() -> anyhow::Result<()> {
     let (scene, calls) = scene(&level);
     let server = std::thread::spawn(move || surefoot_game::serve_blocking(scene, address, ENVS));
     println!("avian runs {path} at http://{address}");
-    // The app ends when nobody can call it any more: when the server has failed.
+    // The app ends when the server has failed: no call can reach it then.
     app(&level, calls).run();
     server.join().map_err(|_| anyhow!("the server stopped"))?.map_err(Into::into)
 }

@@ -25,7 +25,7 @@ namespace Surefoot.Editor
         public Vec3 EndPoint;
         public float Width;
         public bool Bidirectional;
-        /// <summary>Cost of a metre of the link compared with a metre of walking; below 0 for that of the area.</summary>
+        /// <summary>Cost of a metre of the link compared with a metre of walking; below 0 for the cost of the area.</summary>
         public float CostModifier = -1;
         public int Area;
         public string Ability = "";
@@ -76,7 +76,7 @@ namespace Surefoot.Editor
             return fields.Get("origin") == null ? (Vec3?)null : UnityFrame.Mirror(fields.Point("origin"));
         }
 
-        /// <summary>The same of a file of `surefoot graph export --format json`.</summary>
+        /// <summary>Reads a file of `surefoot graph export --format json`.</summary>
         public static Vec3? OriginOfGraph(string text)
         {
             Fields fields = new Fields(Json.Parse(text) as Dictionary<string, object>, "the file");

@@ -24,7 +24,7 @@ export class Character {
     this.feet = { ...start }
   }
 
-  /** What its agent is told. */
+  /** State of the body, for its agent. */
   get state(): AgentState {
     const { feet, velocity, yaw, isGrounded } = this
     return { feet: { ...feet }, velocity: { ...velocity }, yaw, isGrounded, canJump: isGrounded || this.jumpsLeft > 0 }

@@ -75,7 +75,7 @@ export class Agents {
     return this.minds.length
   }
 
-  /** Replaces the devices that agents are told of. */
+  /** Replaces the devices that agents see. */
   setDevices(devices: Devices): void {
     this.devices = placeDevices(devices)
   }

@@ -1,4 +1,4 @@
-// The devices of a level, of which agents are told the nearest.
+// The devices of a level; observations show the nearest ones.
 
 import { checkVec3 } from '../checks.ts'
 import { distance, type Vec3 } from '../vec3.ts'

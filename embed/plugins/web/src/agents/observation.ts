@@ -32,7 +32,7 @@ export interface AgentState {
   isGrounded: boolean
   /** Whether it could jump now, from the ground or in the air. */
   canJump: boolean
-  /** Whether it hangs on a zip line. */
+  /** Whether it rides a zip line. */
   isRiding?: boolean
   /** Share of its breath that it has used up under water, 0 to 1. */
   breathUsed?: number
@@ -50,7 +50,7 @@ export interface LastDecision {
 
 export const NO_DECISION: LastDecision = { velocity: ZERO, action: [0, 0, 0, 0] }
 
-/** Everything besides rays that an observation tells of. */
+/** Everything in an observation besides rays. */
 export interface Situation {
   body: Body
   devices: PlacedDevices

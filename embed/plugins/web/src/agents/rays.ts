@@ -23,7 +23,7 @@ const ELEVATIONS = [-65, -42, -26, -14, -5, 6, 22, 45].map((degrees) => degrees 
 export const Surface = {
   /** Nothing within reach. */
   none: 0,
-  /** Whatever is solid. */
+  /** Solid ground. */
   ground: 1,
   /** The surface of water, which drowns characters after five seconds. */
   water: 2,

@@ -180,7 +180,7 @@ export class Surefoot {
     throw new SurefootError('the build of the graph was not waited for: the signal aborted')
   }
 
-  /** Plans on a graph of the planner; `origin` is that of the imported level, absent where places are the map's. */
+  /** Plans on a graph of the planner; `origin` is the origin of the imported level; leave it out if places are in map coordinates. */
   plannerOf(graphId: string, origin: Vec3 = ZERO): ServicePlanner {
     return new ServicePlanner(this.planner, graphId, origin)
   }

@@ -4,7 +4,7 @@ import { Code, ConnectError } from '@connectrpc/connect'
 
 const [FIRST_PAUSE_MS, LONGEST_PAUSE_MS] = [250, 5000]
 
-/** What trying again cannot mend: the call itself is refused. */
+/** Errors that a retry cannot repair: the call itself is refused. */
 const FINAL: readonly Code[] = [
   Code.InvalidArgument,
   Code.NotFound,
@@ -18,13 +18,13 @@ const FINAL: readonly Code[] = [
 export interface WatchOptions {
   /** Ends the stream without an error. */
   signal?: AbortSignal
-  /** Is told why a stream broke, before it is opened again. */
+  /** Called with the reason why a stream broke, before it is opened again. */
   onBreak?: (error: unknown) => void
 }
 
 /**
  * Yields the messages of a stream and opens it again, with growing pauses, when it ends or breaks.
- * @throws ConnectError that trying again cannot mend.
+ * @throws ConnectError that a retry cannot repair.
  */
 export async function* keepWatching<T>(
   open: (signal: AbortSignal) => AsyncIterable<T>,

@@ -1,4 +1,4 @@
-// Plans: waypoints in order and the legs that lead to them, whoever has made them.
+// Plans: waypoints in order and the legs that lead to them.
 
 import { checkRange, checkVec3, SurefootError } from '../checks.ts'
 import type { Vec3 } from '../vec3.ts'
@@ -58,7 +58,7 @@ export interface Query {
   caution?: number
 }
 
-/** Whoever makes plans: a graph in the page, or the planner service. */
+/** A source of plans: a graph in the page, or the planner service. */
 export interface Planner {
   findPath(query: Query): Plan | Promise<Plan>
 }

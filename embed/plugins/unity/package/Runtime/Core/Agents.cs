@@ -139,7 +139,7 @@ namespace Surefoot
             }
         }
 
-        /// <summary>Tells that characters do something else than was decided.</summary>
+        /// <summary>Reports characters whose action differs from the decision.</summary>
         public void Acted(ReadOnlySpan<uint> ids, ReadOnlySpan<AgentAction> actions)
         {
             NativeError error;

@@ -95,7 +95,7 @@ namespace Surefoot
             return State;
         }
 
-        /// <summary>Tells that the NPC died.</summary>
+        /// <summary>Reports that the NPC died.</summary>
         public void NoteDeath()
         {
             if (State == AttemptState.GoesOn)

@@ -192,7 +192,7 @@ namespace Surefoot
     [StructLayout(LayoutKind.Sequential)]
     public struct Outcome
     {
-        /// <summary>Reward of the task, for whoever trains.</summary>
+        /// <summary>Reward of the task, for training.</summary>
         public float Reward;
         public AttemptEnd End;
     }

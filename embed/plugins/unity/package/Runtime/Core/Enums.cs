@@ -27,7 +27,7 @@ namespace Surefoot
     {
         /// <summary>Nothing within <see cref="Agents.RayRange"/>.</summary>
         None = 0,
-        /// <summary>Whatever is solid.</summary>
+        /// <summary>Solid ground.</summary>
         Ground = 1,
         /// <summary>The surface of water, which drowns bodies after five seconds.</summary>
         Water = 2,
@@ -78,7 +78,7 @@ namespace Surefoot
         Grounded = 1,
         /// <summary>It can jump now, from the ground or in the air; implied by <see cref="Grounded"/>.</summary>
         CanJump = 2,
-        /// <summary>It hangs on a zip line.</summary>
+        /// <summary>It rides a zip line.</summary>
         Rides = 4,
     }
 

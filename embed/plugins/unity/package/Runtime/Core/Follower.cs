@@ -40,7 +40,7 @@ namespace Surefoot
             return step;
         }
 
-        /// <summary>Tells that the NPC died, which ends the attempt.</summary>
+        /// <summary>Reports that the NPC died, which ends the attempt.</summary>
         public void NoteDeath()
         {
             NativeError error;

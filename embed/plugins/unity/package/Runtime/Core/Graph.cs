@@ -78,7 +78,7 @@ namespace Surefoot
             Native.Check(NativeMethods.sf_graph_set_edge_price(Handle, from, to, factor, &error), &error);
         }
 
-        /// <summary>Replaces all designers' edits, and prepares the graph anew, as long as loading takes.</summary>
+        /// <summary>Replaces all designers' edits and prepares the graph again, which takes as long as loading it.</summary>
         public void SetEdits(ReadOnlySpan<Edit> edits)
         {
             NativeError error;

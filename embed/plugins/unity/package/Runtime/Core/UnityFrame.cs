@@ -29,7 +29,7 @@ namespace Surefoot
         /// <summary>The place in Unity of a place on the map.</summary>
         public Vec3 FromMap(Vec3 place) => Mirror(place - Origin);
 
-        /// <summary>Turns a velocity or direction of one into that of the other; the same function leads there and back.</summary>
+        /// <summary>Converts a velocity or direction between the frames; the function is its own inverse.</summary>
         public static Vec3 Mirror(Vec3 vector) => new Vec3(-vector.X, vector.Y, vector.Z);
 
         /// <summary>The yaw, rad, of a character that Unity has rotated about y, degrees.</summary>

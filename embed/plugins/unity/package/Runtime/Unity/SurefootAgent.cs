@@ -59,7 +59,7 @@ namespace Surefoot.Unity
             motion?.Decide(default(AgentAction));
         }
 
-        /// <summary>Tells that the character died; place it elsewhere, and begin another attempt.</summary>
+        /// <summary>Call this when the character has died; place it elsewhere, and begin another attempt.</summary>
         public void NoteDeath()
         {
             attempt?.NoteDeath();
@@ -84,7 +84,7 @@ namespace Surefoot.Unity
 
         internal void Act(in AgentAction action) => motion.Decide(action);
 
-        /// <summary>Once an attempt has ended, halts, and tells who wants to know.</summary>
+        /// <summary>Once an attempt has ended, halts and raises the event.</summary>
         internal void ReportEnd()
         {
             if (attempt != null && attempt.State != AttemptState.GoesOn && !isReported)

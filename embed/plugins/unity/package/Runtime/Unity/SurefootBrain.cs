@@ -153,7 +153,7 @@ namespace Surefoot.Unity
 
         private void ReportEnds()
         {
-            // Who is told may disable agents, and the list then closes up.
+            // A listener may disable agents, which shortens the list.
             for (int idx = members.Count - 1; idx >= 0; idx = Mathf.Min(idx, members.Count) - 1)
             {
                 members[idx].ReportEnd();

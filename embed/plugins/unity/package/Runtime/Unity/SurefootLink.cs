@@ -3,7 +3,7 @@ using UnityEngine;
 
 namespace Surefoot.Unity
 {
-    /// <summary>What is known of an imported NavMeshLink: what a character does on it, for whoever animates that.</summary>
+    /// <summary>Data of an imported NavMeshLink: the move of a character on it, for animation.</summary>
     public sealed class SurefootLink : MonoBehaviour
     {
         [Tooltip("The most demanding ability, such as jump")] public string ability = "";

@@ -197,7 +197,7 @@ void USurefootSubsystem::Decide()
             Deciding[Index]->Act(Controls[Index]);
         }
     }
-    // Last, since who is told may add and remove agents.
+    // Last, since a listener may add and remove agents.
     for (int32 Number = 0; Number < Members.Num(); Number++)
     {
         if (Members[Number])

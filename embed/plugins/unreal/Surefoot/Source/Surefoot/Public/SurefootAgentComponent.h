@@ -67,7 +67,7 @@ private:
     /** Plans, and describes the character for a decision; false if it needs none. */
     bool BeginDecision(surefoot::Character& Described);
     void Act(const surefoot::Controls& Decided);
-    /** Once an attempt has ended, halts, and tells who wants to know. */
+    /** Once an attempt has ended, halts and broadcasts the event. */
     void ReportEnd();
     void SetUpMovement(const sf_body& Body);
     surefoot::Vector Feet() const;

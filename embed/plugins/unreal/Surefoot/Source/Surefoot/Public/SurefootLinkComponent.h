@@ -22,7 +22,7 @@ struct SUREFOOT_API FSurefootLeap
     double Seconds = 0.0;
 };
 
-/** What is known of an imported NavLinkProxy: what a character does on it, for whoever animates that. */
+/** Data of an imported NavLinkProxy: the move of a character on it, for animation. */
 UCLASS()
 class SUREFOOT_API USurefootLinkComponent : public UActorComponent
 {
