@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// Name of the weights file inside a model's folder.
 pub const WEIGHTS_FILE: &str = "weights.bpk";
-/// Where weights wait until their manifest is written.
+/// Name of the new weights file until the manifest is written.
 const NEXT_WEIGHTS_FILE: &str = "weights.next";
 
 /// A model compiled into the program.
@@ -31,8 +31,9 @@ const GENERAL_LSTM: Shipped = Shipped {
 };
 
 impl Shipped {
-    fn manifest(&self) -> Result<Manifest, CheckpointError> {
-        parse_manifest(&Path::new("models").join(self.name).join(MANIFEST_FILE), self.manifest)
+    fn policy(&self) -> Result<Policy, CheckpointError> {
+        let path = Path::new("models").join(self.name).join(MANIFEST_FILE);
+        Policy::from_bytes(parse_manifest(&path, self.manifest)?, self.weights)
     }
 }
 
@@ -42,7 +43,7 @@ impl Policy {
     /// # Errors
     /// Only if the program was built from a damaged checkout.
     pub fn shipped() -> Result<Self, CheckpointError> {
-        Self::from_bytes(GENERAL_REACTIVE.manifest()?, GENERAL_REACTIVE.weights)
+        GENERAL_REACTIVE.policy()
     }
 
     /// The shipped policy `general-reactive` or `general-lstm`; `None` for other names.
@@ -50,8 +51,8 @@ impl Policy {
     /// # Errors
     /// Only if the program was built from a damaged checkout.
     pub fn shipped_named(name: &str) -> Option<Result<Self, CheckpointError>> {
-        let shipped = [GENERAL_REACTIVE, GENERAL_LSTM].into_iter().find(|shipped| shipped.name == name)?;
-        Some(shipped.manifest().and_then(|manifest| Self::from_bytes(manifest, shipped.weights)))
+        let shipped = [GENERAL_REACTIVE, GENERAL_LSTM];
+        shipped.iter().find(|shipped| shipped.name == name).map(Shipped::policy)
     }
 
     /// Reads a policy from a model's folder.
@@ -66,18 +67,15 @@ impl Policy {
 }
 
 /// Reads the weights that a manifest describes from its folder.
-///
-/// # Errors
-/// If the file cannot be read.
-pub fn weights(folder: &Path, manifest: &Manifest) -> Result<Vec<u8>, CheckpointError> {
-    // A program that is killed between the manifest and the weights leaves these beside the former ones.
+fn weights(folder: &Path, manifest: &Manifest) -> Result<Vec<u8>, CheckpointError> {
+    // If the program was killed after it wrote the manifest, the manifest describes this file.
     match read(&folder.join(NEXT_WEIGHTS_FILE)) {
         Ok(next) if manifest.check(&next).is_ok() => Ok(next),
         _ => read(&folder.join(WEIGHTS_FILE)),
     }
 }
 
-/// Writes a model's folder. Whenever the program is killed, the folder holds the former model or this one.
+/// Writes a model's folder. If the program is killed meanwhile, the folder holds the previous model or this one.
 ///
 /// # Errors
 /// If a file cannot be written.

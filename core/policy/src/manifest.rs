@@ -47,7 +47,7 @@ pub enum CheckpointError {
         /// The parse error.
         source: serde_json::Error,
     },
-    /// The weights file is not the one that the manifest describes.
+    /// The manifest describes another weights file.
     #[error("weights are damaged: their hash is {found}, the manifest says {expected}")]
     Damaged {
         /// Hash of the actual bytes.
@@ -65,8 +65,8 @@ pub enum CheckpointError {
         /// Value in this program.
         expected: String,
     },
-    /// The manifest describes a network of sizes that are not allowed.
-    #[error("the manifest describes a network of sizes that are not allowed (1 to 4096, memory from 0): {0:?}")]
+    /// The manifest has sizes that are not allowed.
+    #[error("the manifest has sizes that are not allowed (1 to 4096, memory from 0): {0:?}")]
     Sizes(ActorConfig),
     /// The weights file could not be decoded into the network.
     #[error("weights cannot be loaded into the network: {0}")]

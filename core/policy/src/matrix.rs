@@ -8,10 +8,10 @@ use pulp::{Arch, Simd, WithSimd};
 
 /// Rows that share the weights that are loaded: their sums and two vectors of weights fit into the registers.
 const TILE: usize = 6;
-/// Alignment of arrays, in values: that of the widest vectors.
+/// Alignment of arrays, in values: the length of the widest vectors.
 const ALIGNMENT: usize = 16;
 
-/// Values that begin on a line of the cache, so that no vector straddles two.
+/// Values that begin at a cache line, so that no vector spans two lines.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Aligned {
     values: Vec<f32>,
@@ -50,7 +50,7 @@ pub(crate) struct Layer {
     arch: Arch,
     /// Number of inputs.
     pub inputs: usize,
-    /// Outputs of a panel: two vectors.
+    /// Number of outputs of a panel: two vectors.
     width: usize,
     /// `[panels, inputs, width]`, padded with zeros.
     panels: Aligned,

@@ -5,7 +5,7 @@
 //!
 //! | tensor | shape | meaning |
 //! |---|---|---|
-//! | in `observations` | rows, 369 or 461 | observations as in `surefoot_world::sense`; 461 for policies that see others |
+//! | in `observations` | rows, 369 or 461 | as in `surefoot_world::sense`; 461 for policies that see others |
 //! | in `hidden_in`, `cell_in` | rows, memory | recurrent agents: zeros, then the last `hidden_out`, `cell_out` |
 //! | out `action` | rows, 4 | the most likely action: forward, strafe, turn, jump in \[-1, 1\] |
 //! | out `mean`, `log_std` | rows, 4 | the Gaussian before tanh, for acting with noise |

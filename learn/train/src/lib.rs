@@ -4,8 +4,8 @@
 //! concurrently, on one thread each, and meet at a barrier, where the collected steps go into the [`replay`] buffer. So
 //! a run is a pure function of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes
 //! exactly. Experience may also come from [`worlds`] or [`actors`] in other processes, at their own pace; such a run
-//! resumes without its running attempts. [`losses`] follows the paper's equations; docs/training-and-models.md lists the
-//! differences, with reasons. [`networks`] has the networks.
+//! resumes without its running attempts. [`losses`] follows the paper's equations; docs/training-and-models.md lists
+//! the differences, with reasons. [`networks`] has the networks.
 
 pub mod actors;
 mod adam;
@@ -25,7 +25,6 @@ pub mod replay;
 mod rng;
 pub mod run;
 mod source;
-mod squash;
 pub mod stages;
 mod state;
 mod tensorboard;
@@ -36,5 +35,4 @@ pub use config::{CollectorConfig, Processor, SacConfig, TrainConfig};
 pub use error::TrainError;
 pub use learner::Learner;
 pub use run::{Run, RunArgs, run};
-pub use squash::sample_squashed;
 pub use state::census_of;

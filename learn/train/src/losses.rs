@@ -4,7 +4,9 @@
 //! 1812.05905). docs/training-and-models.md lists where we differ from it, and why. `rows` are the rows of a batch.
 //! Each has a weight, its share in the mean; the weights of a batch add up to 1.
 
+use super::networks::ActionDistribution;
 use burn::tensor::Tensor;
+use burn::tensor::activation::softplus;
 
 /// Targets of the critics, eq. (3) within (6): `returns + bootstrap (min Q(s', a') - alpha log pi(a'|s'))`, all `[rows,
 /// 1]`.
@@ -42,6 +44,20 @@ pub fn actor_loss(log_prob: Tensor<2>, value: Tensor<2>, weights: Tensor<2>, alp
 /// The policy gets no gradient, because `mean_log_prob` is a number.
 pub fn temperature_loss(log_alpha: Tensor<1>, mean_log_prob: f32, target_entropy: f32) -> Tensor<1> {
     (log_alpha * -(mean_log_prob + target_entropy)).sum()
+}
+
+/// Samples squashed actions with the reparameterisation trick from standard normal `noise`, `[batch, ACTION_LEN]`.
+/// Returns actions `[batch, ACTION_LEN]` and their log probabilities `[batch, 1]`: eq. (21) of
+/// [`losses`](super::losses)' paper, with the tanh correction in numerically stable form.
+pub fn sample_squashed(distribution: ActionDistribution, noise: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
+    const HALF_LOG_TWO_PI: f32 = 0.918_938_5;
+    const LOG_TWO: f32 = std::f32::consts::LN_2;
+    let ActionDistribution { mean, log_std } = distribution;
+    let raw = mean + log_std.clone().exp() * noise.clone();
+    let gaussian = noise.square() * -0.5 - log_std - HALF_LOG_TWO_PI;
+    // log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2u))
+    let correction = (-(raw.clone()) + LOG_TWO - softplus(raw.clone() * -2.0, 1.0)) * 2.0;
+    (raw.tanh(), (gaussian - correction).sum_dim(1))
 }
 
 #[cfg(test)]

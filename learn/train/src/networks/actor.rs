@@ -41,8 +41,8 @@ impl ActorNetwork {
         }
     }
 
-    /// Extends an actor of the sizes `from` to the sizes `to`: adds inputs for others and an LSTM. Both have weight 0, so
-    /// decisions are unchanged until training continues.
+    /// Extends an actor of the sizes `from` to the sizes `to`: adds inputs for others and an LSTM. Both have weight 0,
+    /// so decisions are unchanged until training continues.
     #[must_use]
     pub fn grown(self, from: &ActorConfig, to: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
         Self { trunk: self.trunk.grown(from, to, device, rng), head: self.head }

@@ -39,7 +39,8 @@ pub struct Replay {
     rows: Vec<Row>,
     /// Version of the weights that chose the actions of each stored step: the number of updates behind them.
     versions: Vec<u64>,
-    /// The part of each row's observation that shows others, `[rows, OTHERS_LEN]`; empty for agents that do not see them.
+    /// The part of each row's observation that shows others, `[rows, OTHERS_LEN]`; empty for agents that do not see
+    /// them.
     others: Vec<f32>,
     /// The actor's hidden and cell states at each stored stride, `[strides, lanes, memory]`.
     memories: Vec<f32>,
@@ -124,8 +125,8 @@ impl Replay {
         self.steps_written += 1;
     }
 
-    /// Ends the attempts of all lanes: the next rows do not continue them. The last rows have no successor, so they become
-    /// boundaries.
+    /// Ends the attempts of all lanes: the next rows do not continue them. The last rows have no successor, so they
+    /// become boundaries.
     pub fn close(&mut self) {
         let Some(last) = self.steps_written.checked_sub(1) else { return };
         let start = self.slot(last) * self.lane_count;

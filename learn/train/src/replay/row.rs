@@ -100,7 +100,8 @@ pub enum RowError {
     },
 }
 
-/// Packs the rows of a step for a message, in the layout that `learn.proto` describes. Observations of others are left out.
+/// Packs the rows of a step for a message, in the layout that `learn.proto` describes. Observations of others are left
+/// out.
 pub fn rows_to_bytes(step: &Step) -> Vec<u8> {
     let len = step.observations.len() / step.kinds.len().max(1);
     let mut bytes = Vec::with_capacity(step.kinds.len() * ROW_BYTES);
