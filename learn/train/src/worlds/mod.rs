@@ -1,7 +1,7 @@
 //! Experience from worlds in other processes: servers of ours, or games that serve environments (docs/games.md).
 //!
-//! Each environment has an [`EnvLoop`] on a thread of its own, with the attempts that [`npc_tasks`] draws. All loops
-//! share one [`SharedInference`], which decides for all waiting NPCs at once (Espeholt et al. 2020, "SEED RL":
+//! Each environment has an `EnvLoop` on a thread of its own, with the attempts that `npc_tasks` draws. All loops
+//! share one `SharedInference`, which decides for all waiting NPCs at once (Espeholt et al. 2020, "SEED RL":
 //! inference where the learner is). While one environment of a world moves, another one decides. When a world goes
 //! away, its running attempts are lost, and its loops retry until it is back.
 
