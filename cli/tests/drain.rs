@@ -1,4 +1,4 @@
-//! A service that is asked to stop ends in time and cleanly, even if its peers hold connections open.
+//! A service that receives a stop signal ends in time and cleanly, even if its peers hold connections open.
 #![cfg(unix)]
 
 use std::io::{Read, Write};
