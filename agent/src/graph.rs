@@ -347,7 +347,7 @@ impl Builder {
                         self.other_policy.send_replace(Some(status));
                         return;
                     }
-                    warn!(%status, "the planner has built no graph; NPCs head straight for their goals until a retry succeeds");
+                    warn!(%status, "the planner has built no graph; NPCs head straight for their goals");
                     tokio::time::sleep(pause).await;
                     pause = (pause * 2).min(MAX_PAUSE);
                 }

@@ -1,5 +1,5 @@
-//! Inference for all worlds of a worker: one thread evaluates the policy for all rows that have arrived, so that batches grow with the
-//! load. Decisions do not depend on the batch, so lockstep worlds repeat themselves.
+//! Inference for all worlds of a worker: one thread evaluates the policy for all rows that have arrived, so that
+//! batches grow with the load. Decisions do not depend on the batch, so lockstep worlds repeat themselves.
 
 use std::sync::mpsc;
 use surefoot_policy::{Batch, Policy, Scratch};
@@ -98,7 +98,7 @@ fn evaluate(policy: &Policy, waiting: &mpsc::Receiver<Request>) {
                 actions: actions.by_ref().take(count).collect(),
                 memory: memory.by_ref().take(count).flatten().copied().collect(),
             };
-            // The world may have ended meanwhile.
+            // The world may have ended.
             let _ = answer.send(decided);
         }
     }
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[tokio::test(flavor = "multi_thread")]
-    async fn everybody_gets_the_decisions_for_their_own_rows() {
+    async fn each_caller_gets_the_decisions_for_its_own_rows() {
         let policy = Policy::shipped().expect("the shipped weights are valid");
         let inference = Inference::start(policy.clone()).expect("a thread");
         let asked = (0..40_usize).map(|seed| {

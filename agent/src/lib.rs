@@ -146,7 +146,7 @@ async fn serve(
                     status
                 }
             };
-            warn!(server = address, %status, pause_ms = pause.as_millis(), "no connection to the server; trying again after a pause");
+            warn!(server = address, %status, pause_ms = pause.as_millis(), "no connection to the server; retrying");
             tokio::time::sleep(pause).await;
             pause = (pause * 2).min(MAX_PAUSE);
         }

@@ -1,4 +1,5 @@
-//! The maps on which a worker's NPCs rehearse, and the time that they may take for it. Worlds on equal maps share a map.
+//! The maps on which a worker's NPCs rehearse, and the time that they may take for it. Worlds on equal maps share a
+//! map.
 
 use super::graph::GraphKey;
 use parking_lot::Mutex;

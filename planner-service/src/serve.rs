@@ -35,7 +35,7 @@ pub async fn serve(
         }
     };
     let (holds_lease, standing) = watch::channel(true);
-    tokio::spawn(report_standing(planner.clone(), holds_lease));
+    let reporting = tokio::spawn(report_standing(planner.clone(), holds_lease));
     let endpoint = endpoint.with_lease(standing);
     let mut routes = tonic::service::Routes::builder();
     let grpc = PlannerServiceServer::new(PlannerApi::new(planner.clone()))
@@ -48,14 +48,20 @@ pub async fn serve(
     let endpoint = endpoint.with_memory(planner.levels().memory().clone());
     let result = endpoint.serve(routes, &[SERVICE_NAME, MAP_SERVICE], metrics, shutdown).await;
     planner.leave().await;
+    // The store closes with the last clone of the planner, so that a restart in the same process finds it unlocked.
+    // The task fails only by a panic, which the panic hook reports.
+    let _ = reporting.await;
     result
 }
 
 /// Reports whether the planner holds its lease, as long as there is an endpoint.
 async fn report_standing(planner: Planner, holds_lease: watch::Sender<bool>) {
     let mut due = tokio::time::interval(STANDING_EVERY);
-    while !holds_lease.is_closed() {
-        due.tick().await;
+    loop {
+        tokio::select! {
+            _ = due.tick() => {}
+            () = holds_lease.closed() => return,
+        }
         let holds = planner.standing().holds_lease;
         holds_lease.send_if_modified(|known| std::mem::replace(known, holds) != holds);
     }

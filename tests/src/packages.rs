@@ -23,15 +23,18 @@ impl Package {
     }
 }
 
+/// Features of the image.
+const IMAGE: &str = "surefoot-cli/agones,surefoot-cli/fleet,surefoot-lab/fleet";
+
 /// Every third-party crate of the shipped programs: on Linux, with the features of the image.
 ///
 /// # Panics
 /// If cargo fails.
 pub fn linked() -> BTreeSet<Package> {
-    let program = ["--package", "surefoot-cli", "--package", "surefoot-lab", "--features", "agones,fleet"];
+    let program = ["--package", "surefoot-cli", "--package", "surefoot-lab", "--features", IMAGE];
     let about = [&program[..], &["--edges", "normal", "--target", "x86_64-unknown-linux-gnu"]].concat();
     let tree = cargo(&[&["tree", "--prefix", "none", "--format", "{p}|{l}|"], &about[..]].concat());
-    let lines = tree.lines().filter(|line| !line.contains(" (/") && !line.contains(":\\"));
+    let lines = tree.lines().filter(|line| !line.is_empty() && !line.contains(" (/") && !line.contains(":\\"));
     lines
         .map(|line| {
             let [package, license, _] = line.split('|').collect::<Vec<_>>()[..] else {
@@ -65,7 +68,7 @@ pub fn features(about: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
 /// If cargo fails.
 pub fn folders() -> BTreeMap<(String, String), PathBuf> {
     let metadata = ["metadata", "--format-version", "1", "--filter-platform", "x86_64-unknown-linux-gnu"];
-    let metadata = cargo(&[&metadata[..], &["--features", "surefoot-cli/agones,surefoot-cli/fleet"]].concat());
+    let metadata = cargo(&[&metadata[..], &["--features", IMAGE]].concat());
     let metadata: serde_json::Value = serde_json::from_str(&metadata).expect("metadata is JSON");
     let text = |value: &serde_json::Value| value.as_str().expect("a text").to_owned();
     let packages = metadata["packages"].as_array().expect("packages").iter();

@@ -27,9 +27,9 @@ struct Use {
 }
 
 impl Crate {
-    /// Reads all files of a crate, such as `world`.
-    pub fn read(folder: &str) -> Self {
-        let source = root().join(folder).join("src");
+    /// Reads all files of a crate, such as `core/world`.
+    pub fn read(name: &str) -> Self {
+        let source = root().join(name).join("src");
         let mut files = BTreeMap::new();
         let mut open = vec![source.clone()];
         while let Some(folder) = open.pop() {
@@ -41,7 +41,7 @@ impl Crate {
                     let relative = path.strip_prefix(&source).expect("below the folder").to_owned();
                     let code = without_comments(&std::fs::read_to_string(&path).expect("a source file"));
                     let uses = uses_in(&code);
-                    let path = format!("{}/src/{}", folder_name(&source), relative.display());
+                    let path = format!("{name}/src/{}", relative.display());
                     files.insert(module_of(&relative), File { path, code, uses });
                 }
             }
@@ -125,11 +125,6 @@ impl Crate {
         }
         self.files.get_key_value(&at).map(|(module, _)| module)
     }
-}
-
-fn folder_name(source: &Path) -> String {
-    let folder = source.parent().and_then(Path::file_name).unwrap_or_default();
-    folder.to_string_lossy().into_owned()
 }
 
 fn module_of(relative: &Path) -> Vec<String> {

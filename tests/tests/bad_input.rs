@@ -36,7 +36,11 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     refused(client.create_world(create(None, 0)).await, Code::InvalidArgument, "map is missing");
     refused(client.create_world(create(size(10, 80, 100), 0)).await, Code::InvalidArgument, "size.width is 10");
     refused(client.create_world(create(size(100, 80, 4_000_000_000), 0)).await, Code::InvalidArgument, "size.depth");
-    refused(client.create_world(create(Some(small_map(1)), 9)).await, Code::InvalidArgument, "mode 9");
+    refused(
+        client.create_world(create(Some(small_map(1)), 9)).await,
+        Code::InvalidArgument,
+        "mode has the unknown value 9",
+    );
     let mut wild = small_map(1);
     wild.features = Some(wire::Features { lava: f32::NAN, ..Default::default() });
     refused(client.create_world(create(Some(wild), 0)).await, Code::InvalidArgument, "features.lava");

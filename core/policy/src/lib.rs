@@ -6,6 +6,7 @@
 //! graphs.
 
 pub mod activation;
+mod actor;
 pub mod checkpoint;
 pub mod config;
 mod cpu_actor;
@@ -16,9 +17,10 @@ pub mod noise;
 mod policy;
 mod weights;
 
+pub use actor::{Actor, Batch, Scratch};
 pub use config::ActorConfig;
-pub use cpu_actor::{CpuActor, Scratch};
+pub use cpu_actor::CpuActor;
 pub use hidden::HiddenStates;
 pub use manifest::{CheckpointError, Manifest};
-pub use policy::{Actor, Batch, Policy};
+pub use policy::Policy;
 pub use weights::{Parameter, Weights};

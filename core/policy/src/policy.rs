@@ -1,32 +1,13 @@
 //! A trained policy: its weights, their manifest, and the actor that evaluates them.
 
-use crate::cpu_actor::{CpuActor, Scratch};
+use crate::actor::{Actor, Batch, Scratch};
+use crate::cpu_actor::CpuActor;
 use crate::manifest::{CheckpointError, Manifest};
 use crate::weights::Weights;
 use std::fmt;
 use std::sync::Arc;
 use surefoot_world::Action;
 use surefoot_world::character::ACTION_LEN;
-
-/// Evaluates a policy's network.
-pub trait Actor: fmt::Debug + Send + Sync {
-    /// Allocates what [`act`](Self::act) needs of `scratch` for batches of up to `row_count` rows.
-    fn fit(&self, _scratch: &mut Scratch, _row_count: usize) {}
-
-    /// Computes the action of each row of `batch`, as [`Policy::act`] describes.
-    fn act(&self, batch: Batch<'_>, scratch: &mut Scratch, actions: &mut [Action]);
-}
-
-/// Rows of NPCs that decide together.
-#[derive(Debug)]
-pub struct Batch<'a> {
-    /// Rows of [`Policy::observation_len`] values.
-    pub observations: &'a [f32],
-    /// Rows of [`Policy::memory_len`] values: zeros at the start of an attempt, overwritten for the next decision.
-    pub memory: &'a mut [f32],
-    /// Noise in units of the policy's standard deviation: rows of [`ACTION_LEN`] values, or empty for none.
-    pub noise: &'a [f32],
-}
 
 /// A trained policy that decides for many NPCs at once. Clones share the weights.
 #[derive(Clone)]

@@ -72,7 +72,7 @@ fn a_manifest_with_sizes_that_are_not_allowed_or_not_the_weights_is_refused() {
         assert!(message.contains("sizes that are not allowed"), "{message}");
     }
     let message = refusal(ActorConfig { ray_features: 4096, hidden: 4096, ..config });
-    assert!(message.contains("expected head.weight: [4096, 8]"), "{message}");
+    assert!(message.contains("this program has head.weight: [4096, 8]"), "{message}");
 }
 
 #[test]

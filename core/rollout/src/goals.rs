@@ -77,8 +77,8 @@ pub fn goal_at_random_distance(
     best.1
 }
 
-/// Draws a point whose distance from `from` is in `band`, m, or the nearest miss of `draw_count` draws. Distances are as
-/// frequent as points at that distance.
+/// Draws a point whose distance from `from` is in `band`, m, or the nearest miss of `draw_count` draws. Distances are
+/// as frequent as points at that distance.
 pub fn goal_in_band(points: &[Vec3], from: Vec3, band: (f32, f32), draw_count: usize, rng: &mut impl Rng) -> Vec3 {
     let miss = |goal: Vec3| {
         let distance = from.distance(goal);

@@ -1,7 +1,7 @@
 //! Probes candidate edges with short point-goal episodes of the policy, many at a time.
 //!
-//! Every episode draws its heading and noise from its own random stream, which its trial names. Its result therefore does
-//! not depend on the other episodes, on their order or on the number of threads.
+//! Every episode draws its heading and noise from its own random stream, which its trial names. Its result therefore
+//! does not depend on the other episodes, on their order or on the number of threads.
 
 use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::goals::{Goal, random_yaw};
@@ -100,8 +100,8 @@ impl ProbeExecutor for InProcess {
     }
 }
 
-/// Divides trials into chunks. Each chunk runs by itself ([`ProbeContext::run_chunk`]), here or on another machine. Returns
-/// the indices of the trials of each chunk.
+/// Divides trials into chunks. Each chunk runs by itself ([`ProbeContext::run_chunk`]), here or on another machine.
+/// Returns the indices of the trials of each chunk.
 ///
 /// Chunks depend only on the trials. Many of them keep all threads busy to the end. The trials of one chunk share the
 /// movers of its world.
@@ -393,8 +393,8 @@ pub enum ProbeStep {
 }
 
 impl RunningProbe {
-    /// Begins a trial with its random stream under `seed`, after `wait` decisions. Also returns where the NPC starts and
-    /// heads first.
+    /// Begins a trial with its random stream under `seed`, after `wait` decisions. Also returns where the NPC starts
+    /// and heads first.
     pub fn begin(trial: &Trial, seed: u64, wait: u32, profile: &CharacterProfile) -> (Self, Goal) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(trial.stream);

@@ -235,7 +235,7 @@ impl Rehearsal {
             let body = world.npc(run.slot).expect("a running NPC").body;
             let scene = Scene { map: world.map(), states: world.movers() };
             let follower = &mut run.forecast.follower;
-            // If movers bar the plan meanwhile, the NPC itself drops it, in time.
+            // If movers bar the plan, the NPC itself drops it, in time.
             let plan = follower.clone();
             follower.watch_movers(scene, body.feet, body.is_grounded());
             if follower.waypoint().is_none() {

@@ -1,9 +1,9 @@
-//! Measures the shapes of edges: runs the policy along each edge a few more times, and records where the body leaves the
-//! ground, how high it gets, and where it lands.
+//! Measures the shapes of edges: runs the policy along each edge a few more times, and records where the body leaves
+//! the ground, how high it gets, and where it lands.
 //!
-//! Of the runs that arrive, the measurement keeps the one that a [plain controller](crate::drive) repeats most reliably,
-//! with the share of tries that succeed: scripts that follow links without the policy can rely on it. The same graph
-//! gives the same shapes on any number of threads.
+//! Of the runs that arrive, the measurement keeps the one that a [plain controller](crate::drive) repeats most
+//! reliably, with the share of tries that succeed: scripts that follow links without the policy can rely on it. The
+//! same graph gives the same shapes on any number of threads.
 
 use crate::drive::{Driver, PathPoint};
 use crate::probe::{ProbeContext, Probes};
@@ -46,8 +46,8 @@ const WALK_RATIO: f32 = 1.5;
 /// Additional length of such a walk, m.
 const WALK_MORE_M: f32 = 2.0;
 
-/// Measures the shape of each edge of `graph` on `thread_count` threads, in order; `None` if no run arrived. `ground` is
-/// the survey's and shows where a NavMesh leads. Calls `finished` after each edge.
+/// Measures the shape of each edge of `graph` on `thread_count` threads, in order; `None` if no run arrived. `ground`
+/// is the survey's and shows where a NavMesh leads. Calls `finished` after each edge.
 pub fn measure(
     context: &ProbeContext,
     (graph, ground): (&NavGraph, &Ground),
@@ -341,8 +341,8 @@ struct Timed {
     end: usize,
 }
 
-/// The leaps of a run towards `goal`: its motion between two places where the body stands, except bumps. A device begins
-/// a leap of its own.
+/// The leaps of a run towards `goal`: its motion between two places where the body stands, except bumps. A device
+/// begins a leap of its own.
 fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
     let mut found = Vec::new();
     let mut open: Option<Flight> = None;

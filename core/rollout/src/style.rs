@@ -2,8 +2,8 @@
 //!
 //! A policy that learned to arrive turns to and fro, runs sideways and jumps where walking would do. A composed NPC
 //! faces its direction of motion, straightens its way where the policy roughly does, acts without noise, and jumps only
-//! on legs that need it. The [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives; otherwise
-//! it moves freely. docs/adr/0026-composed-motion.md has measurements.
+//! on legs that need it. The [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives;
+//! otherwise it moves freely. docs/adr/0026-composed-motion.md has measurements.
 
 use std::f32::consts::{PI, TAU};
 use surefoot_world::character::{Body, Ride, Support};

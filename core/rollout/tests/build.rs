@@ -69,7 +69,7 @@ fn every_builder_joins_most_of_a_small_map() {
     let context = context();
     let points = navigable::sample_many(&context.map, &context.profile, 60, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
     let mut nearest = Vec::new();
-    for placement in Placement::ALL {
+    for &placement in Placement::ALL {
         let settings = settings()
             .with(|it| {
                 it.placement = placement;
@@ -79,7 +79,7 @@ fn every_builder_joins_most_of_a_small_map() {
         let built = build(&context, &settings, 2, &Progress::default()).unwrap();
         let graph = &built.graph;
         let name = placement.name();
-        assert_eq!(Placement::from_name(name), Some(placement));
+        assert_eq!(name.parse::<Placement>(), Ok(placement));
         assert_eq!(graph.vertex_count(), 40, "{name}");
         assert!(graph.connected_share() > 0.5, "{name}: {:.2} connected", graph.connected_share());
         assert!(built.stats.probes > 0, "{name}");

@@ -30,7 +30,7 @@ fn rooms(doors: &[f32]) -> Map {
     Map::from_parts(MapSize { width: 46, height: 60, depth: 26 }, triangles, Placed::default())
 }
 
-/// Eight rows of eight in each room; who stands first has its goal last.
+/// Eight rows of eight in each room; the first NPC has its goal in the last place.
 fn goals() -> Vec<Goal> {
     let place = |x: f32, idx: usize| Vec3::new(x + (idx % 8) as f32 * 1.7, FLOOR, 6.0 + (idx / 8) as f32 * 1.7);
     (0..64).map(|idx| Goal { start: place(4.0, idx), yaw: idx as f32, goal: place(28.0, 63 - idx) }).collect()
@@ -45,7 +45,7 @@ fn prepare(doors: &[f32]) -> (Arc<Map>, Policy, Router) {
 }
 
 #[test]
-fn a_crowd_gets_through_a_door_without_anybody_stuck_beside_it() {
+fn a_crowd_gets_through_a_door_and_no_npc_is_stuck_beside_it() {
     let (map, policy, router) = prepare(&[13.0]);
     let last = |solid: bool| {
         let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());

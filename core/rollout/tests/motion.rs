@@ -58,7 +58,7 @@ fn a_composed_action_goes_where_the_policy_wants_and_looks_there() {
         assert_eq!(Style::Free.shape(action, &npc, &profile), action);
         let walks = Style::for_leg(Ability::Walk).shape(action, &npc, &profile);
         assert!(walks.to_array().iter().all(|value| (-1.0..=1.0).contains(value)), "{walks:?}");
-        assert!(walks.jump <= 0.0, "nobody jumps on a leg that can be walked");
+        assert!(walks.jump <= 0.0, "no jumps on a leg that can be walked");
         assert_eq!(Style::for_leg(Ability::Jump).shape(action, &npc, &profile).jump, action.jump);
         // A body that stands turns towards where the policy wants to go, as far as it can.
         npc.body.velocity = Vec3::ZERO;
@@ -95,7 +95,7 @@ fn motion_counts_what_is_seen() {
     assert!((motion.all.metres - length).abs() < 1.0e-2 * length, "{} m, {length} m", motion.all.metres);
     assert!(motion.facing.iter().sum::<u64>() <= motion.decisions);
     assert!(motion.facing_deg(0.5) <= motion.facing_deg(0.9));
-    assert_eq!(motion.walk.decisions, 0, "nobody follows a plan");
+    assert_eq!(motion.walk.decisions, 0, "no NPC follows a plan");
     let mut twice = motion.clone();
     twice.add(&motion);
     assert_eq!(twice.reversals, 2 * motion.reversals);

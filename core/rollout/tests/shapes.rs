@@ -110,7 +110,7 @@ fn shapes_do_not_depend_on_threads_and_links_connect_the_platforms() {
     assert!(few.links.len() < all.links.len(), "{} of {}", few.links.len(), all.links.len());
     assert!(all.connected.without < 0.5 && all.connected.with > all.connected.without);
     assert_eq!(few.connected, all.connected, "the links that are left out are replaced");
-    for format in AssetFormat::ALL {
+    for &format in AssetFormat::ALL {
         assert!(format.write(&few).len() > 100 * few.links.len(), "{}", format.name());
     }
 }

@@ -232,7 +232,7 @@ enum {
     SF_GROUNDED = 1,
     /* It can jump now, from the ground or in the air; implied by SF_GROUNDED. */
     SF_CAN_JUMP = 2,
-    /* It hangs on a zip line. */
+    /* It rides a zip line. */
     SF_RIDES = 4
 };
 

@@ -1,7 +1,7 @@
 //! Agents: the minds of the caller's NPCs, with what they sense, their goals and their memory.
 //!
-//! An observation is written by the simulation's own code (`surefoot_world::sense`), from rays that the caller has cast. Decisions come from
-//! the policy. After [`Agents::new`] nothing is allocated, but for the texts of errors.
+//! An observation is written by the simulation's own code (`surefoot_world::sense`), from rays that the caller has
+//! cast. Decisions come from the policy. After [`Agents::new`] nothing is allocated, but for the texts of errors.
 
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::checks;

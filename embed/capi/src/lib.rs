@@ -4,8 +4,8 @@
 //! ([`checks`]), calls the safe Rust of [`agents`], [`graphs`], [`followers`] and [`worlds`], and returns a status
 //! ([`error`]). [`abi`] has the structs that both sides share.
 //!
-//! This crate has no state besides its handles, starts no thread that outlives a call, and writes nothing. It catches all
-//! panics.
+//! This crate has no state besides its handles, starts no thread that outlives a call, and writes nothing. It catches
+//! all panics.
 
 #![warn(clippy::undocumented_unsafe_blocks)]
 

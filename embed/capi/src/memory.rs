@@ -127,7 +127,7 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     text.to_str().map_err(|_| Fault::argument(format!("{name} is not UTF-8")))
 }
 
-/// The fields that this library knows of a struct that may grow.
+/// A struct that may grow, with the fields of this version.
 ///
 /// # Safety
 /// As for [`reference`]; the struct has the size in its first field.

@@ -130,7 +130,8 @@ macro_rules! compare {
         $(
             let offset = offset_of!(abi::$kind, $field);
             let field = stringify!($field);
-            writeln!($into, "_Static_assert(offsetof({}, {field}) == {offset}, \"{field} of {}\");", $name, $name).unwrap();
+            let place = format!("offsetof({}, {field})", $name);
+            writeln!($into, "_Static_assert({place} == {offset}, \"{field} of {}\");", $name).unwrap();
         )*
         let fields = [$(stringify!($field)),*];
         assert_eq!(fields_in_header($name), fields, "fields of {}", $name);

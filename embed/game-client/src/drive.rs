@@ -48,8 +48,8 @@ impl<'a> Drive<'a> {
         self.hidden.forget(npc_idx);
     }
 
-    /// Runs one decision: these NPCs carry out the policy's actions, with `noise` in units of its standard deviation; all
-    /// others rest. The routes begin after it.
+    /// Runs one decision: these NPCs carry out the policy's actions, with `noise` in units of its standard deviation;
+    /// all others rest. The routes begin after it.
     ///
     /// # Errors
     /// Same as [`GameEnv::step`].

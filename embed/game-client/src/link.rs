@@ -170,8 +170,8 @@ impl Game {
         wire::CreateEnvRequest { map, map_hash, body, solid_npcs: level.solid_npcs, ..Default::default() }
     }
 
-    /// Uploads a level that is not generated to a Surefoot server, so that environments can be opened on it. The call is
-    /// repeatable.
+    /// Uploads a level that is not generated to a Surefoot server, so that environments can be opened on it. The call
+    /// is repeatable.
     ///
     /// # Errors
     /// If the server refuses, does not answer, or stores another level.

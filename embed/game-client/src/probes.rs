@@ -1,7 +1,7 @@
 //! Probes candidate edges in a game: the policy runs there, many trials at a time.
 //!
-//! Every trial has the same heading, noise and patience as in a simulated world ([`RunningProbe`]), so a game with the same
-//! physics proves the same edges. Edges that depend on movers are not proved: the contract does not report movers.
+//! Every trial has the same heading, noise and patience as in a simulated world ([`RunningProbe`]), so a game with the
+//! same physics proves the same edges. Edges that depend on movers are not proved: the contract does not report movers.
 
 use super::drive::{Deciding, Drive, seen};
 use super::link::{Game, GameError, Level};
@@ -80,8 +80,8 @@ impl<'a> InGame<'a> {
         self.error.lock().is_some()
     }
 
-    /// Runs the trials from index `first`, and returns their outcomes; `None` if `watch` cancelled, or the game failed in
-    /// another environment.
+    /// Runs the trials from index `first`, and returns their outcomes; `None` if `watch` cancelled, or the game failed
+    /// in another environment.
     fn run_chunk(
         &self,
         (first, trials): (usize, &[Trial]),

@@ -264,5 +264,5 @@ fn a_run_whose_configuration_was_changed_to_other_lanes_says_so() {
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("\"npcs_per_world\": 4", "\"npcs_per_world\": 5")).unwrap();
     let refusal = run(tiny(), RunArgs::here(folder.path(), true), &AtomicBool::new(true), |_| {}).unwrap_err();
-    assert!(refusal.to_string().contains("other lanes"), "{refusal}");
+    assert!(refusal.to_string().contains("does not fit the lanes"), "{refusal}");
 }

@@ -108,7 +108,10 @@ async fn watch_silence(
             return FleetError::new(database.place(), format!("no notification for {} s", SILENCE.as_secs()));
         }
         if silence >= PING_AFTER {
-            let ping = async { notify(&mut database.pool.acquire().await?, channel, PING).await };
+            let ping = async {
+                let mut connection = database.pool.acquire().await?;
+                notify(&mut connection, channel, PING).await
+            };
             // If it fails, the silence goes on.
             let _ = tokio::time::timeout(PATIENCE, ping).await;
         }

@@ -122,7 +122,7 @@ fn store_error(error: StoreError) -> Status {
         }
         StoreError::Unavailable(error) => hidden(
             Reason::NotConfirmed,
-            "the database of the fleet does not answer: the call may or may not have had an effect",
+            "the store of the fleet does not answer: the call may or may not have had an effect",
             &error,
         ),
         StoreError::Silent(_) => status::failure(Reason::NotConfirmed, error.to_string()),

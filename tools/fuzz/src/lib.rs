@@ -349,7 +349,7 @@ pub fn cache_entry(bytes: &[u8]) {
 pub fn graph_json(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Some(graph) = accepted(import_json(text)) else { return };
-    for format in Format::ALL {
+    for &format in Format::ALL {
         assert!(!export(&graph, format).is_empty());
     }
     let again = import_json(&export(&graph, Format::Json)).expect("just written");

@@ -53,9 +53,9 @@ enum Output {
 
 impl Output {
     fn parse(name: &str) -> Result<Self, String> {
-        let graph = Format::ALL.map(|format| (format.name(), Self::Graph(format)));
-        let links = AssetFormat::ALL.map(|format| (format.name(), Self::Links(format)));
-        let all: Vec<(&str, Self)> = graph.into_iter().chain(links).collect();
+        let graph = Format::ALL.iter().map(|&format| (format.name(), Self::Graph(format)));
+        let links = AssetFormat::ALL.iter().map(|&format| (format.name(), Self::Links(format)));
+        let all: Vec<(&str, Self)> = graph.chain(links).collect();
         let names: Vec<&str> = all.iter().map(|(name, _)| *name).collect();
         let found = all.iter().find(|(known, _)| *known == name).map(|(_, output)| *output);
         found.ok_or_else(|| format!("known are {}", names.join(", ")))

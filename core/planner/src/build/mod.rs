@@ -4,6 +4,7 @@
 //! [`probe::ProbeExecutor`] guided by a predictor, and keeps the edges that are proved. An [`interim`] graph shows the
 //! result so far. `stitch` and `join` add what it takes to connect islands.
 
+mod builder;
 pub mod candidates;
 pub mod interim;
 mod join;
@@ -15,6 +16,7 @@ mod prove;
 mod stitch;
 mod ways;
 
+pub use builder::Builder;
 pub use predictor::is_perilous;
 pub use progress::Progress;
 
@@ -22,10 +24,9 @@ use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::grid::GrowingGrid;
 use crate::ride_stops::RideStops;
-use crate::settings::{BuildError, BuildSettings, MAX_VERTICES, Placement, Probing, Site};
+use crate::settings::{BuildError, MAX_VERTICES, Placement, Probing, Site};
 use candidates::Candidate;
 use placement::PlacementContext;
-use probe::ProbeExecutor;
 use prove::Prover;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -59,23 +60,6 @@ pub struct BuildStats {
     pub probing_s: f64,
     /// Duration of the whole build, s.
     pub seconds: f64,
-}
-
-/// Builds and updates graphs.
-#[derive(Clone, Copy)]
-pub struct Builder<'a> {
-    /// The map and the character.
-    pub site: &'a Site,
-    /// Settings of the build.
-    pub settings: &'a BuildSettings,
-    /// Runs the probes.
-    pub executor: &'a dyn ProbeExecutor,
-    /// Number of threads for work other than probing.
-    pub thread_count: usize,
-    /// Returns the seconds since some fixed moment, for the statistics; this crate has no clock of its own.
-    pub clock: &'a dyn Fn() -> f64,
-    /// Progress of the build.
-    pub progress: &'a Progress,
 }
 
 impl<'a> Builder<'a> {

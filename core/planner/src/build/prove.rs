@@ -10,10 +10,11 @@
 //! Where a miss is fatal, beside a void or lava, edges are then probed as NPCs with a plan use them: on the run, from a
 //! preceding edge.
 
+use super::builder::Builder;
 use super::candidates::Candidate;
 use super::predictor::{Geometry, Predictor, is_perilous, measure};
 use super::probe::{EdgeRun, Outcome, ProbeWatch, Trial};
-use super::{Builder, Progress};
+use super::progress::Progress;
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};

@@ -10,10 +10,12 @@ use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Write};
+use strum::VariantArray;
 use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
 
 /// File format of an exported graph.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::VariantArray, strum::IntoStaticStr)]
+#[strum(serialize_all = "lowercase")]
 pub enum Format {
     /// GraphML 1.0, an XML format.
     GraphMl,
@@ -23,14 +25,11 @@ pub enum Format {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Format; 2] = [Format::GraphMl, Format::Json];
+    pub const ALL: &[Self] = Self::VARIANTS;
 
     /// Returns the name that commands use.
     pub fn name(self) -> &'static str {
-        match self {
-            Format::GraphMl => "graphml",
-            Format::Json => "json",
-        }
+        self.into()
     }
 }
 

@@ -287,8 +287,8 @@ impl Follower {
         self.detour.set_rehearsed_way(way);
     }
 
-    /// Turns an NPC that was pushed, with the feet at `feet`, m, back to its way: where a wall lies between it and the end
-    /// of a leg that is walked, it heads for a rehearsed place first. Plans with movers are left alone. Returns the
+    /// Turns an NPC that was pushed, with the feet at `feet`, m, back to its way: where a wall lies between it and the
+    /// end of a leg that is walked, it heads for a rehearsed place first. Plans with movers are left alone. Returns the
     /// waypoint, m, if it has changed.
     pub fn return_to_way(&mut self, map: &Map, body: &CharacterProfile, feet: Vec3) -> Option<Vec3> {
         let plan = self.plan.as_ref().filter(|plan| plan.needs.is_empty())?;

@@ -32,76 +32,106 @@ const POOL: usize = 10;
 pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
     let PlacementContext { site, settings, executor, progress, .. } = placing;
     let pool = placing.sample(POOL * settings.vertices, rng)?;
-    let spacing = even_spacing(&site.map, settings.vertices);
-    let apart = MIN_SEPARATION * spacing;
-    let grid = PointGrid::new(&pool, spacing);
-    let mut placed = GrowingGrid::new(site.map.extent(), apart, &[]);
-    let mut episodes = 0;
-    let mut parents: Vec<Option<u32>> = Vec::new();
-    let mut candidates: BTreeSet<Candidate> = BTreeSet::new();
-    let (mut front, mut stream) = (Vec::new(), 0);
-    while placed.points().len() < settings.vertices {
-        if front.is_empty() {
-            let start = pool[rng.random_range(0..pool.len())];
-            front.push(placed.points().len() as u32);
-            placed.push(start);
-            parents.push(None);
+    let spacing_m = even_spacing(&site.map, settings.vertices);
+    let goals = Goals { grid: PointGrid::new(&pool, spacing_m), pool: &pool, spacing_m };
+    let mut flood = Flood {
+        apart_m: MIN_SEPARATION * spacing_m,
+        limit: settings.vertices,
+        placed: GrowingGrid::new(site.map.extent(), MIN_SEPARATION * spacing_m, &[]),
+        parents: Vec::new(),
+        front: Vec::new(),
+        candidates: BTreeSet::new(),
+    };
+    let mut trial_count = 0;
+    while flood.placed.points().len() < settings.vertices {
+        if flood.front.is_empty() {
+            flood.add(pool[rng.random_range(0..pool.len())], None);
             continue;
         }
-        let mut sources = Vec::new();
-        let mut trials = Vec::new();
-        for &source in &front {
-            let from = placed.points()[source as usize];
-            let mut goals: Vec<u32> = grid
-                .within(from, SPOKE_LENGTH.end * spacing)
-                .filter(|&goal| {
-                    let at = pool[goal as usize];
-                    let distance = at.distance(from) / spacing;
-                    SPOKE_LENGTH.contains(&distance) && is_far(&placed, at, apart)
-                })
-                .collect();
+        let mut trials: Vec<(u32, Trial)> = Vec::new();
+        for &source in &flood.front {
+            let from = flood.placed.points()[source as usize];
+            let mut goals = goals.around(from, |goal| flood.is_far(goal));
             for _ in 0..SPOKES.min(goals.len()) {
-                let goal = pool[goals.swap_remove(rng.random_range(0..goals.len())) as usize];
-                stream += 1;
-                sources.push(source);
-                trials.push(Trial::walk(from, goal, stream));
+                let goal = goals.swap_remove(rng.random_range(0..goals.len()));
+                trial_count += 1;
+                trials.push((source, Trial::walk(from, goal, trial_count)));
             }
         }
-        let outcomes = executor.run(&trials, settings.seed, *progress).ok_or(BuildError::Cancelled)?;
-        episodes += outcomes.len() as u64;
-        front.clear();
-        for ((trial, outcome), &source) in trials.iter().zip(&outcomes).zip(&sources) {
-            if !outcome.reached {
-                continue;
-            }
-            let near = placed.within(trial.goal, apart).filter(|(_, vertex)| vertex.distance(trial.goal) < apart);
-            let count = placed.points().len();
-            let reached = match near.map(|(vertex, _)| vertex).min() {
-                Some(vertex) => vertex,
-                None if count < settings.vertices => {
-                    placed.push(trial.goal);
-                    parents.push(Some(source));
-                    front.push(count as u32);
-                    count as u32
-                }
-                None => continue,
-            };
-            if reached != source {
-                candidates.extend([EdgeKey::new(source, reached), EdgeKey::new(reached, source)]);
-            }
-        }
+        let runs: Vec<Trial> = trials.iter().map(|(_, trial)| *trial).collect();
+        let outcomes = executor.run(&runs, settings.seed, *progress).ok_or(BuildError::Cancelled)?;
+        flood.front.clear();
+        let arrived = trials.iter().zip(&outcomes).filter(|(_, outcome)| outcome.reached);
+        arrived.for_each(|((source, trial), _)| flood.arrive(*source, trial.goal));
     }
     if grandchildren {
-        let grandparents = (0u32..).zip(&parents).filter_map(|(vertex, parent)| {
-            let grandparent = parents[(*parent)? as usize]?;
-            (grandparent != vertex).then_some((grandparent, vertex))
-        });
-        candidates.extend(grandparents.flat_map(|(a, b)| [EdgeKey::new(a, b), EdgeKey::new(b, a)]));
+        flood.join_grandparents();
     }
-    let (vertices, candidates) = (placed.points().to_vec(), Some(candidates.into_iter().collect()));
-    Ok(Draft { vertices, candidates, episodes, ..Draft::default() })
+    let (vertices, candidates) = (flood.placed.points().to_vec(), Some(flood.candidates.into_iter().collect()));
+    Ok(Draft { vertices, candidates, episodes: trial_count, ..Draft::default() })
 }
 
-fn is_far(vertices: &GrowingGrid, point: Vec3, apart: f32) -> bool {
-    vertices.within(point, apart).all(|(_, vertex)| vertex.distance_squared(point) >= apart * apart)
+/// Points to which the policy is sent.
+struct Goals<'a> {
+    pool: &'a [Vec3],
+    grid: PointGrid,
+    spacing_m: f32,
+}
+
+impl Goals<'_> {
+    /// The points at the length of a spoke around `from` that `accept` accepts, m.
+    fn around(&self, from: Vec3, accept: impl Fn(Vec3) -> bool) -> Vec<Vec3> {
+        let near = self.grid.within(from, SPOKE_LENGTH.end * self.spacing_m).map(|goal| self.pool[goal as usize]);
+        near.filter(|goal| SPOKE_LENGTH.contains(&(goal.distance(from) / self.spacing_m)) && accept(*goal)).collect()
+    }
+}
+
+/// The vertices placed so far.
+struct Flood {
+    /// Least distance between vertices, m.
+    apart_m: f32,
+    /// Maximum number of vertices.
+    limit: usize,
+    placed: GrowingGrid,
+    /// The vertex from which each vertex was found, if any.
+    parents: Vec<Option<u32>>,
+    /// Vertices from which the flood continues.
+    front: Vec<u32>,
+    candidates: BTreeSet<Candidate>,
+}
+
+impl Flood {
+    fn add(&mut self, at: Vec3, parent: Option<u32>) -> u32 {
+        let vertex = self.placed.points().len() as u32;
+        self.placed.push(at);
+        self.parents.push(parent);
+        self.front.push(vertex);
+        vertex
+    }
+
+    /// Adds an arrival from the vertex `source`: a candidate in both directions, and a vertex if there is none near.
+    fn arrive(&mut self, source: u32, at: Vec3) {
+        let near = self.placed.within(at, self.apart_m).filter(|(_, vertex)| vertex.distance(at) < self.apart_m);
+        let reached = match near.map(|(vertex, _)| vertex).min() {
+            Some(vertex) => vertex,
+            None if self.placed.points().len() < self.limit => self.add(at, Some(source)),
+            None => return,
+        };
+        if reached != source {
+            self.candidates.extend([EdgeKey::new(source, reached), EdgeKey::new(reached, source)]);
+        }
+    }
+
+    fn is_far(&self, point: Vec3) -> bool {
+        let (apart_m, mut near) = (self.apart_m, self.placed.within(point, self.apart_m));
+        near.all(|(_, vertex)| vertex.distance_squared(point) >= apart_m * apart_m)
+    }
+
+    fn join_grandparents(&mut self) {
+        let grandparents = (0u32..).zip(&self.parents).filter_map(|(vertex, parent)| {
+            let grandparent = self.parents[(*parent)? as usize]?;
+            (grandparent != vertex).then_some((grandparent, vertex))
+        });
+        self.candidates.extend(grandparents.flat_map(|(a, b)| [EdgeKey::new(a, b), EdgeKey::new(b, a)]));
+    }
 }

@@ -7,7 +7,6 @@ mod anchors;
 pub(crate) mod around;
 mod density;
 mod flood;
-mod random;
 mod spaced;
 mod trajectories;
 
@@ -84,7 +83,8 @@ pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
         Draft { vertices, ..Draft::default() }
     };
     let mut draft = match settings.placement {
-        Placement::Random => only(random::place(placing, &mut rng)?),
+        // The paper's first builder (section "Unconstrained random vertex placement").
+        Placement::Random => only(placing.sample(count, &mut rng)?),
         Placement::Spaced => {
             let anchors = if settings.special_moves {
                 beside_devices(map, profile, count / MAX_ANCHOR_DIVISOR)

@@ -22,6 +22,7 @@ use crate::ids::EdgeKey;
 use crate::price::{Caution, price};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use strum::VariantArray;
 use surefoot_world::{Ability, Chance, DECISION_SECONDS, Decisions, Vec3};
 
 /// One leap: off the ground by one move, until the body stands again.
@@ -211,7 +212,8 @@ impl ShapedEdge<'_> {
 }
 
 /// Format of a file of links.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::VariantArray, strum::IntoStaticStr)]
+#[strum(serialize_all = "lowercase")]
 pub enum AssetFormat {
     /// Off-mesh connections as JSON, in the fields of Detour.
     Detour,
@@ -229,18 +231,11 @@ pub enum AssetFormat {
 
 impl AssetFormat {
     /// All formats.
-    pub const ALL: [Self; 6] = [Self::Detour, Self::Godot, Self::Unity, Self::Unreal, Self::Landmass, Self::Links];
+    pub const ALL: &[Self] = Self::VARIANTS;
 
     /// Returns the name that commands use.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Detour => "detour",
-            Self::Godot => "godot",
-            Self::Unity => "unity",
-            Self::Unreal => "unreal",
-            Self::Landmass => "landmass",
-            Self::Links => "links",
-        }
+        self.into()
     }
 
     /// Writes links in this format.
