@@ -104,7 +104,7 @@ def check_service(port: int) -> None:
 
 
 def check_cuts(port: int) -> None:
-    """Messages that break off, and random bytes after a hello; whatever is said, the game must not care."""
+    """Sends truncated messages, and random bytes after a hello. None of them may disturb the game."""
     draw = random.Random(7)
     whole = READY + decide(4, 0, b"".join(entry(character) for character in range(4)))
     for _ in range(200):

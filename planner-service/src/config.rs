@@ -20,8 +20,8 @@ pub struct PlannerConfig {
     pub graphs_in_memory: usize,
     /// Number of threads for probing (`--threads`).
     pub threads: usize,
-    /// Largest number of vertices at which a graph gets hub labels before it is served (`--label-vertices`). Larger graphs
-    /// get them in the background.
+    /// Largest number of vertices at which a graph gets hub labels before it is served (`--label-vertices`). Larger
+    /// graphs get them in the background.
     pub label_vertices: usize,
     /// Maximum number of imported maps that are kept (`--max-maps`).
     pub max_maps: usize,

@@ -209,14 +209,17 @@ fn devices() -> Map {
 
 fn gltf() -> Vec<(&'static str, Vec<u8>)> {
     // One triangle of 8 m in an embedded buffer, instanced twice, with a pad as child of the second instance.
-    let embedded = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+    let embedded = concat!(
+        r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
 "nodes":[{"mesh":0},{"mesh":0,"translation":[0,0,8],"rotation":[0,1,0,0],"scale":[1,1,2],"children":[2]},
 {"name":"pad","translation":[-2,0,2],"extras":{"height":3}}],
 "meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1,"mode":4}]}],
 "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
 {"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}],
 "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":3}],
-"buffers":[{"byteLength":39,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAEC"}]}"#;
+"buffers":[{"byteLength":39,"uri":"data:application/octet-stream;base64,"#,
+        r#"AAAAAAAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAEC"}]}"#
+    );
     let sidecar = r#"{"pools":[{"liquid":"lava","min":[1,0,1],"max":[3,1,3]}],"pads":[{"at":[9,1,9],"height":3}],
 "zip_lines":[{"from":[1,1,15],"to":[15,1,15]}],"teleporters":[{"from":[5,1,12],"to":[12,1,5],"two_way":true}],
 "jetpacks":[{"at":[17,1,17],"fuel":2}]}"#;
@@ -232,7 +235,8 @@ fn obj() -> Vec<(&'static str, Vec<u8>)> {
     let floor = "o floor\nv 0 0 0\nv 0 0 20 1 1 1\nv 20 0 20\nv 20 0 0\nf 1 2 3 4\n";
     let features = "g ground\nv 0 0 0\nv 0 0 20\nv 20 0 20\nv 20 0 0\nf 1/1/1 2/2/1 3//1 \\\n-1\n\
         g lava_pool\nv 5 0 5\nv 5 0 8\nv 8 0 8\nv 5 -1 5\nf 5 6 7\nl 5 8\n\
-        o zip_line_1:from\nv 2 0 2\nv 2 0 3\nv 3 0 3\nf -3 -2 -1\no zip_line_1:to\nv 15 0 15\nv 15 0 16\nv 16 0 16\nf -3 -2 -1\n";
+        o zip_line_1:from\nv 2 0 2\nv 2 0 3\nv 3 0 3\nf -3 -2 -1\n\
+        o zip_line_1:to\nv 15 0 15\nv 15 0 16\nv 16 0 16\nf -3 -2 -1\n";
     vec![("floor", floor.as_bytes().to_vec()), ("features", features.as_bytes().to_vec())]
 }
 

@@ -1,6 +1,7 @@
 //! Writes the notices of all crates that the program is linked with: `cargo run -p e2e --example notices`.
 //!
-//! `surefoot licenses` prints the file, and the container image includes it. A test compares its headings with the linked crates.
+//! `surefoot licenses` prints the file, and the container image includes it. A test compares its headings with the
+//! linked crates.
 
 use e2e::packages::{folders, linked};
 use e2e::source::root;
@@ -31,7 +32,8 @@ fn main() {
         }
     }
     let mut file = String::from(
-        "# Crates that surefoot is linked from\n\nSurefoot itself is licensed under MIT or Apache-2.0, as you like.\n\n",
+        "# Crates that surefoot is linked from\n\n\
+         Surefoot itself is licensed under MIT or Apache-2.0, as you like.\n\n",
     );
     for package in &packages {
         writeln!(file, "- {}", package.heading()).expect("a String takes everything");

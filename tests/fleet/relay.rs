@@ -30,7 +30,7 @@ struct State {
 /// What becomes of a request that is waited for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Snare {
-    /// The relay holds it back until [`mend`](Self::mend).
+    /// The relay holds it back until the test repairs the relay.
     Hold,
     /// It arrives, and its connection ends without the answer.
     LoseAnswer,
@@ -111,7 +111,7 @@ impl Relay {
         *self.state.snare.lock().expect("no holder panics") = Some((bytes.to_vec(), Snare::LoseAnswer));
     }
 
-    /// The first connection whose client sends `bytes` from now on is held back until [`mend`](Self::mend).
+    /// Holds back the next connection whose client sends `bytes`, until the test repairs the relay.
     pub fn hold(&self, bytes: &[u8]) {
         self.state.is_holding.store(true, Ordering::Relaxed);
         *self.state.snare.lock().expect("no holder panics") = Some((bytes.to_vec(), Snare::Hold));

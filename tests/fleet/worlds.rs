@@ -278,8 +278,8 @@ async fn a_server_killed_under_512_npcs_is_replaced_and_each_attempt_ends_once()
     game.end(&uris, &chronicle).await;
     println!(
         "killed under {NPC_COUNT} NPCs: on the other server after {restored:?}, events after {resumed:?}; \
-         {} attempts, each ended once; before, {commits_per_s:.0} commits/s for both servers, a goal was confirmed after \
-         {:?} (median), {:?} (p99)",
+         {} attempts, each ended once; before, {commits_per_s:.0} commits/s for both servers, \
+         a goal was confirmed after {:?} (median), {:?} (p99)",
         chronicle.ended_count(),
         waits[waits.len() / 2],
         waits[waits.len() * 99 / 100],

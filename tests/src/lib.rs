@@ -345,8 +345,8 @@ pub async fn until_metrics_say(service: &Running, line: &str) {
     tokio::time::timeout(LIMIT, waiting).await.unwrap_or_else(|_| panic!("the metrics never said `{line}`"));
 }
 
-/// Sends an NPC of a realtime world from one place to another, again whenever its attempt ends before a plan is there, and returns the
-/// plan that it follows.
+/// Sends an NPC of a realtime world from one place to another and returns the plan that it follows. Sends it again
+/// whenever its attempt ends before the plan arrives.
 pub async fn follow_until_planned(
     client: &mut WorldServiceClient<Channel>,
     steps: &mut tonic::Streaming<world::FollowNpcResponse>,

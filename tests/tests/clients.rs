@@ -119,7 +119,9 @@ async fn a_reader_that_does_not_read_is_cut_off_and_others_go_on() {
     // The other one reads on meanwhile, or it would be cut off as well.
     tokio::select! {
         () = until_metrics_say(&server, &one_left) => {}
-        () = async { while read.next().await.is_some_and(|it| it.is_ok()) {} } => panic!("a reader that reads is cut off"),
+        () = async { while read.next().await.is_some_and(|it| it.is_ok()) {} } => {
+            panic!("a reader that reads is cut off")
+        }
     }
     let end = loop {
         match tokio::time::timeout(LIMIT, unread.next()).await.expect("the stream ends").unwrap() {

@@ -1,5 +1,5 @@
-//! Designers' layers are never lost and never left out, and edits, builds and loads do not wait for each other, over real sockets
-//! and files.
+//! Designers' layers are never lost and never left out, and edits, builds and loads do not wait for each other, over
+//! real sockets and files.
 
 use e2e::{
     Running, build_graph, build_to_end, planner_client, small_graph, small_map, start_of, start_planner, watch_build,
@@ -61,8 +61,8 @@ fn refused(status: &Status, words: &str) {
     assert!(status.message().contains(words), "{status:?}");
 }
 
-/// A planner with a graph in which the layers `day` and `night` each forbid an edge; returns the places of both edges and the
-/// number of edges that are left.
+/// A planner with a graph in which the layers `day` and `night` each forbid an edge; returns the places of both edges
+/// and the number of edges that are left.
 async fn edited(folder: &Path) -> (Running, Client, String, [(Vec3, Vec3); 2], usize) {
     let planner = start_planner(folder, PlannerConfig::default());
     let mut client = planner_client(&planner).await;

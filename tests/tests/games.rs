@@ -1,5 +1,5 @@
-//! Games as worlds: the contract of environments with routes, and what we do over it, against our own server in the place of a game, and
-//! against games that do not keep to the contract.
+//! Games as worlds: the contract of environments with routes. Surefoot's own server takes the place of a game; other
+//! games violate the contract.
 
 use e2e::{Running, small_map, start_server};
 use rand::SeedableRng;
@@ -103,7 +103,7 @@ async fn npcs_pass_the_places_of_their_routes_and_say_where_they_are_and_what_th
     assert_eq!((results.ends.len(), results.ends[0].npc, results.ends[0].outcome()), (1, 0, wire::Outcome::Reached));
     let forward = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
     let results = step(&mut client, env_id, forward, Vec::new()).await.unwrap();
-    assert_eq!(results.abilities[0], wire::Ability::Walk as u8, "whoever rests does not act");
+    assert_eq!(results.abilities[0], wire::Ability::Walk as u8, "an NPC at rest does not act");
     // A route wakes it, and puts it elsewhere.
     let results = step(&mut client, env_id, still, vec![route(0, &[one], Some(other))]).await.unwrap();
     assert_eq!(unpack_points(&results.positions, 2, "positions").unwrap()[0], other);
@@ -177,7 +177,7 @@ async fn trials_in_a_game_with_our_physics_end_as_they_do_here() {
     let agree = |same: fn(&Outcome, &Outcome) -> bool| here.iter().zip(&there).filter(|(a, b)| same(a, b)).count();
     let (reached, abilities) = (agree(|a, b| a.reached == b.reached), agree(|a, b| a.ability == b.ability));
     let decisions = agree(|a, b| a.decisions.abs_diff(b.decisions) <= 2 && a.track.len().abs_diff(b.track.len()) <= 2);
-    // Batches of other sizes round otherwise, and some trials hang on that.
+    // Batches of other sizes round differently, and some trials are sensitive to that.
     assert!(reached * 100 >= 97 * here.len(), "{reached} of {} agree in success", here.len());
     assert!(abilities * 100 >= 90 * here.len(), "{abilities} of {} agree in abilities", here.len());
     assert!(decisions * 100 >= 85 * here.len(), "{decisions} of {} agree in decisions", here.len());

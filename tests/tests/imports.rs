@@ -116,7 +116,8 @@ async fn a_place_of_the_map_that_is_marked_in_the_sidecar_is_there_in_the_next_i
 async fn a_survey_tells_bodies_apart_and_knows_what_they_cannot_get_to() {
     let server = start_server(ServerConfig::default());
     let mut client = world_client(&server).await;
-    // A floor, and a deck beside it, 3 m higher: too high for a body of the heavy kind, within two jumps of the usual one.
+    // A floor, and a deck beside it, 3 m higher: too high for a body of the heavy kind, within two jumps of the usual
+    // one.
     let quad = |x: i32, z: i32, y: i32, side: i32| {
         let corners = [(x, z), (x, z + side), (x + side, z + side), (x + side, z)];
         corners.iter().map(|(x, z)| format!("v {x} {y} {z}\n")).collect::<String>()

@@ -21,8 +21,8 @@ async fn npcs_reach_far_goals_by_plan_in_lockstep() {
     let mut client = world_client(&server).await;
     let world = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await;
     let points = ground(&mut client, world.world_id, 40).await;
-    // Until the worker has the graph, its NPCs head straight for their goals, so goals are kept away from the rim of the
-    // map, over which they could run.
+    // Until the worker has the graph, its NPCs head straight for their goals, so goals are kept away from the rim of
+    // the map, over which they could run.
     let inner: Vec<wire::Vec3> = points[8..]
         .iter()
         .copied()

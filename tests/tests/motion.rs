@@ -10,7 +10,8 @@ use surefoot_proto::world::v1::{NpcStatus, TimeMode};
 use surefoot_server::ServerConfig;
 use tokio_stream::StreamExt;
 
-/// The angle between facing and motion, rad, in all snapshots of NPCs that move, until none of them seeks its goal any more.
+/// The angle between facing and motion, rad, in all snapshots of NPCs that move, until none of them seeks its goal any
+/// more.
 async fn angles(composes: bool) -> Vec<f32> {
     let folder = tempfile::tempdir().unwrap();
     let (server, planner) =

@@ -418,7 +418,7 @@ async fn plans_are_made_on_a_graph_while_it_is_built() {
     let built = watch_build(&mut client, &build.build_id).await.pop().unwrap();
     assert_eq!((built.stage(), built.graph_id.as_str()), (wire::BuildStage::Done, graph_id.as_str()));
     assert_eq!((built.interim_graph_id.as_str(), built.summary.unwrap().expected_edges), ("", 0));
-    // The stream that began on an interim graph tells of its successors.
+    // The stream that began on an interim graph reports its successors.
     while changes.message().await.unwrap().unwrap().summary.unwrap().expected_edges > 0 {}
     let whole = get(&mut client, &graph_id).await;
     assert!(whole.edges.iter().all(|edge| edge.tries > 0));

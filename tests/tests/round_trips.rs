@@ -139,7 +139,8 @@ proptest! {
     #[test]
     fn recordings_keep_their_bits_and_repeat(moves in moves(), npc_collision in any::<bool>()) {
         let profiles = vec![CharacterProfile::default()];
-        let mut world = World::with_config(FLOOR.clone(), WorldConfig { profiles, task: TaskConfig::default(), npc_collision });
+        let config = WorldConfig { profiles, task: TaskConfig::default(), npc_collision };
+        let mut world = World::with_config(FLOOR.clone(), config);
         let bystander = world.spawn(Vec3::new(10.0, 1.0, 10.0), 0.0);
         let mut npc = world.spawn(Vec3::new(10.2, 1.0, 10.0), 0.0);
         world.set_waypoint(bystander, Vec3::new(12.0, 1.0, 12.0));
@@ -305,7 +306,10 @@ proptest! {
     }
 
     #[test]
-    fn live_evidence_comes_back(graph in graph(), traversals in prop::collection::vec((0..12u32, 0..12u32, 0..3, any::<u32>()), 0..200)) {
+    fn live_evidence_comes_back(
+        graph in graph(),
+        traversals in prop::collection::vec((0..12u32, 0..12u32, 0..3, any::<u32>()), 0..200),
+    ) {
         let mut live = LiveEvidence::default();
         for (from, to, end, decisions) in traversals {
             let end = [TryEnd::Arrived, TryEnd::Failed, TryEnd::Died][end as usize];
@@ -334,7 +338,8 @@ proptest! {
 
     #[test]
     fn packed_numbers_keep_their_bits(values in prop::collection::vec(any::<u32>(), 0..50)) {
-        let unpacked = convert::unpack(&convert::pack(values.iter().copied().map(f32::from_bits)), values.len(), "values");
+        let packed = convert::pack(values.iter().copied().map(f32::from_bits));
+        let unpacked = convert::unpack(&packed, values.len(), "values");
         prop_assert_eq!(unpacked.unwrap().into_iter().map(f32::to_bits).collect::<Vec<_>>(), values);
     }
 }

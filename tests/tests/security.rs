@@ -389,7 +389,8 @@ async fn a_certificate_is_reloaded_when_its_files_change_and_kept_while_they_are
     let world = client.create_world(CreateWorldRequest { map, ..Default::default() }).await.unwrap().into_inner().world;
     let watch = WatchWorldRequest { world_id: world.unwrap().world_id, rate_hz: 10.0, ..Default::default() };
     let mut snapshots = client.watch_world(watch).await.unwrap().into_inner();
-    // A certificate without its key is named in the log; nobody is cut off. (Whether it is ever read depends on when.)
+    // The server logs a certificate without its key and keeps connections open. (Timing decides whether it reads this
+    // one.)
     let (next_certificate, next_key) = next.issue("127.0.0.1");
     std::fs::copy(&next_certificate, &certificate).unwrap();
     list_worlds(&server.uri, trusting(&former)).await.unwrap();
@@ -403,7 +404,7 @@ async fn a_certificate_is_reloaded_when_its_files_change_and_kept_while_they_are
     server.stop().await;
 }
 
-/// What a server is doing when it is told to stop.
+/// What a server is doing when it is stopped.
 #[derive(Debug, Clone, Copy)]
 enum Load {
     /// It sends to a client over TLS that does not read.
@@ -668,7 +669,8 @@ async fn pages_from_elsewhere_may_not_call() {
             server,
             &format!(
                 "OPTIONS {call} HTTP/1.1\nHost: {host}\nOrigin: {origin}\nConnection: close\n\
-                 Access-Control-Request-Method: POST\nAccess-Control-Request-Headers: content-type,connect-protocol-version\n\n"
+                 Access-Control-Request-Method: POST\n\
+                 Access-Control-Request-Headers: content-type,connect-protocol-version\n\n"
             ),
         )
         .await;
@@ -678,8 +680,8 @@ async fn pages_from_elsewhere_may_not_call() {
         let answer = http(
             server,
             &format!(
-                "POST {call} HTTP/1.1\nHost: {host}\nOrigin: {origin}\nConnection: close\nAuthorization: Bearer {secret}\n\
-                 Content-Type: application/json\nContent-Length: {}\n\n{body}",
+                "POST {call} HTTP/1.1\nHost: {host}\nOrigin: {origin}\nConnection: close\n\
+                 Authorization: Bearer {secret}\nContent-Type: application/json\nContent-Length: {}\n\n{body}",
                 body.len()
             ),
         )

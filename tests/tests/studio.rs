@@ -305,7 +305,8 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
     set_goal(&mut client, npc_id, goal).await;
     // The NPC has no plan with a path until its worker has the graph.
     let first = next_plan(&mut steps).await;
-    // The last leg along an edge, far from the NPC. The leg to the goal leads along none, although a vertex lies there, too.
+    // The last leg along an edge, far from the NPC. The leg to the goal leads along none, although a vertex lies there,
+    // too.
     let at = |place: &wire::Vec3| graph.vertices.iter().position(|vertex| vertex == place);
     let (_, vertices) = first.waypoints.split_last().expect("a plan with waypoints");
     let (from, to) = vertices

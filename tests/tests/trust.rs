@@ -1,4 +1,5 @@
-//! What must not go wrong whoever calls: workers that fall silent, floods, full memory, others' property, files that are damaged.
+//! Tests that no caller can do harm: workers that fall silent, floods, full memory, other callers' property, damaged
+//! files.
 
 use e2e::{
     LIMIT, Running, build_to_end, create_world, ground, metrics, planner_client, set_goal, small_map, spawn, start_of,
@@ -547,7 +548,8 @@ async fn a_worker_with_a_token_works_where_tokens_are_required() {
     server.stop().await;
 }
 
-/// Everything that happens on a lockstep world with a real worker up to a tick, NPCs by the order in which they were spawned.
+/// Everything that happens on a lockstep world with a real worker up to a tick, NPCs by the order in which they were
+/// spawned.
 ///
 /// All NPCs get their next places and goals together, once all attempts have ended: until then the world stands still.
 async fn history_of_lockstep_world(

@@ -1,5 +1,5 @@
-//! Untrusted bytes: every decoder returns a value or an error with a message, and takes memory in proportion to the input. The
-//! trials are those of the fuzz targets. The inputs are their corpora, unchanged and mutated.
+//! Untrusted bytes: every decoder returns a value or an error with a message, and takes memory in proportion to the
+//! input. The trials are those of the fuzz targets. The inputs are their corpora, unchanged and mutated.
 
 use crate::decoders::{FIRST_NPC, TRIALS, Trial, answer};
 use proptest::prelude::*;
@@ -123,8 +123,8 @@ fn input() -> impl Strategy<Value = Input> {
     ]
 }
 
-/// Most memory that a trial of `len` bytes may allocate at a time: for the decoded value, its encoding and decoding, and the
-/// trial's own worlds and tables. A decoder that trusts an unchecked count needs far more.
+/// Most memory that a trial of `len` bytes may allocate at a time: for the decoded value, its encoding and decoding,
+/// and the trial's own worlds and tables. A decoder that trusts an unchecked count needs far more.
 fn most_memory(len: usize) -> u64 {
     (1 << 20) + 16 * len as u64
 }

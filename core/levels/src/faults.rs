@@ -97,7 +97,8 @@ impl fmt::Display for Warning {
             }
             Self::InconsistentEdges { count } => write!(
                 f,
-                "{count} edges join triangles that face opposite ways: bodies pass through one of the two; make the normals consistent"
+                "{count} edges join triangles that face opposite ways: bodies pass through one of \
+                 the two; make the normals consistent"
             ),
             Self::TurnedShells { count } => {
                 write!(f, "{count} shells were inside out and were turned: their fronts look out now")
@@ -107,7 +108,8 @@ impl fmt::Display for Warning {
             }
             Self::Plates { count } => write!(
                 f,
-                "{count} triangles belong to surfaces without thickness: they became plates of 5 cm, which hold from both sides"
+                "{count} triangles belong to surfaces without thickness: they became plates of 5 cm, which hold \
+                 from both sides"
             ),
             Self::Helpers { count } => {
                 write!(
@@ -213,7 +215,8 @@ pub enum ImportError {
     Obj(String),
     /// The level has no solid triangles.
     #[error(
-        "the level has no solid triangles: nodes called lava, water, pad, zip_line, teleporter or jetpack, and helpers such as navmesh or trigger, are not solid, and with `colliders` in the sidecar nothing else is"
+        "the level has no solid triangles: nodes called lava, water, pad, zip_line, teleporter or jetpack, \
+         and helpers such as navmesh or trigger, are not solid, and with `colliders` in the sidecar nothing else is"
     )]
     Empty,
     /// The level has too many triangles.
@@ -221,7 +224,8 @@ pub enum ImportError {
     TooManyTriangles,
     /// The level is larger than a map may be; its extent in metres.
     #[error(
-        "the level is {:.0} x {:.0} x {:.0} m, but at most {MAX_SIDE_M} x {} x {MAX_SIDE_M} m fit: use --scale (0.01 if it is in centimetres) or split it",
+        "the level is {:.0} x {:.0} x {:.0} m, but at most {MAX_SIDE_M} x {} x {MAX_SIDE_M} m fit: \
+         use --scale (0.01 if it is in centimetres) or split it",
         .0.x, .0.y, .0.z, MAX_HEIGHT_M - 1
     )]
     TooLarge(Vec3),

@@ -7,8 +7,8 @@
 //!          | vertices 3 x f32 | corners 3 x u32 for each triangle | surfaces u8 for each triangle
 //! ```
 //!
-//! Numbers are little-endian. Corners with equal bits share a vertex, so a decoded map has exactly the same corners. The
-//! grid is not stored: building it takes less time than reading it would.
+//! Numbers are little-endian. Corners with equal bits share a vertex, so a decoded map has exactly the same corners.
+//! The grid is not stored: building it takes less time than reading it would.
 
 use crate::load::{Overload, check_load, is_allowed};
 use std::collections::HashMap;
@@ -84,7 +84,10 @@ pub enum FileError {
     #[error("the description in the saved map cannot be read ({0}); save it again")]
     Description(String),
     /// The size is out of range.
-    #[error("the saved map is {} x {} x {} m, but must be 1 x 1 x 1 to {MAX_SIDE_M} x {MAX_HEIGHT_M} x {MAX_SIDE_M} m", .0.width, .0.height, .0.depth)]
+    #[error(
+        "the saved map is {} x {} x {} m, but must be 1 x 1 x 1 to {MAX_SIDE_M} x {MAX_HEIGHT_M} x {MAX_SIDE_M} m",
+        .0.width, .0.height, .0.depth
+    )]
     Size(MapSize),
     /// The spec is out of range.
     #[error("the spec in the saved map is not valid: {0}")]

@@ -9,7 +9,8 @@ use serde::Deserialize;
 pub(super) const EXTENSIONS: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 /// Longest element that is decoded, bytes.
 const MAX_STRIDE: usize = 64;
-const NEWER: &str = "vertices that a newer meshoptimizer compressed: use EXT_meshopt_compression (gltfpack -c or -cc), or no compression";
+const NEWER: &str = "vertices that a newer meshoptimizer compressed: use EXT_meshopt_compression \
+                     (gltfpack -c or -cc), or no compression";
 const DAMAGED: &str =
     "compressed data that cannot be decoded: the file is damaged; export it again, or without compression";
 
@@ -422,7 +423,8 @@ mod tests {
             let decoded: Vec<u32> = decoded.as_chunks::<4>().0.iter().map(|it| u32::from_le_bytes(*it)).collect();
             // The encoder turns triangles.
             for (one, other) in corners.chunks(3).zip(decoded.chunks(3)) {
-                prop_assert!((0..3).any(|turn| (0..3).all(|at| one[(at + turn) % 3] == other[at])), "{one:?} {other:?}");
+                let is_turned = |turn: usize| (0..3).all(|at| one[(at + turn) % 3] == other[at]);
+                prop_assert!((0..3).any(is_turned), "{one:?} {other:?}");
             }
         }
 

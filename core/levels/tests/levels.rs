@@ -503,7 +503,10 @@ fn gltf_level(nodes: Value) -> Value {
             { "buffer": 0, "byteOffset": 0, "byteLength": 36 },
             { "buffer": 0, "byteOffset": 36, "byteLength": 3 },
         ],
-        "buffers": [{ "byteLength": 40, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAECAA==" }],
+        "buffers": [{
+            "byteLength": 40,
+            "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAECAA==",
+        }],
     })
 }
 
@@ -624,7 +627,10 @@ fn compressed_level(positions: &[[f32; 3]], indices: &[u32], damage: impl Fn(&mu
     let (count, corners) = (positions.len(), indices.len());
     level["bufferViews"] =
         json!([view(0, vertex_len, 12, count, "ATTRIBUTES"), view(vertex_len, index_len, 4, corners, "TRIANGLES")]);
-    let fallback = json!({ "byteLength": 12 * count + 4 * corners, "extensions": { "EXT_meshopt_compression": { "fallback": true } } });
+    let fallback = json!({
+        "byteLength": 12 * count + 4 * corners,
+        "extensions": { "EXT_meshopt_compression": { "fallback": true } },
+    });
     level["buffers"] = json!([{ "byteLength": bytes.len() }, fallback]);
     glb(&level, Some(&bytes))
 }
@@ -823,7 +829,11 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
         (
             changed(
                 "/accessors/0/sparse",
-                json!({ "count": 1, "indices": { "bufferView": 1, "componentType": 5121 }, "values": { "bufferView": 0 } }),
+                json!({
+                    "count": 1,
+                    "indices": { "bufferView": 1, "componentType": 5121 },
+                    "values": { "bufferView": 0 },
+                }),
             ),
             "sparse accessors",
         ),
@@ -1138,7 +1148,10 @@ fn animated_level(nodes: Value, animations: &[(usize, &str, Keys<'_>)]) -> Vec<u
 
 #[test]
 fn animations_move_lifts_platforms_and_doors() {
-    let node = |name: &str, at: [f32; 3], scale: [f32; 3]| json!({ "name": name, "mesh": 0, "translation": at, "scale": scale });
+    let node = |name: &str, translation: [f32; 3], scale: [f32; 3]| {
+        let mesh = 0;
+        json!({ "name": name, "mesh": mesh, "translation": translation, "scale": scale })
+    };
     let nodes = json!([
         node("floor", [0.0, -0.5, 0.0], [60.0, 1.0, 60.0]),
         node("Elevator", [10.0, 0.1, 0.0], [3.0, 0.2, 3.0]),

@@ -67,8 +67,8 @@ pub enum GraphError {
     BadEvidence(EdgeKey),
     /// An edge depends on a mover or a stop that no map can have.
     #[error(
-        "edge {} -> {} depends on a mover or stop that no map has: there are at most {MAX_MOVERS} movers with {MAX_STOPS} \
-         stops each, and a ride leads from one stop where its mover must stand to another", .0.from, .0.to
+        "edge {} -> {} depends on a mover or stop that no map has: there are at most {MAX_MOVERS} movers with \
+         {MAX_STOPS} stops each, and a ride leads from one stop where its mover must stand to another", .0.from, .0.to
     )]
     BadNeeds(EdgeKey),
     /// The cost model of unproved legs has a coefficient, range or share that is out of range.

@@ -120,8 +120,8 @@ pub struct Difference {
     pub islands: (usize, usize),
 }
 
-/// Compares two versions of a level. A position counts as reached in a version if a reached vertex lies within 8 m of
-/// it.
+/// Compares two versions of a level. A position counts as reached in a version if a reached vertex is at most 8 m
+/// away.
 pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
     let reached = |graph: &NavGraph| -> Vec<Vec3> {
         let reached = graph.vertices().zip(reached_from_main(graph)).filter(|(_, reached)| *reached);

@@ -19,14 +19,16 @@ pub trait Actor: fmt::Debug + Send + Sync {
 pub struct Batch<'a> {
     /// Rows of [`Policy::observation_len`](crate::Policy::observation_len) values.
     pub observations: &'a [f32],
-    /// Rows of [`Policy::memory_len`](crate::Policy::memory_len) values: zeros at the start of an attempt, overwritten for the next decision.
+    /// Rows of [`Policy::memory_len`](crate::Policy::memory_len) values: zeros at the start of an attempt, overwritten
+    /// for the next decision.
     pub memory: &'a mut [f32],
-    /// Noise in units of the policy's standard deviation: rows of [`ACTION_LEN`](surefoot_world::character::ACTION_LEN) values, or empty for none.
+    /// Noise in units of the policy's standard deviation: rows of
+    /// [`ACTION_LEN`](surefoot_world::character::ACTION_LEN) values, or empty for none.
     pub noise: &'a [f32],
 }
 
-/// Buffers of a [`CpuActor`](crate::CpuActor) for one block of rows. Allocated at first use, and again for a larger batch or an actor of
-/// other sizes.
+/// Buffers of a [`CpuActor`](crate::CpuActor) for one block of rows. Allocated at first use, and again for a larger
+/// batch or an actor of other sizes.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
     pub(crate) sizes: Option<ActorConfig>,

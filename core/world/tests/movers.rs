@@ -344,7 +344,8 @@ fn names_of_nodes_and_the_sidecar_make_movers() {
     }
     let sidecar = r#"{"movers": [
         {"name": "belt", "kind": "conveyor", "min": [-5, 0, 0], "max": [-3, 0.2, 6], "velocity": [0, 0, 2]},
-        {"name": "gate", "kind": "door", "min": [2, 0, 8], "max": [4, 3, 8.2], "path": [[0, 3, 0]], "seconds": 2, "open": true}
+        {"name": "gate", "kind": "door", "min": [2, 0, 8], "max": [4, 3, 8.2], "path": [[0, 3, 0]], "seconds": 2,
+            "open": true}
     ]}"#;
     let imported =
         surefoot_levels::import_obj(text.as_bytes(), Some(sidecar), &ImportOptions::default()).expect("a level");

@@ -374,7 +374,8 @@ macro_rules! growing {
 }
 
 growing!(
-    Body "sf_body", State "sf_state", Progress "sf_progress", Query "sf_query", GraphInfo "sf_graph_info", Step "sf_step"
+    Body "sf_body", State "sf_state", Progress "sf_progress", Query "sf_query", GraphInfo "sf_graph_info",
+    Step "sf_step"
 );
 
 impl From<world::Vec3> for Vec3 {

@@ -1,11 +1,12 @@
-//! A game whose physics is not ours: rapier's kinematic character controller on rapier's colliders, which sees with parry's rays.
+//! A game with foreign physics: rapier's kinematic character controller moves characters on rapier's colliders, and
+//! parry casts their rays.
 //!
 //!   cargo run --release -p surefoot-game --example rapier -- level.glb 127.0.0.1:7700
 //!   surefoot graph export level.glb --world http://127.0.0.1:7700 --format json --out level.json
 //!   surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json
 //!
-//! The level is a file that Surefoot reads as well (.glb, .gltf, .obj, .sfmap). Its geometry becomes colliders; water and lava are areas.
-//! Pads, zip lines, teleporters and jetpacks do nothing here: use levels without.
+//! The level is a file in a format that Surefoot reads (.glb, .gltf, .obj, .sfmap). Its geometry becomes colliders;
+//! water and lava become areas. Pads, zip lines, teleporters and jetpacks have no effect here: use levels without them.
 
 use anyhow::{Context, bail};
 use rapier3d::control::{CharacterAutostep, CharacterLength, KinematicCharacterController};
@@ -29,7 +30,8 @@ use surefoot_world::{Map, navigable};
 const MAX_FALL_SPEED: f32 = 45.0;
 /// Depth of a liquid above the feet from which a body is in it, m.
 const WADING_DEPTH_M: f32 = 0.25;
-/// Distance up to which a body touches a face, m: that of the controller, which keeps 1 % of the height clear and allows 5 cm more.
+/// Distance up to which a body touches a face, m. It matches the controller, which keeps 1 % of the height clear and
+/// tolerates 5 cm more.
 const TOUCH_M: f32 = 0.07;
 /// Environments at a time.
 const ENVS: usize = 16;

@@ -1,5 +1,5 @@
-//! Measures how fast decisions go through what lies between Surefoot and a game: how many a second of 128 characters that do nothing, in
-//! games at these addresses, and in one in this process that serves environments by itself.
+//! Measures the throughput between Surefoot and a game: decisions per second of 128 characters that do nothing. It
+//! measures the games at the given addresses, and a game in this process that serves environments directly.
 //!
 //!   cargo run --release -p surefoot-game --example speed -- level.obj tcp://127.0.0.1:7701 unix:/run/game.sock
 

@@ -1,9 +1,10 @@
-//! Lets a game serve environments (`EnvService`), so that Surefoot trains, proves graphs and measures success in the game's own physics:
-//! docs/games.md.
+//! Lets a game serve environments (`EnvService`), so that Surefoot trains, proves graphs and measures success in the
+//! game's own physics. See docs/games.md.
 //!
-//! A game in Rust implements [`GameWorld`], one character of it, and [`Level`], which makes such worlds; [`serve`] does the rest. A game in
-//! another language speaks the batch protocol, and a [`Bridge`] serves environments in its name. Episodes, rewards, routes and the layout of
-//! observations are those of worlds of ours, by the same code. `examples/rapier.rs` is a whole game, `c/` and `python/` have others.
+//! A game in Rust implements [`GameWorld`] and [`Level`], which creates the worlds; [`serve`] does the rest. A game in
+//! another language speaks the batch protocol, and a [`Bridge`] serves environments on its behalf. Episodes, rewards,
+//! routes and the layout of observations use the same code as Surefoot's own worlds. `examples/rapier.rs` is a complete
+//! game; `c/` and `python/` contain others.
 
 mod batch;
 mod decide;

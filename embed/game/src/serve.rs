@@ -94,7 +94,7 @@ pub async fn serve<L: Level>(
     serve_game(endpoint, Arc::new(Hosted(level)), limit, shutdown).await
 }
 
-/// Serves environments on a level at `address` until the process ends, at most `limit` at a time, on threads of its own.
+/// Serves environments on a level at `address` until the process ends: at most `limit` at a time, on separate threads.
 ///
 /// # Errors
 /// As [`serve`].

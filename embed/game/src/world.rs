@@ -26,7 +26,8 @@ pub struct BodyState {
     pub fuel: f32,
     /// Whether it is in water.
     pub is_in_water: bool,
-    /// How it came to harm, if it did: fell out of the level, burnt or drowned. It is then ignored until it is placed again.
+    /// How it came to harm, if it did: it fell out of the level, burnt or drowned. It is then ignored until it is
+    /// placed again.
     pub harm: Option<End>,
     /// Abilities that it used in the last tick.
     pub used_abilities: AbilitySet,
@@ -37,8 +38,8 @@ pub struct BodyState {
 pub struct Command {
     /// Forward, strafe (positive to the right), turn (positive as yaw grows) and jump, each -1 to 1.
     pub action: Action,
-    /// Whether this is the first of the ten ticks for which the action holds: one jump is wanted in them if `action.jump` is above 0, as
-    /// soon as it can be made.
+    /// Whether this is the first of the ten ticks for which the action holds. If `action.jump` is above 0, the
+    /// character jumps once in these ticks, as soon as it can.
     pub is_first: bool,
 }
 
@@ -47,12 +48,13 @@ pub trait GameWorld: Send {
     /// Puts a character there, at rest, unharmed and with nothing left of what it did; `feet` is in m, `yaw` in rad.
     fn place(&mut self, character: usize, feet: Vec3, yaw: f32);
 
-    /// Advances the world by a tick of 1/60 s. The characters of `commands`, ascending, carry out their actions. All others may be ignored.
+    /// Advances the world by a tick of 1/60 s. The characters in `commands`, in ascending order, carry out their
+    /// actions. All others may be ignored.
     fn tick(&mut self, commands: &[(usize, Command)]);
 
     /// The state of a character.
     fn state(&self, character: usize) -> BodyState;
 
-    /// Casts rays of at most `range` m from `origin`, m, in these unit directions. Characters are not in the way of rays.
+    /// Casts rays of at most `range` m from `origin`, m, in these unit directions. Rays pass through characters.
     fn cast(&self, origin: Vec3, directions: &[Vec3; RAY_COUNT], range: f32) -> [Hit; RAY_COUNT];
 }

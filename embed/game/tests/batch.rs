@@ -1,5 +1,5 @@
-//! The batch protocol through the public door: a bridge to games that speak it as docs/games.md says, and to games that do not. The bytes
-//! are written by hand here, as a game in another language would.
+//! Tests of the batch protocol through the public API: a bridge to games that follow docs/games.md, and to games that
+//! do not. The bytes are written by hand here, as a game in another language would.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -18,7 +18,8 @@ const OPEN: u32 = 2;
 const PLACES: u32 = 3;
 const DECIDE: u32 = 4;
 
-/// Changes an answer to a message of a kind before it is sent: header and body. If nothing is left, the connection is closed.
+/// Changes the header and body of an answer to a message of a kind before it is sent. An empty result closes the
+/// connection.
 type Fault = fn(u32, &mut Vec<u8>);
 
 /// What a game has seen.

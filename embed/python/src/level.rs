@@ -71,8 +71,8 @@ impl Densities {
 #[pymethods]
 impl Level {
     #[staticmethod]
-    #[pyo3(signature = (seed, *, size = Extent::Side(250), kind = "terrain", features = Densities::Text("paper".to_owned()),
-        movers = Densities::Text("none".to_owned()), repair = true))]
+    #[pyo3(signature = (seed, *, size = Extent::Side(250), kind = "terrain",
+        features = Densities::Text("paper".to_owned()), movers = Densities::Text("none".to_owned()), repair = true))]
     fn generate(
         py: Python<'_>,
         seed: u64,

@@ -108,12 +108,12 @@ pub struct TrainConfig {
     /// Environments in each of `worlds`, with `collector.npcs_per_world` NPCs each. While one moves, another decides.
     #[serde(default = "two")]
     pub envs_per_world: usize,
-    /// Number of actors that feed the run, each with `collector.world_count` times `collector.npcs_per_world` NPCs; 0: this
-    /// process collects.
+    /// Number of actors that feed the run, each with `collector.world_count` times `collector.npcs_per_world` NPCs; 0:
+    /// this process collects.
     #[serde(default)]
     pub actors: usize,
-    /// Greatest age of the weights that chose an action, in updates. Older decisions are not learned from. Only used with
-    /// `worlds` or `actors`.
+    /// Greatest age of the weights that chose an action, in updates. Older decisions are not learned from. Only used
+    /// with `worlds` or `actors`.
     #[serde(default = "usual_staleness")]
     pub max_staleness: u64,
 }
@@ -383,8 +383,8 @@ pub struct CollectorConfig {
     /// Share of the maps whose NPCs have a random body instead.
     #[serde(default)]
     pub random_bodies: f64,
-    /// Share of goals that are drawn from places that the survey finds reachable for the NPC. The rest is drawn from all
-    /// places.
+    /// Share of goals that are drawn from places that the survey finds reachable for the NPC. The rest are drawn from
+    /// all places.
     #[serde(default)]
     pub reachable_share: f64,
     /// Number of maps in use at a time.

@@ -47,8 +47,8 @@ pub fn temperature_loss(log_alpha: Tensor<1>, mean_log_prob: f32, target_entropy
 }
 
 /// Samples squashed actions with the reparameterisation trick from standard normal `noise`, `[batch, ACTION_LEN]`.
-/// Returns actions `[batch, ACTION_LEN]` and their log probabilities `[batch, 1]`: eq. (21), with the tanh correction in
-/// numerically stable form.
+/// Returns actions `[batch, ACTION_LEN]` and their log probabilities `[batch, 1]`: eq. (21), with the tanh correction
+/// in numerically stable form.
 pub fn sample_squashed(distribution: ActionDistribution, noise: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
     const HALF_LOG_TWO_PI: f32 = 0.918_938_5;
     const LOG_TWO: f32 = std::f32::consts::LN_2;

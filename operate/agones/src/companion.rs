@@ -27,8 +27,8 @@ impl Default for Pace {
     }
 }
 
-/// Awaits `serving`, and meanwhile reports what `observer` sees to the sidecar at `uri`. When the server has ended
-/// without an error, after it has drained and saved its worlds, the sidecar is asked to shut the game server down.
+/// Awaits `serving`, and meanwhile reports what `observer` sees to the sidecar at `uri`. When the server has drained,
+/// saved its worlds and ended without an error, this function requests a shutdown of the game server from the sidecar.
 ///
 /// If `uri` is not a URI, or `serving` fails. Failures of the sidecar are logged.
 pub async fn run_with_sidecar<E: From<LinkError>>(

@@ -1,4 +1,5 @@
-//! A server beside a sidecar that is ours: what the sidecar is told, in which order, and what happens while it is away.
+//! Tests of a server beside a fake sidecar: what the server reports, in which order, and what happens while the sidecar
+//! is away.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -26,7 +27,7 @@ const PACE: Pace = Pace { beat: Duration::from_millis(10), longest_retry: Durati
 /// How long a world's thread may be silent in these tests.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// What the sidecar was told.
+/// A report that the sidecar received.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum ReportedCounter {
     Ready,
@@ -64,12 +65,12 @@ impl Fake {
         self.told.borrow().iter().map(|(told, _)| told.clone()).collect()
     }
 
-    /// What was told besides health.
+    /// All reports except health.
     fn changes(&self) -> Vec<ReportedCounter> {
         self.all().into_iter().filter(|told| *told != ReportedCounter::Health).collect()
     }
 
-    /// Waits until `enough` of what was told.
+    /// Waits until `enough` holds for the reports received so far.
     async fn until(&self, enough: impl Fn(&[ReportedCounter]) -> bool) {
         let mut told = self.told.subscribe();
         let enough = |all: &Vec<(ReportedCounter, Instant)>| {

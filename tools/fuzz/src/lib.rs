@@ -1,9 +1,9 @@
 //! One trial for each decoder: decodes bytes to a checked value, encodes and decodes it again.
 //!
-//! The fuzz targets call these functions, and so do the tests in `tests/tests/untrusted.rs`, which include this file. A trial
-//! accepts any bytes. The decoder must return a value or an error with a message. A panic is a bug, and so is a value that
-//! changes when it is encoded and decoded again. Checksums are no obstacle: bytes after a checksum are also tried with the
-//! correct one before them.
+//! The fuzz targets call these functions, and so do the tests in `tests/tests/untrusted.rs`, which include this file. A
+//! trial accepts any bytes. The decoder must return a value or an error with a message. A panic is a bug, and so is a
+//! value that changes when it is encoded and decoded again. Checksums are no obstacle: bytes after a checksum are also
+//! tried with the correct one before them.
 
 use prost::Message;
 use std::fmt::Display;
@@ -118,8 +118,8 @@ pub fn world_messages(bytes: &[u8]) {
     }
 }
 
-/// A lockstep world with three NPCs that seek goals: one worker has the first two, another the third. Messages to the workers
-/// wait in the queues.
+/// A lockstep world with three NPCs that seek goals: one worker has the first two, another the third. Messages to the
+/// workers wait in the queues.
 fn lockstep_world() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
     let (registry, quota) = (Arc::new(Registry::default()), Quota::new(3, "NPCs"));
     let mut world = HostedWorld::new(WorldId(1), FLOOR.clone(), TimeMode::Lockstep, registry.clone());

@@ -64,7 +64,7 @@ pub enum PieceShape {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PieceError {
     /// There are too many.
-    #[error("the map would have {0} pieces, but at most {MAX_PIECES} fit: remove some, or import the level anew")]
+    #[error("the map would have {0} pieces, but at most {MAX_PIECES} fit: remove some, or import the level again")]
     TooMany(usize),
     /// Together they cover too much.
     #[error("the pieces cover {0:.0} m2 together, but at most {MAX_COVERED_M2:.0} are possible: make them smaller")]

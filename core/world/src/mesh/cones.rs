@@ -1,5 +1,5 @@
-//! The index through which NPCs cast their cones of rays: one for the built triangles of a map, which edited maps share,
-//! and one for the triangles that were added.
+//! The index through which NPCs cast their cones of rays: one for the built triangles of a map, which edited maps
+//! share, and one for the triangles that were added.
 
 use super::columns::Columns;
 use super::fan::{ConeHits, Elevations};

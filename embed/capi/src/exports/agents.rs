@@ -177,7 +177,13 @@ export! {
         write_growing(progress, "progress", found)
     }
 
-    fn sf_agents_save(agents: *const Handle<Agents>, agent: u32, bytes: *mut c_void, capacity: usize, size: *mut usize) {
+    fn sf_agents_save(
+        agents: *const Handle<Agents>,
+        agent: u32,
+        bytes: *mut c_void,
+        capacity: usize,
+        size: *mut usize,
+    ) {
         let agents = lock(reference(agents, "agents")?, "agents")?;
         let needed = agents.saved_len();
         write(size, "size", needed)?;

@@ -49,7 +49,8 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Connects to the game at `address`, `tcp://HOST:PORT` or `unix:PATH`, and serves environments on a free port of loopback.
+    /// Connects to the game at `address` (`tcp://HOST:PORT` or `unix:PATH`) and serves environments on a free loopback
+    /// port.
     ///
     /// # Errors
     /// If the address is of another form, nobody answers there, or what answers does not speak the protocol.

@@ -1,6 +1,8 @@
-//! The batch protocol: a game in any language moves bodies and casts rays, one round trip per decision of all characters (docs/games.md).
+//! The batch protocol: a game in any language moves bodies and casts rays, with one round trip per decision of all
+//! characters (docs/games.md).
 //!
-//! [`wire`] is the layout, [`link`] a connection, which is one world of the game; [`bridge`] serves environments in the name of the game.
+//! [`wire`] defines the layout. A [`link`] is a connection and holds one world of the game. [`bridge`] serves
+//! environments on behalf of the game.
 
 mod bridge;
 mod link;

@@ -20,7 +20,8 @@ pub struct SurefootAgent {
     pub caution: Caution,
     /// Abilities that plans do without: zip lines and jetpacks by default, which take a controller of the app's own.
     pub without: AbilitySet,
-    /// Share of the policy's exploration noise, 0 to 1, which frees agents from places where the most likely action runs in circles.
+    /// Share of the policy's exploration noise, 0 to 1. Noise frees agents from places where the most likely action
+    /// runs in circles.
     pub noise_share: f32,
     /// Where its randomness comes from; the entity's index is mixed in.
     pub seed: u64,
@@ -38,11 +39,13 @@ impl Default for SurefootAgent {
     }
 }
 
-/// Where an agent is to go: the place for its feet, m. Inserting it, or changing it, begins an attempt; removing it ends one.
+/// Where an agent is to go: the place for its feet, m. Inserting or changing it begins an attempt; removing it ends the
+/// attempt.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct Goal(pub Vec3);
 
-/// What an agent feels of its body. Its controller writes it in [`SurefootSystems::Sense`](crate::SurefootSystems::Sense).
+/// The state of an agent's body. The controller writes it in
+/// [`SurefootSystems::Sense`](crate::SurefootSystems::Sense).
 #[derive(Component, Debug, Clone, Copy, PartialEq, Default)]
 pub struct AgentState {
     /// Lowest point of the body, m; y is up.
@@ -69,13 +72,15 @@ impl AgentState {
     }
 }
 
-/// What an agent does until it decides again, in 1/6 s. Its controller carries it out; without an attempt it is all zeros.
+/// What an agent does until it decides again, 1/6 s later. The controller carries it out. It is all zeros without an
+/// attempt.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Default)]
 pub struct AgentAction {
-    /// Forward and strafe (positive to the right), as shares of the top speed; turn (positive as yaw grows) as a share of the turning
-    /// speed; a jump if above 0.
+    /// Forward and strafe (positive to the right) as shares of the top speed; turn (positive as yaw grows) as a share
+    /// of the turning speed; a jump if above 0.
     pub action: Action,
-    /// Whether this tick is the first of the decision: one jump is wanted in it if `action.jump` is above 0, as soon as it can be made.
+    /// Whether this tick is the first of the decision. If `action.jump` is above 0, the agent jumps once during the
+    /// decision, as soon as it can.
     pub is_first: bool,
 }
 
@@ -154,16 +159,25 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Unreachable(Some(NoPath::StartOffGraph)) => {
-                "unreachable: no vertex of the graph is near the agent; is it the graph of this level, with its origin set?"
+                "unreachable: no vertex of the graph is near the agent; \
+                 is it the graph of this level, with its origin set?"
             }
-            Self::Unreachable(Some(NoPath::GoalOffGraph)) => "unreachable: no vertex of the graph that can be reached is near the goal",
-            Self::Unreachable(Some(NoPath::DifferentIslands)) => "unreachable: no path joins the islands of start and goal",
-            Self::Unreachable(Some(NoPath::OneWay)) => "unreachable: paths lead from the goal to the agent, but none leads there",
+            Self::Unreachable(Some(NoPath::GoalOffGraph)) => {
+                "unreachable: no vertex of the graph that can be reached is near the goal"
+            }
+            Self::Unreachable(Some(NoPath::DifferentIslands)) => {
+                "unreachable: no path joins the islands of start and goal"
+            }
+            Self::Unreachable(Some(NoPath::OneWay)) => {
+                "unreachable: paths lead from the goal to the agent, but none leads there"
+            }
             Self::Unreachable(None) => "unreachable: every path to the goal was tried",
             Self::GaveUp => "gave up: its patience or its plans ran out",
             Self::NoProgress => "no progress: give the agent a graph for goals that are further away",
             Self::Died => "died",
-            Self::OtherBody => "the graph was proved for another body: export it with --body and the values of SurefootAgent::body",
+            Self::OtherBody => {
+                "the graph was proved for another body: export it with --body and the values of SurefootAgent::body"
+            }
             Self::BadGoal => "the goal has a coordinate that is not a finite number",
         })
     }

@@ -21,8 +21,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SurefootAssetPlugin;
 
-/// The graph by which an agent plans, once it is loaded; the agent then has it as the component [`SurefootGraph`]. A goal that is inserted
-/// before then is headed for without a plan.
+/// The graph on which an agent plans. Once it is loaded, the agent has it as the component [`SurefootGraph`]. An agent
+/// whose goal is inserted before that heads straight for it, without a plan.
 #[derive(Component, Debug, Clone)]
 pub struct PlansBy(pub Handle<SurefootGraph>);
 

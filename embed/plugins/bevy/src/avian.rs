@@ -21,8 +21,8 @@ use surefoot_world::sense::{RAY_COUNT, RAY_RANGE_M};
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SurefootAvianPlugin;
 
-/// Which colliders an agent sees, and which its character collides with; all others without this component. Rays pass through all agents in
-/// any case.
+/// Which colliders an agent sees, and which its character collides with. Without this component, it sees and
+/// collides with all of them. Rays always pass through agents.
 #[derive(Component, Debug, Clone, Default)]
 pub struct AvianFilter {
     /// What rays hit.

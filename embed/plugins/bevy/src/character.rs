@@ -1,5 +1,5 @@
-//! The part of a kinematic character controller that is the same in every physics: what a body wants in a tick, and what becomes of its
-//! velocity.
+//! The part of a kinematic character controller that every physics shares: the motion a body wants in a tick, and its
+//! velocity afterwards.
 
 use crate::agent::{AgentAction, AgentState, SurefootAgent};
 use bevy_ecs::prelude::*;
@@ -10,7 +10,8 @@ use surefoot_world::CharacterProfile;
 /// Terminal speed of a fall, m/s.
 const MAX_FALL_SPEED: f32 = 45.0;
 
-/// Lets the back end move an agent: a kinematic capsule whose centre is the entity's [`Transform`], which faces -z as Bevy's cameras do.
+/// Lets the back end move an agent as a kinematic capsule. Its centre is the entity's [`Transform`], and it faces -z as
+/// Bevy's cameras do.
 #[derive(Component, Debug, Clone, Default)]
 #[require(SurefootAgent, Transform)]
 pub struct SurefootCharacter {
@@ -106,7 +107,8 @@ impl SurefootCharacter {
         (self.ticks_in_air, self.is_jump_pending) = (u8::MAX, false);
     }
 
-    /// Records the move, m, that the physics made of a wish, m: walls stop a body, and so do ceilings; steps do not make it faster.
+    /// Records the move, m, that the physics made of a wish, m: walls and ceilings stop a body; steps do not make it
+    /// faster.
     pub(crate) fn note_move(
         &mut self,
         body: &CharacterProfile,

@@ -39,7 +39,8 @@ pub enum SurefootError {
     Level(String),
     /// A graph belongs to another level.
     #[error(
-        "{astray} of the graph's {count} vertices are nowhere to stand in this level: export the graph from this very file, with the body that walks there"
+        "{astray} of the graph's {count} vertices are nowhere to stand in this level: \
+         export the graph from this very file, with the body that walks there"
     )]
     OtherLevel {
         /// Vertices where the character cannot stand.

@@ -34,8 +34,8 @@ pub struct LegFailed {
     pub died: bool,
 }
 
-/// The app triggers this when an agent dies or is moved elsewhere: its attempt ends, and it forgets what it remembers. A [`Goal`](crate::Goal)
-/// that is inserted afterwards begins another attempt.
+/// The app triggers this when an agent dies or is moved elsewhere: its attempt ends, and its memory is cleared. A
+/// [`Goal`](crate::Goal) that is inserted afterwards begins another attempt.
 #[derive(EntityEvent, Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AgentDied {
     /// The agent.

@@ -7,9 +7,9 @@ use bevy_math::Vec3;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, PoisonError, RwLock};
-use surefoot_planner::price::{EdgeCost, EdgeCosts};
 use surefoot_planner::export::{body_of, import_json};
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
+use surefoot_planner::price::{EdgeCost, EdgeCosts};
 use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{EdgeKey, NavGraph, Plan, Query, Router};
 use surefoot_world::character::MoveScratch;
@@ -20,8 +20,8 @@ const MAX_ASTRAY: f32 = 0.1;
 /// Height above or below a vertex within which there must be a floor, m.
 const RISE_M: f32 = 0.5;
 
-/// The graph by which an agent plans: what `surefoot graph export --format json` wrote. Clones share what is closed and what agents
-/// report. All places are those of the scene.
+/// The graph on which an agent plans, as written by `surefoot graph export --format json`. Clones share closed edges
+/// and the agents' reports. All places are in scene coordinates.
 #[derive(Component, Debug, Clone)]
 #[cfg_attr(feature = "asset", derive(bevy_asset::Asset, bevy_reflect::TypePath))]
 pub struct SurefootGraph {

@@ -5,8 +5,8 @@ use bevy_math::Vec3;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
-use surefoot_world::Map;
 use surefoot_levels::{ImportOptions, UpAxis};
+use surefoot_world::Map;
 use surefoot_world::mesh::Surface;
 
 /// A level's file, for apps that want its geometry as colliders, or a graph aligned to it.

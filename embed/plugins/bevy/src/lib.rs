@@ -1,13 +1,14 @@
-//! NPCs that get there, for Bevy: a trained policy moves each character over short distances, and a graph whose edges were proved by
-//! running that very policy leads it further. docs/bevy.md is the introduction.
+//! NPCs that get there, for Bevy: a trained policy moves each character over short distances, and a graph whose edges
+//! were proved by running that very policy leads it further. docs/bevy.md is the introduction.
 //!
-//! An app adds [`SurefootPlugin`] and one back end, [`avian::SurefootAvianPlugin`] or [`rapier::SurefootRapierPlugin`], and spawns entities
-//! with [`SurefootAgent`] and [`Goal`], perhaps with a [`SurefootGraph`]. With [`SurefootCharacter`] the back end moves them, too. An app
-//! with a controller or rays of its own writes [`AgentState`] in [`SurefootSystems::Sense`], fills [`Sight`] in [`SurefootSystems::Look`],
-//! and carries out [`AgentAction`] in [`SurefootSystems::Move`]. [`AgentPlan`] and the events of [`events`] say how attempts go.
+//! An app adds [`SurefootPlugin`] and one back end, [`avian::SurefootAvianPlugin`] or [`rapier::SurefootRapierPlugin`],
+//! and spawns entities with [`SurefootAgent`] and [`Goal`], optionally with a [`SurefootGraph`]. With
+//! [`SurefootCharacter`] the back end moves them, too. An app with its own controller or rays writes [`AgentState`] in
+//! [`SurefootSystems::Sense`], fills [`Sight`] in [`SurefootSystems::Look`], and carries out [`AgentAction`] in
+//! [`SurefootSystems::Move`]. [`AgentPlan`] and the events of [`events`] report how attempts go.
 //!
-//! The crate has no physics of its own, and knows neither servers nor worlds of Surefoot: what an agent observes, how it follows a plan
-//! and what it decides are the code that NPCs of the server run.
+//! The crate has no physics of its own, and depends on neither Surefoot's servers nor its worlds. Agents observe,
+//! follow plans and decide with the same code as the server's NPCs.
 
 mod agent;
 mod aim;
@@ -53,7 +54,7 @@ pub struct SurefootPlugin {
 pub enum SurefootSystems {
     /// Controllers write [`AgentState`].
     Sense,
-    /// Attempts begin and end, plans are made, and agents that are about to decide say in [`Sight`] which rays they need.
+    /// Attempts begin and end, plans are made, and agents that are about to decide request their rays in [`Sight`].
     Aim,
     /// Back ends cast the rays of each [`Sight`] that is wanted.
     Look,

@@ -21,7 +21,8 @@ Walker::Walker(const Variant& body, const sf_body& profile) : body_(body), profi
     // A body that runs down a slope, or off a step, stays on the ground.
     const float fall_in_a_tick = profile.forward_speed / SF_TICKS_PER_SECOND * std::tan(profile.max_slope);
     body_.call("set_floor_snap_length", static_cast<double>(profile.step_height + fall_in_a_tick));
-    // A body that touches a steep face slides along it. Godot's characters stop there unless they are told otherwise, and do not get up rough slopes.
+    // A body that touches a steep face slides along it. By default, Godot's characters stop there and cannot climb
+    // rough slopes.
     body_.call("set_floor_block_on_wall_enabled", false);
 }
 
@@ -67,7 +68,8 @@ void Walker::jump(sf_vec3& velocity) {
     jump_is_pending_ = false;
 }
 
-// Lifts the body over a step in front of it. Godot's own motion stops at edges that are higher than the roundness of a capsule.
+// Lifts the body over a step in front of it. Godot's own motion stops at edges that are higher than the roundness of a
+// capsule.
 void Walker::climb_step(sf_vec3 velocity, float seconds) const {
     if (!is_on_floor_ || profile_.step_height <= 0.0f || !body_.call("is_on_wall").boolean()) {
         return;

@@ -46,7 +46,7 @@ test('an agent is shown its last action, its acceleration and its lack of progre
   expect(row[12]).toBeCloseTo(Math.tanh(1), 6)
 })
 
-test('an agent that has begun anew remembers nothing', async () => {
+test('an agent that was reset remembers nothing', async () => {
   const agents = new Agents(runner(), { noiseShare: 0 })
   agents.setGoal(0, FEET, GOAL)
   await agents.decide([0], [STATE], OPEN_SKY)

@@ -73,7 +73,7 @@ async function newWorld() {
   return { worldId, points }
 }
 
-test('what cannot be mended is thrown', async () => {
+test('an error that retrying cannot fix is thrown', async () => {
   await expect(surefoot.watchWorld(123n).next()).rejects.toMatchObject({ code: Code.NotFound })
   const { worldId } = await newWorld()
   await expect(surefoot.spawn(worldId, [{ position: { x: -900, y: 0, z: 0 } }])).rejects.toThrow(

@@ -89,7 +89,7 @@ function worst(row: Float32Array, golden: Float32Array): { at: number; differenc
   return found
 }
 
-/** The state that a row tells of, given what it does not say: heading and goal. */
+/** The state that a row describes, given the heading and the goal, which the row does not contain. */
 function stateIn(golden: Float32Array, yaw: number, goal: Vec3): AgentState {
   const state = golden.subarray(320)
   const [sin, cos] = [Math.sin(yaw), Math.cos(yaw)]
@@ -146,7 +146,7 @@ test('observations while characters move are those of the program', async () => 
   for (let decision = 0; decision < 6; decision++) {
     const states = golden.map((row, idx) => stateIn(row, yaws[idx]!, moving[idx]!.goal))
     const actions = await agents.decide(agentIds, states, mesh.cast)
-    // What the program is told is what the agents remember.
+    // The program receives the actions that the agents remember.
     const rounded = actions.map((action) => Object.values(action).map(Math.fround))
     const packed = new Uint8Array(new Float32Array(rounded.flat()).buffer)
     const { results } = await surefoot.envs.stepEnv({ envId, actions: { actions: packed } })

@@ -59,7 +59,7 @@ export function shortId(id: string): string {
   return id.slice(0, 8)
 }
 
-/** Seconds that are left of something that has come so far; undefined where that cannot be told. */
+/** Seconds left of an operation with this progress; undefined if they cannot be estimated. */
 export function timeLeft(done: number, total: number, elapsedSeconds: number): number | undefined {
   if (done <= 0 || total <= 0 || elapsedSeconds <= 0) return undefined
   return (Math.max(0, total - done) / done) * elapsedSeconds

@@ -60,7 +60,7 @@ export class Studio {
     if (world === undefined || laid === undefined || laid.worldId !== world.worldId) return undefined
     return { world, pieces: laid.pieces, mapHash: laid.mapHash || world.mapHash }
   })
-  /** Whether somebody looks at the page: streams rest while nobody does. */
+  /** Whether the page is visible. Streams pause while it is hidden. */
   private readonly visible = signal(true)
   /** Aborts when another world is shown. */
   private shownWorld: AbortSignal | undefined
@@ -153,7 +153,7 @@ export class Studio {
     })
   }
 
-  /** Says whether somebody looks at the page. */
+  /** Sets whether the page is visible. */
   setVisible(visible: boolean): void {
     this.visible.value = visible
   }
@@ -188,7 +188,7 @@ export class Studio {
     if (id !== undefined && signal !== undefined) void this.pieces.take(id, revision, signal)
   }
 
-  /** Draws the map anew where it was edited. */
+  /** Redraws the map where it was edited. */
   private redraw(box: Box): void {
     const [id, viewport, signal] = [this.worlds.chosenId.peek(), this.viewport.peek(), this.shownWorld]
     if (id !== undefined && viewport !== undefined && signal !== undefined)

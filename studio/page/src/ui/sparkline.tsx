@@ -1,7 +1,7 @@
 const WIDTH = 64
 const HEIGHT = 18
 
-/** A row of values as a line; its height is that of the largest. */
+/** A series of values as a line, scaled to the largest value. */
 export function Sparkline({ values, label }: { values: readonly number[]; label: string }) {
   if (values.length < 2) return null
   return (

@@ -15,7 +15,7 @@ import { ViewBar } from './view-bar'
 
 const hovered = signal<Hit | undefined>(undefined)
 
-/** The 3D view and what lies over it. */
+/** The 3D view and its overlays. */
 export function Stage({ studio }: { studio: Studio }) {
   const container = useRef<HTMLDivElement>(null)
   useEffect(() => (container.current === null ? undefined : mount(studio, container.current)), [studio])

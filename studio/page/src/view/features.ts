@@ -22,7 +22,7 @@ import type { Palette } from './theme'
 import type { Features, Place } from './viewport.types'
 
 const DISC_M = 1.25
-/** An NPC hangs on a cable by its hands: feet so far above the ends on the ground, m. */
+/** Height of a cable above its ends on the ground, m: an NPC holds it with its hands. */
 const CABLE_M = 3.4
 const PAD = abilityColour(Ability.PAD)
 const ZIP = abilityColour(Ability.ZIP_LINE)

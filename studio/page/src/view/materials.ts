@@ -108,7 +108,7 @@ export class Materials {
     set(uniforms.uOutline, palette.outline)
   }
 
-  /** Cutting costs time for every pixel, so the shaders know of it only while there is a section. */
+  /** Cutting costs time for every pixel, so the shaders include it only while there is a section. */
   setSection(height: number | undefined): void {
     this.uniforms.uSection.value = height ?? NO_SECTION
     const cut = height !== undefined

@@ -127,7 +127,7 @@ void main() {
 }
 `
 
-/** Who is above the section is left out beforehand. */
+/** NPCs above the section are filtered out beforehand. */
 export const NPC_FRAGMENT = /* glsl */ `
 uniform float uOpacity;
 varying vec3 vColour;

@@ -81,7 +81,7 @@ export interface SelectedNpc {
 export interface GraphVertex {
   position: Place
   island: number
-  /** Whoever gets in stays in. */
+  /** NPCs that enter cannot leave. */
   trap: boolean
   /** A designer took it out: it is neither drawn nor picked. */
   removed?: boolean

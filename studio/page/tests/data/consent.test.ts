@@ -93,7 +93,7 @@ describe('addresses', () => {
       '/?planner=https://studio.example.evil.example/path',
       { service: 'planner', origin: 'https://studio.example.evil.example', otherwise: OWN_PLANNER },
     ],
-  ])('%s is asked about, and nobody is contacted before the answer', async (link, question) => {
+  ])('%s needs consent, and no service is contacted before the answer', async (link, question) => {
     let isOpen = false
     void open(link, never).then(() => (isOpen = true))
     await new Promise((resolve) => setTimeout(resolve, 20))

@@ -61,20 +61,20 @@ describe('full detail', () => {
     await vi.waitFor(() => expect(level.state.value.kind).toBe('ready'))
   })
 
-  it('is asked for once, though tiles are empty', async () => {
+  it('is requested once, though tiles are empty', async () => {
     level.want(corner, 100)
     await pause()
     expect(asked).toBe(1)
   })
 
-  it('is asked for once, though a tile has to give way at once', async () => {
+  it('is requested once, though a tile has to give way at once', async () => {
     sink.putTile = () => undefined
     level.want(corner, 20)
     await pause()
     expect(asked).toBe(1)
   })
 
-  it('is asked for again with the next wish', async () => {
+  it('is requested again with the next wish', async () => {
     level.want(corner, 100)
     await pause()
     level.want(corner, 101)
@@ -82,7 +82,7 @@ describe('full detail', () => {
     expect(asked).toBe(2)
   })
 
-  it('is asked for where the camera went meanwhile', async () => {
+  it('is requested where the camera went meanwhile', async () => {
     level.want(corner, 100)
     level.want({ x: 600, y: 0, z: 600 }, 20)
     await pause()

@@ -79,7 +79,7 @@ describe('calls that go unanswered', () => {
     expect(link.state.value).toBe('lost')
   })
 
-  it('count once, however many tell of it', () => {
+  it('count once, however many streams report them', () => {
     const [link, error] = [new Link(), late()]
     link.failed(error)
     link.failed(error)

@@ -1,5 +1,5 @@
-//! Loads links of `surefoot graph export --format landmass` into landmass, and compares the share of pairs of places that it connects, without
-//! and with them, with what the exporter said.
+//! Loads links of `surefoot graph export --format landmass` into landmass. Measures the share of pairs of places that
+//! landmass connects, without and with the links, and compares it with the exporter's.
 //!
 //!     landmass-check SEARCH LINKS     the files that `platforms.mjs` writes
 
@@ -117,7 +117,8 @@ fn main() {
     let search: Search = read(search);
     let links: Links = read(links);
     let count = links.links.len();
-    let shares = [Vec::new(), links.links].map(|links| connected(&archipelago(&search.platforms, links), &search.places));
+    let shares =
+        [Vec::new(), links.links].map(|links| connected(&archipelago(&search.platforms, links), &search.places));
     let [without, with] = shares.map(|share| 100.0 * share);
     println!("landmass: {without:.2} % and {with:.2} % of pairs connected without and with {count} links");
     let expected = [search.connected.without, search.connected.with];

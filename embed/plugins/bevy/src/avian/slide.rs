@@ -1,4 +1,5 @@
-//! Kinematic motion on avian's colliders: avian's move and slide, with steep faces as walls, steps, and feet that stay on the ground.
+//! Kinematic motion on avian's colliders: avian's move and slide, with steep faces as walls, steps, and feet that stay
+//! on the ground.
 
 use avian3d::character_controller::move_and_slide::{
     MoveAndSlide, MoveAndSlideConfig, MoveAndSlideHitData, MoveAndSlideHitResponse, MoveHitData,
@@ -64,8 +65,8 @@ impl Slide<'_, '_, '_> {
         }
     }
 
-    /// Avian's move and slide, in which faces that are too steep to walk on do not lift a body that runs into them, and slopes do not slow
-    /// one down that walks.
+    /// Avian's move and slide with two changes: faces that are too steep to walk on do not lift a body that runs into
+    /// them, and slopes do not slow a walking body down.
     fn slide(&self, from: Vec3, velocity: Vec3, walks: bool, delta: Duration) -> Vec3 {
         let config = MoveAndSlideConfig { skin_width: SKIN_M, ..MoveAndSlideConfig::default() };
         let respond = |hit: MoveAndSlideHitData<'_>| {
@@ -122,7 +123,8 @@ impl Slide<'_, '_, '_> {
         carries.then_some(Landing { centre, ground_y: hit.point1.y })
     }
 
-    /// Whether a body that touches an edge stands on it: what is behind the edge can be walked on, and no higher above the feet than a step.
+    /// Whether a body that touches an edge stands on it: the ground behind the edge is walkable and at most a step
+    /// above the feet.
     fn is_edge_of_ground(&self, landed: Vec3, hit: &MoveHitData) -> bool {
         let feet = landed.y - 0.5 * self.body.height;
         if hit.point1.y - feet > self.body.step_height {

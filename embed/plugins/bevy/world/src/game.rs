@@ -41,7 +41,7 @@ pub fn app(level: &SurefootLevel, calls: Receiver<Call>) -> App {
         .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
         .insert_resource(Terrain(level.map().clone()))
         .init_resource::<Looks>()
-        // Whoever decides elsewhere moves first, and is seen and sees afterwards.
+        // Characters move first, with decisions made elsewhere. Then they sense and cast their rays.
         .configure_sets(FixedUpdate, (Move, Sense, Aim, Look).chain())
         .add_systems(FixedUpdate, look_around.in_set(Aim));
     for mesh in level.meshes() {
@@ -170,7 +170,10 @@ fn report(map: &Map, state: &AgentState, jump: Option<Jump>) -> BodyState {
         can_jump: state.can_jump,
         is_in_water: map.liquid_at(state.feet, WADING_DEPTH_M) == Some(Liquid::Water),
         harm,
-        used_abilities: jump.into_iter().map(|jump| if jump == Jump::Ground { Ability::Jump } else { Ability::DoubleJump }).collect(),
+        used_abilities: jump
+            .into_iter()
+            .map(|jump| if jump == Jump::Ground { Ability::Jump } else { Ability::DoubleJump })
+            .collect(),
         ..BodyState::default()
     }
 }

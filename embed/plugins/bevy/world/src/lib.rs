@@ -1,7 +1,9 @@
-//! A game on Bevy whose physics is not ours: avian's colliders and rays, and the plugin's character, which moves by avian's move and slide.
+//! A game on Bevy with foreign physics: avian's colliders and rays, and the plugin's character, which moves by avian's
+//! move and slide.
 //!
-//! The app has a thread of its own, in the program the main thread, and moves nobody unless it is called: Surefoot's server, on other
-//! threads, sends its calls through a channel. `calls.rs` has their side, `game.rs` that of the app.
+//! The app runs on its own thread (the main thread in the program) and moves characters only when it is called.
+//! Surefoot's server runs on other threads and sends its calls through a channel. `calls.rs` has the server's side,
+//! `game.rs` the app's.
 
 mod calls;
 mod game;
@@ -15,8 +17,8 @@ use std::sync::mpsc::{Receiver, sync_channel};
 /// Environments at a time.
 pub const ENVS: usize = 16;
 
-/// The level as the server sees it, and the calls that it will make. Each world waits for the answer to its call, so that there are never
-/// more calls than worlds.
+/// The level as the server sees it, and the receiver of its calls. Each world waits for the answer to its call, so
+/// there are never more calls than worlds.
 pub fn scene(level: &SurefootLevel) -> (Scene, Receiver<Call>) {
     let (sender, calls) = sync_channel(ENVS);
     (Scene::new(level.map().clone(), sender), calls)

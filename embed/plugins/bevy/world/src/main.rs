@@ -4,8 +4,8 @@
 //!   surefoot graph export level.glb --world http://127.0.0.1:7700 --format json --out level.json
 //!   surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json
 //!
-//! The level is a file that Surefoot reads as well (.glb, .gltf, .obj, .sfmap). Its geometry becomes colliders; water and lava are areas.
-//! Pads, zip lines, teleporters and jetpacks do nothing here: use levels without.
+//! The level is a file in a format that Surefoot reads (.glb, .gltf, .obj, .sfmap). Its geometry becomes colliders;
+//! water and lava become areas. Pads, zip lines, teleporters and jetpacks have no effect here: use levels without them.
 
 use anyhow::{Context, anyhow, bail};
 use bevy_surefoot::SurefootLevel;

@@ -1,5 +1,5 @@
-//! What the character can and cannot do: it climbs neither faces that are too steep nor steps that are too high, it does not jump off what it
-//! cannot stand on, and characters ignore each other.
+//! Tests of what the character can and cannot do: it climbs neither faces that are too steep nor steps that are too
+//! high, it does not jump off faces it cannot stand on, and characters ignore each other.
 
 use bevy_surefoot::{LevelFormat, SurefootLevel};
 use surefoot_bevy_world::{app, scene};
@@ -11,7 +11,7 @@ const DECISIONS: usize = 20;
 const LANE_M: f32 = 4.0;
 const OBSTACLE_AT_M: f32 = 8.0;
 
-/// A level of lanes along z, in each of which lies an obstacle: corners of a quadrilateral in (y, z), as wide as the lane.
+/// A level of lanes along z, each with an obstacle: corners of a quadrilateral in (y, z), as wide as the lane.
 fn lanes(obstacles: &[Vec<[(f32, f32); 2]>]) -> SurefootLevel {
     let mut obj = String::new();
     let mut count = 0;
@@ -41,7 +41,8 @@ fn step(height: f32) -> Vec<[(f32, f32); 2]> {
     vec![[(0.0, OBSTACLE_AT_M), (height, OBSTACLE_AT_M)], [(height, OBSTACLE_AT_M), (height, 40.0)]]
 }
 
-/// Lets a character in each lane do `action` again and again, and returns its states after each tick, with feet relative to the lane.
+/// Lets a character in each lane repeat `action`, and returns its states after each tick, with feet relative to the
+/// lane.
 fn run(level: &SurefootLevel, lane_count: usize, action: Action) -> Vec<Vec<BodyState>> {
     let (scene, calls) = scene(level);
     let mut app = app(level, calls);
@@ -103,7 +104,7 @@ fn steps_are_climbed_up_to_the_height_of_a_step() {
 
 #[test]
 fn nobody_jumps_off_a_face_that_is_too_steep() {
-    // A jump and one in the air rise 2.5 m each, at most: whoever jumped off the face would climb on.
+    // A jump and a double jump rise at most 2.5 m each: a character that jumped off the face would climb on.
     let slopes = [40.0, 50.0, 60.0, 75.0];
     let high = |degrees: f32| vec![[(0.0, OBSTACLE_AT_M), (12.0, OBSTACLE_AT_M + 12.0 / degrees.to_radians().tan())]];
     let level = lanes(&slopes.map(high));

@@ -2,7 +2,7 @@
 
 import { checkCount, checkRange, SurefootError } from '../checks.ts'
 
-/** What an observation tells of a body. What is left out of a description is as in the body that policies know best. */
+/** The body as an observation describes it. Omitted fields default to the body that policies handle best. */
 export interface Body {
   /** Height from soles to crown, m. */
   height: number

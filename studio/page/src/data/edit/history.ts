@@ -48,7 +48,7 @@ export function canUndo(step: Step, layers: readonly Layer[]): boolean {
   return sameEdits(edits, step.after)
 }
 
-/** Whether a step can be done again: always for an edit, for a whole layer only if nobody has touched it. */
+/** Whether a step can be done again: always for an edit, for a whole layer only if it is unchanged since. */
 export function canRedo(step: Step, layers: readonly Layer[]): boolean {
   return step.kind === 'append' || sameEdits(editsOf(layers, step.layer), step.before)
 }

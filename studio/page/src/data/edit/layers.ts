@@ -48,7 +48,7 @@ class NoGraph extends Error {
   override message = 'The graph and its layers are not loaded yet.'
 }
 
-/** Edits that were not applied, because somebody else changed the layers first or the planner did not take them. */
+/** Edits that were not applied, because another client changed the layers first or the planner rejected the edits. */
 export interface Conflict {
   /** For people. */
   why: string
@@ -112,7 +112,7 @@ export class Layers {
     })
   }
 
-  /** The world is left. What was done stays known: a server that begins anew has the same map. */
+  /** Leaves the world. The history is kept: a restarted server has the same map. */
   forget(): void {
     void this.enqueue(async () => {
       this.graphId = undefined
@@ -383,7 +383,7 @@ export class Layers {
   private async explain(what: string, error: unknown): Promise<void> {
     if (failureOf(error) !== 'changed') return reportEdit(this.context, what, error)
     await this.readAgain()
-    this.context.toasts.say(`${what}: somebody else changed the layers meanwhile. Look and try again.`, 'bad')
+    this.context.toasts.say(`${what}: another client changed the layers meanwhile. Check them and try again.`, 'bad')
   }
 
   private sendAppend(layer: string, edits: Edit[]): Promise<void> {

@@ -13,7 +13,7 @@ export type Standing =
   | 'trap'
   /** It leads to the main island, which does not lead there. */
   | 'source'
-  /** No way in either direction. */
+  /** No path in either direction. */
   | 'apart'
 
 export interface Island {

@@ -1,6 +1,6 @@
-// Addresses of the two services: what counts as one, and what the server of the page says of them.
+// Addresses of the two services: which strings are valid, and which addresses the page's server announces.
 
-/** Port of a planner that nobody has named. */
+/** Default port of the planner. */
 export const DEFAULT_PLANNER = ':7601'
 
 /** An address of a service that a browser can call. */

@@ -6,7 +6,7 @@ import { Code, ConnectError } from '@connectrpc/connect'
  * - gone: the service cannot be reached or broke down; trying again may help
  * - token: a token is needed, or the one given is not known
  * - role: the token's role may not do this
- * - changed: somebody else was quicker, or the stream was cut off
+ * - changed: another client was quicker, or the stream was cut off
  * - missing: no such thing (any more)
  * - unsupported: the service does not know the call
  * - refused: the request cannot be met as it is

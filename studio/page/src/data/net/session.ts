@@ -15,7 +15,7 @@ export type TokenStore = Pick<Storage, 'getItem' | 'setItem' | 'removeItem'>
 export class Sessions {
   private readonly byOrigin = new Map<string, Session>()
 
-  /** A token that was kept without an origin becomes that of the page's own. */
+  /** A token that was stored without an origin is assigned to the page's own origin. */
   constructor(
     private readonly store: TokenStore | undefined,
     pageOrigin: string,
@@ -38,7 +38,7 @@ export class Sessions {
 /** The token of one origin, and whether it is wanted. */
 export class Session {
   readonly token = signal('')
-  /** Why a token is asked for; undefined: it is not. */
+  /** Why the page requests a token; undefined: it requests none. */
   readonly wanted = signal<string | undefined>(undefined)
   /** Whether a service has refused what this page calls with. */
   readonly refused = signal(false)

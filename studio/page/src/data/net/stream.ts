@@ -18,8 +18,8 @@ export interface Patience {
 }
 
 /**
- * Does `work` again and again until the signal aborts, with growing pauses while it fails. Returns the error that trying
- * again cannot mend, if there was one. `work` says with its argument that it has got something.
+ * Repeats `work` until the signal aborts, with growing pauses while it fails. Returns the error that a retry cannot fix,
+ * if there was one. `work` calls its argument when it has received something.
  */
 export async function keepDoing(
   { link, session, signal }: Upkeep,
@@ -100,7 +100,7 @@ class IdleWatch {
   }
 }
 
-/** Calls until there is an answer; throws what trying again cannot mend, undefined if the signal aborted. */
+/** Calls until there is an answer; throws an error that a retry cannot fix. Returns undefined if the signal aborted. */
 export async function keepAsking<T>(upkeep: Upkeep, call: (signal: AbortSignal) => Promise<T>): Promise<T | undefined> {
   const stop = new AbortController()
   const signal = AbortSignal.any([upkeep.signal, stop.signal])

@@ -100,12 +100,12 @@ export class Plans {
     this.chosenIdx.value = index
   }
 
-  /** Movers stand elsewhere: plans are made anew. */
+  /** Plans again, because movers have moved. */
   replan(): void {
     void this.ask(true)
   }
 
-  /** The graph is another one, or has changed: plans are made anew. A chosen alternative stays so while it is there. */
+  /** Plans again on another or a changed graph. A chosen alternative stays chosen as long as it exists. */
   useGraph(graphId: string | undefined): void {
     this.graphId = graphId
     void this.ask(true)

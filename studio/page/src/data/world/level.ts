@@ -85,7 +85,7 @@ export class Level {
     }
   }
 
-  /** Loads again what lies within a box, because the map was edited there. */
+  /** Reloads the tiles inside a box, because the map was edited there. */
   async redraw(worldId: bigint, sink: LevelSink, box: Box, signal: AbortSignal): Promise<void> {
     const { calls } = this.context.world
     try {

@@ -12,9 +12,9 @@ import { afterSnapshot, type NpcsById, type StatsSample } from './snapshot'
 const RATE_HZ = 20
 /** A stream that is silent for so long is taken for dead. */
 const IDLE_MS = 10_000
-/** Panels are told less often than the view. */
+/** Panels are updated less often than the view. */
 const PANEL_MS = 300
-/** Pause before a world that is missing is asked for again. */
+/** Pause before the next request for a missing world. */
 const MISSING_MS = 1000
 /** How often figures come, and how many of them are kept. */
 const STATS_S = 0.5

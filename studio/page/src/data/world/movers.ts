@@ -43,7 +43,7 @@ export function doing(kind: MoverKind, state: MoverState | undefined): string {
   return (stops ? `at stop ${state.fromStop + 1}` : `to stop ${state.toStop + 1}`) + blocked + halted
 }
 
-/** Whether a door is told to be open, or a floor to be there. */
+/** Whether a door is commanded to be open, or a floor to be in place. */
 export function isOpen(kind: MoverKind, state: MoverState | undefined): boolean {
   return kind === MoverKind.DOOR ? state?.toldStop === 1 : state?.toldStop === 0
 }
@@ -96,9 +96,9 @@ function largestIsland({ islands }: GetGraphResponse): number | undefined {
 export class Movers {
   readonly list = signal<readonly Mover[]>([])
   readonly states = signal<StatesByMover>(new Map())
-  /** Those of which it is asked what would be without them, by index. */
+  /** Indices of the movers that the user locks to see the plan without them. */
   readonly locked = signal<ReadonlySet<number>>(new Set())
-  /** What plans have to take as given: doors as they are told to be, and what is asked about. */
+  /** Mover states that plans take as given: doors at their commanded stops, and locked movers. */
   readonly given = computed<readonly MoverStops[]>(() =>
     this.list.value.flatMap((mover, index) => {
       const stops = stopsAhead(mover, this.states.value.get(index), this.locked.value.has(index))
@@ -106,7 +106,7 @@ export class Movers {
     }),
   )
 
-  /** The same for as long as plans need not be made anew. */
+  /** A key that changes when plans have to be made again. */
   readonly givenKey = computed(() => this.given.value.map(({ mover, stops }) => `${mover}:${stops}`).join(' '))
 
   constructor(private readonly context: Context) {}

@@ -113,7 +113,7 @@ export interface Laid {
   worldId: bigint
   pieces: readonly Piece[]
   revision: bigint
-  /** Hash of the map with its pieces; empty where the server does not know of pieces. */
+  /** Hash of the map with its pieces; empty if the server does not support pieces. */
   mapHash: string
 }
 

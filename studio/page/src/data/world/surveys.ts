@@ -15,7 +15,7 @@ export interface Surveyed {
 }
 
 export class Surveys {
-  /** Which map the surveys are of: its hash, or that of the world it belongs to. */
+  /** The map of the surveys: its own hash, or the hash of its world. */
   readonly of = signal('')
   readonly list = signal<readonly Surveyed[]>([])
   readonly isRunning = signal(false)

@@ -20,7 +20,7 @@ export class Worlds {
   readonly chosenId = signal<bigint | undefined>(undefined)
   readonly creating = signal(false)
   readonly chosen = computed(() => this.list.value.find(({ worldId }) => worldId === this.chosenId.value))
-  /** Tells worlds apart even where a server that began anew gives the same ids; undefined: none is chosen. */
+  /** Distinguishes worlds even if a restarted server reuses ids; undefined: no world is chosen. */
   readonly key = computed(() => {
     const world = this.chosen.value
     return world === undefined ? undefined : `${world.worldId} ${world.mapHash}`

@@ -6,7 +6,7 @@ import { Button } from '../controls'
 
 const MAX_ROWS = 8
 
-/** Edits that were held back, and what somebody else did in the meantime. */
+/** Edits that were held back, and what other clients changed in the meantime. */
 export function ConflictCard({ studio: { layers }, conflict }: { studio: Studio; conflict: Conflict }) {
   return (
     <section class="conflict" role="alert" aria-label="Not applied">

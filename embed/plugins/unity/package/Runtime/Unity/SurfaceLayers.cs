@@ -7,9 +7,9 @@ namespace Surefoot.Unity
     [Serializable]
     public sealed class SurfaceLayers
     {
-        [Tooltip("Whatever is solid, without characters")] public LayerMask ground = Physics.DefaultRaycastLayers;
+        [Tooltip("Everything solid except characters")] public LayerMask ground = Physics.DefaultRaycastLayers;
         public LayerMask water;
-        [Tooltip("Lava, and whatever else kills")] public LayerMask lava;
+        [Tooltip("Lava and everything else that kills")] public LayerMask lava;
         [Tooltip("Jump pads")] public LayerMask pads;
         [Tooltip("Upper ends of zip lines")] public LayerMask zipLines;
         public LayerMask teleporters;
