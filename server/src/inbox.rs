@@ -3,11 +3,21 @@
 //! Answers of workers and calls of the server have a queue of their own. So a flood from one client cannot disconnect
 //! workers, and delays another client by at most one call.
 
-use crate::sim::SimError;
 use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Why a world's thread does not accept a call.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum SimError {
+    /// Too many calls wait for it.
+    #[error("too many calls are waiting for this world: try again")]
+    Busy,
+    /// The world's thread has ended.
+    #[error("the world has stopped")]
+    Stopped,
+}
 
 /// Calls of all clients that may wait; one more is refused with [`SimError::Busy`].
 const MAX_CLIENT_CALLS: usize = 4096;

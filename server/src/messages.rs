@@ -1,10 +1,20 @@
 //! Messages between a world and the workers that decide for its NPCs. `wire/worker.rs` converts them.
 
-use crate::hosted::{NpcPlan, TimeMode};
+use crate::hosted::NpcPlan;
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
+use serde::{Deserialize, Serialize};
 use surefoot_world::map::Piece;
 use surefoot_world::{Action, CharacterProfile, End, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Vec3};
+
+/// How a world's time passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum TimeMode {
+    /// 60 ticks a second.
+    Realtime,
+    /// As fast as answers arrive: the world waits for every answer.
+    Lockstep,
+}
 
 /// A message to a worker.
 #[derive(Debug, Clone, PartialEq)]

@@ -49,7 +49,8 @@ impl Observer {
     /// # Errors
     /// If there is no such world, or its thread does not accept the call.
     pub async fn stall(&self, world: WorldId, time: Duration) -> Result<(), WorldsError> {
-        Ok(self.worlds.handle(world)?.sim.call(move |_| std::thread::sleep(time)).await?)
+        let sim = self.worlds.handle(world)?.sim.for_client(&"stall".into());
+        Ok(sim.call(move |_| std::thread::sleep(time)).await?)
     }
 
     /// Reads the latest figures of all worlds.

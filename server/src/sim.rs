@@ -5,6 +5,7 @@
 
 use crate::figures::WorldFigures;
 use crate::hosted::{HostedWorld, KEPT_EVENTS, NpcEvent, Snapshot, TimeMode};
+pub use crate::inbox::SimError;
 use crate::inbox::{CallQueue, Inbox, Popped};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -14,17 +15,6 @@ use std::time::{Duration, Instant};
 use surefoot_world::TICKS_PER_SECOND;
 use tokio::sync::{broadcast, oneshot, watch};
 use tracing::error;
-
-/// Why a world's thread does not accept a call.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum SimError {
-    /// Too many calls wait for it.
-    #[error("too many calls are waiting for this world: try again")]
-    Busy,
-    /// The world's thread has ended.
-    #[error("the world has stopped")]
-    Stopped,
-}
 
 /// Most ticks to catch up after a stall; further ticks are dropped and counted.
 const MAX_CATCH_UP: u32 = 2;

@@ -1,7 +1,7 @@
 //! All worlds of a server: their owners and lifecycle. `npcs` has the calls about NPCs, `maps` those about the ground,
 //! `workers` those of workers. `persistence` saves and restores worlds, `takeovers` lists those being restored.
 
-mod maps;
+pub(crate) mod maps;
 mod npcs;
 mod persistence;
 mod takeovers;
@@ -18,7 +18,6 @@ use crate::sim::SimError;
 use crate::sim::{Schedule, SimHandle};
 use crate::store::{SharedStore, StoreError, WorldStore};
 use crate::turns::Turns;
-pub use maps::Survey;
 use parking_lot::RwLock;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -25,7 +25,6 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
 use tokio::sync::Semaphore;
 use tonic::{Request, Response, Status, Streaming};
-use work::WorkStream;
 
 /// Most threads that build tiles of meshes at the same time, so that worlds keep stepping.
 const MESHES_AT_A_TIME: usize = 2;
@@ -219,7 +218,7 @@ impl WorldService for WorldApi {
         living::remove_player(self, request).await.map(Response::new)
     }
 
-    type WorkStream = WorkStream;
+    type WorkStream = work::WorkStream;
 
     async fn work(&self, request: Request<Streaming<wire::WorkRequest>>) -> Answer<Self::WorkStream> {
         work::work(self, request.into_inner()).await.map(Response::new)

@@ -18,6 +18,7 @@ mod tick;
 mod workers;
 mod world;
 
+pub use crate::messages::TimeMode;
 pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
 pub use journal::{FleetSave, Journal, SavedLog};
@@ -27,4 +28,4 @@ pub use saved::{RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
 pub use snapshot::{
     Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Support, Tally, WorldStats,
 };
-pub use world::{HostedWorld, TimeMode};
+pub use world::HostedWorld;

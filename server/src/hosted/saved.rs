@@ -2,8 +2,9 @@
 
 use super::commands::MAX_BODIES;
 use super::snapshot::Counters;
-use super::world::{HostedWorld, NpcRecord, TimeMode};
+use super::world::{HostedWorld, NpcRecord};
 use crate::ids::{NpcId, WorldId};
+use crate::messages::TimeMode;
 use crate::quota::Quota;
 use crate::registry::Registry;
 use serde::{Deserialize, Serialize};

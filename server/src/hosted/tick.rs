@@ -3,9 +3,10 @@
 
 use super::events::EventKind;
 use super::workers::{ASSIGN_EVERY, hand_over};
-use super::world::{HostedWorld, NpcRecord, TimeMode};
+use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
+use crate::messages::TimeMode;
 use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};

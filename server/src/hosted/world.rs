@@ -6,26 +6,16 @@ use super::snapshot::{Counters, EndedAttempt, NpcPlan};
 use super::workers::Outbox;
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
-use crate::messages::ObservationBatch;
+use crate::messages::{ObservationBatch, TimeMode};
 use crate::quota::Ticket;
 use crate::registry::Registry;
 use crate::times::TickTimes;
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_world::{
     CharacterProfile, End, Map, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World, WorldConfig,
 };
-
-/// How a world's time passes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum TimeMode {
-    /// 60 ticks a second.
-    Realtime,
-    /// As fast as answers arrive: the world waits for every answer.
-    Lockstep,
-}
 
 /// The server's data about an NPC, in addition to the world's state.
 #[derive(Debug)]

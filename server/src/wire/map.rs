@@ -1,7 +1,7 @@
 //! Maps on the wire: meshes, features and surveys.
 
 use crate::geometry::TileMesh;
-use crate::worlds::Survey;
+use crate::worlds::maps::Survey;
 use surefoot_proto::convert::{self, WireEnum};
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::Map;

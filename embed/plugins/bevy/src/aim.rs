@@ -194,7 +194,7 @@ impl Course<'_, '_, '_> {
         let leg = self.plan.plan.as_ref().filter(|_| follower.leg_key().is_some()).map(|plan| plan.legs[self.plan.leg]);
         let mut step = follower.record_decision(on_map, has_reached.then_some(End::Reached));
         follower.take_traversals().iter().for_each(|traversal| graph.note(traversal));
-        if let (Some(leg), Step::Plan | Step::GiveUp) = (leg, step) {
+        if let (Some(leg), Step::Plan | Step::End(End::NoProgress)) = (leg, step) {
             self.commands.trigger(LegFailed { agent: self.agent, leg, died: false });
         }
         if step == Step::Plan {
