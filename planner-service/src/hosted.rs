@@ -2,10 +2,10 @@
 
 use crate::error::PlannerError;
 use crate::figures::{Figures, Summary};
-use crate::layers::Revision;
 use crate::origin::{MARGIN_M, Origin};
 use crate::probe_cache::ProbeCache;
 use crate::replicas::Report;
+use crate::revision::Revision;
 use parking_lot::{Mutex, RwLock};
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -4,18 +4,16 @@
 use crate::error::PlannerError;
 use crate::graphs::GraphCache;
 use crate::hosted::{Hosted, Prepared};
+use crate::revision::Revision;
 use crate::stores::PlannerStores;
 use crate::wire;
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::HashMap;
-use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Weak};
 use surefoot_net::serving::Shutdown;
 use surefoot_planner::edits::{Edit, Layer};
-use surefoot_planner::store::{
-    Call, LevelId, LevelLayers, MAX_ANSWER_BYTES, Receipt, StoreError, StoreErrorKind, encode_layer,
-};
+use surefoot_planner::store::{Call, LevelId, LevelLayers, MAX_ANSWER_BYTES, Receipt, StoreError, StoreErrorKind};
 use surefoot_planner::{BuildError, Progress};
 use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
@@ -30,23 +28,6 @@ pub const MAX_PROBED_EDITS: usize = 256;
 pub const MAX_PROBED_EDITS_OF_LEVEL: usize = 4096;
 /// Number of times that a change is tried while other calls change the layers.
 const MAX_ATTEMPTS: usize = 4;
-
-/// Revision of a level's layers: a hash of their content, so that equal layers have equal revisions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Revision(pub NonZeroU64);
-
-impl Revision {
-    /// Returns the revision of these layers.
-    pub fn of(layers: &[Layer]) -> Self {
-        let mut hasher = blake3::Hasher::new();
-        for layer in layers {
-            // Each encoded layer begins with its checksum, so different lists of layers have different encodings.
-            hasher.update(&encode_layer(layer));
-        }
-        let first = hasher.finalize().as_bytes().first_chunk().copied().expect("32 bytes");
-        Self(NonZeroU64::new(u64::from_le_bytes(first)).unwrap_or(NonZeroU64::MIN))
-    }
-}
 
 /// A change of one layer.
 #[derive(Debug, Clone, PartialEq)]

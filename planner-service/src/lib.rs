@@ -26,6 +26,7 @@ pub mod provers;
 mod receipts;
 pub mod replicas;
 mod reports;
+mod revision;
 mod serve;
 pub mod store;
 mod stores;

@@ -6,7 +6,7 @@ use crate::error::{Failure, PlannerError};
 use crate::figures::Figures;
 use crate::hosted::{GraphView, Hosted};
 use crate::jobs::{BuildPhase, Job};
-use crate::layers::Revision;
+use crate::revision::Revision;
 use prost::Message;
 use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;

@@ -253,10 +253,12 @@ fn crates_depend_only_in_the_agreed_directions() {
 
 #[test]
 fn no_files_of_a_crate_import_each_other_in_a_circle() {
+    let mut found: Vec<String> = Vec::new();
     for folder in ALLOWED.map(|(folder, ..)| folder).into_iter().chain(["cli", "tools/lab"]) {
         let source = Crate::read(folder);
-        assert_eq!(source.circles(), Vec::<Vec<&str>>::new(), "circles in {folder}");
+        found.extend(source.circles().into_iter().map(|circle| circle.join(" <-> ")));
     }
+    assert!(found.is_empty(), "{found:#?}");
 }
 
 #[test]

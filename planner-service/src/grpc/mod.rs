@@ -9,8 +9,9 @@ mod streams;
 use crate::error::PlannerError;
 use crate::hosted::Hosted;
 use crate::jobs::Job;
-use crate::layers::{LayerChange, Revision};
+use crate::layers::LayerChange;
 use crate::planner::Planner;
+use crate::revision::Revision;
 use crate::wire::{
     build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
     ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, traffic_of, unapplied_to_wire, wanted,

@@ -11,6 +11,7 @@ mod events;
 mod journal;
 mod living;
 mod motion;
+mod outbox;
 mod pieces;
 mod saved;
 mod snapshot;

@@ -1,9 +1,10 @@
 //! Workers of NPCs: assignment, hand-over, loss, and messages to workers.
 
+use super::outbox::Outbox;
 use super::world::HostedWorld;
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
-use crate::messages::{Assignment, AttemptEnd, ToWorker};
+use crate::messages::{Assignment, ToWorker};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use surefoot_world::{ProfileIdx, TICKS_PER_SECOND};
@@ -15,28 +16,6 @@ pub(super) const ASSIGN_EVERY: u64 = 30;
 const SILENCE_LIMIT: u64 = TICKS_PER_SECOND as u64;
 /// The same for lockstep worlds, which wait longer, because workers may wait for plans.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(150);
-
-/// Messages that a worker must get before its next observations. Releases are sent before assignments.
-#[derive(Debug, Default)]
-pub(super) struct Outbox {
-    pub released: Vec<NpcId>,
-    pub assigned: BTreeSet<NpcId>,
-    pub ended: Vec<AttemptEnd>,
-}
-
-impl Outbox {
-    /// Assigns an NPC to the worker.
-    pub fn assign(&mut self, npc: NpcId) {
-        self.assigned.insert(npc);
-    }
-
-    /// Releases an NPC from the worker. An assignment that has not been sent is withdrawn.
-    pub fn release(&mut self, npc: NpcId) {
-        if !self.assigned.remove(&npc) {
-            self.released.push(npc);
-        }
-    }
-}
 
 impl HostedWorld {
     /// Assigns every NPC without a worker to one with room.

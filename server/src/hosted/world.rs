@@ -2,8 +2,8 @@
 
 use super::events::{EventKind, EventLog};
 use super::motion::Motion;
+use super::outbox::Outbox;
 use super::snapshot::{Counters, EndedAttempt, NpcPlan};
-use super::workers::Outbox;
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
 use crate::messages::{ObservationBatch, TimeMode};

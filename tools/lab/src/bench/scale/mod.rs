@@ -6,6 +6,7 @@ mod load;
 mod model;
 #[cfg(feature = "fleet")]
 mod record;
+mod record_load;
 mod simulation;
 
 use super::serve::{TARGET_LATE_SHARE, TARGET_ON_TIME, TARGET_P99_MS};

@@ -1,7 +1,8 @@
 //! The capacity model: the cost of each part as a straight line through the recorded load, and the size of a fleet that
 //! follows from it.
 
-use super::load::{Load, RecordLoad};
+use super::load::Load;
+use super::record_load::RecordLoad;
 use crate::bench::Figure;
 use anyhow::ensure;
 

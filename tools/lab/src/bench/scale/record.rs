@@ -1,7 +1,7 @@
 //! The load on the database and the object store of a fleet: a server with a crowd, and a PostgreSQL on this machine
 //! that is idle otherwise.
 
-use super::load::RecordLoad;
+use super::record_load::RecordLoad;
 use crate::bench::serve::{Scene, WORLDS};
 use crate::processes::{connect, cpu_s};
 use anyhow::{Context, ensure};

@@ -1,8 +1,9 @@
 //! A discrete-event simulation of a fleet: ticks wait for cores, batches for workers, plans for planners, saves for the
 //! database. Durations are drawn from the recorded load; a seed fixes the draws.
 
-use super::load::{Load, RecordLoad};
+use super::load::Load;
 use super::model::{DECISIONS_PER_S, Fleet, Model, TICKS_PER_S};
+use super::record_load::RecordLoad;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::cmp::{Ordering, Reverse};
