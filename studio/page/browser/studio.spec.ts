@@ -215,7 +215,7 @@ test('a graph is built while its progress is shown, and compared', async ({ page
   await withGraph(page)
   await page.getByRole('tab', { name: 'Build' }).click()
   await page.getByLabel('Vertices').fill('150')
-  await page.getByLabel('Probe every candidate').check()
+  await page.getByLabel('Run all probes of every candidate').check()
   await page.getByRole('button', { name: 'Start the build' }).click()
   await expect(page.getByRole('progressbar')).toBeVisible()
   await expect(page.getByText(/of [\d,\u202f ]+ probes/)).toBeVisible()
@@ -300,7 +300,7 @@ test('when the server is gone the page says so and comes back by itself', async 
   // Old enough that the one after it is younger for long.
   await expect.poll(tick, { timeout: 60_000 }).toBeGreaterThan(1500)
   await scene.kill()
-  await expect(page.getByText('The world server is gone')).toBeVisible()
+  await expect(page.getByText('The world server does not answer')).toBeVisible()
   const before = await tick()
   await ask(page, ({ state }) => {
     Object.assign(window, { summaryBefore: state.graphs.summary.value })
@@ -309,7 +309,7 @@ test('when the server is gone the page says so and comes back by itself', async 
   // The state of the old world does not count.
   const npcs = () => ask(page, ({ state }) => state.live.moment.value.npcs.size)
   await expect.poll(async () => (await npcs()) === 8 && (await tick()) < before, { timeout: 30_000 }).toBe(true)
-  await expect(page.getByText('The world server is gone')).toBeHidden()
+  await expect(page.getByText('The world server does not answer')).toBeHidden()
   // The planner sends the graph again: neither earlier changes nor those that came with the graph count.
   await expect
     .poll(
