@@ -1,7 +1,7 @@
 //! A fleet of real processes, shown to hold while its parts are killed, stopped, restarted and cut off:
 //! `tests/fleet/check`.
 //!
-//! [`services`] starts the engines that it runs on, [`process`] our own program, [`relay`] stands between them.
+//! [`services`] starts the engines that it runs on, the crate `surefoot_processes` our own program, [`relay`] stands between them.
 //! [`chronicle`] is a game client, and [`raw`] says to NATS what ours never would.
 
 mod chronicle;

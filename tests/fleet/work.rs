@@ -359,7 +359,7 @@ async fn results_that_are_repeated_stale_or_damaged_change_no_graph() {
     assert_eq!(build(&sharing, request(3, 120)).await, expected);
     stop.store(true, Ordering::Relaxed);
     assert!(meddling.join().unwrap() > 0, "it had something to meddle with");
-    assert!(sharing.process.log().contains("an answer is damaged"), "the planner saw it");
+    assert!(sharing.process.log().contains("ignored a damaged answer"), "the planner saw it");
 }
 
 #[tokio::test(flavor = "multi_thread")]
