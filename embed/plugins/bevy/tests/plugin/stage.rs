@@ -8,7 +8,7 @@ use bevy_surefoot::events::{GoalFailed, GoalReached};
 use bevy_surefoot::{Failure, SurefootGraph, SurefootLevel, SurefootPlugin};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 pub fn level_path() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../game/examples/boxes.obj")
@@ -27,6 +27,9 @@ pub fn graph() -> SurefootGraph {
 
 /// Lets the program prove the graph of a map.
 pub fn export(map: &str, more: &[&str]) -> String {
+    // One process at a time may have the cache open.
+    static TURN: Mutex<()> = Mutex::new(());
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let program = std::env::var("SUREFOOT").expect("SUREFOOT names the program: run embed/plugins/bevy/check");
     let arguments = ["graph", "export", map, "--vertices", "60", "--format", "json"];
     let output = Command::new(program).args(arguments).args(more).output().expect("the program runs");
