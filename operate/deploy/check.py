@@ -201,7 +201,7 @@ def check_metrics(uris):
             errors.append(f"alerts.yml: {rule} is not an alert")
     for path, document in [
         ("alerts.yml", alerts),
-        ("docs/grafana.json", json.loads((DEPLOY.parent / "docs" / "grafana.json").read_text())),
+        ("docs/grafana.json", json.loads((DEPLOY.parent.parent / "docs" / "grafana.json").read_text())),
     ]:
         for expression in expressions(document):
             count += 1
