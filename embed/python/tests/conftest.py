@@ -12,7 +12,7 @@ import pytest
 
 import surefoot
 
-PROGRAM = os.environ.get("SUREFOOT", str(Path(__file__).parents[2] / "target/release/surefoot"))
+PROGRAM = os.environ.get("SUREFOOT", str(Path(__file__).parents[3] / "target/release/surefoot"))
 
 
 class Process:

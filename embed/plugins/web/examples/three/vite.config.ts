@@ -8,7 +8,7 @@ import { defineConfig } from 'vite'
 import { levelObj } from './level.ts'
 
 const FOLDER = path.join(fileURLToPath(new URL('.', import.meta.url)), 'public')
-const BUILT = fileURLToPath(new URL('../../../../target/release/surefoot', import.meta.url))
+const BUILT = fileURLToPath(new URL('../../../../../target/release/surefoot', import.meta.url))
 
 /** The program: named by SUREFOOT, or built in this repository, or installed. */
 const program = process.env.SUREFOOT ?? (existsSync(BUILT) ? BUILT : 'surefoot')
