@@ -1,8 +1,8 @@
 //! A fleet of real processes, shown to hold while its parts are killed, stopped, restarted and cut off:
 //! `tests/fleet/check`.
 //!
-//! [`services`] starts the engines that it runs on, the crate `surefoot_processes` our own program, [`relay`] stands between them.
-//! [`chronicle`] is a game client, and [`raw`] says to NATS what ours never would.
+//! [`services`] starts the engines that it runs on, the crate `surefoot_processes` our own program, [`relay`] stands
+//! between them. [`chronicle`] is a game client, and [`raw`] says to NATS what ours never would.
 
 mod chronicle;
 mod raw;
