@@ -70,7 +70,7 @@ def test_minari_keeps_datasets(episodes: list[Episode], tmp_path: Path, monkeypa
 
 def test_damaged_files_are_told_from_sound_ones(episodes: list[Episode], tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
-    with pytest.raises(FileNotFoundError, match="this is no dataset"):
+    with pytest.raises(FileNotFoundError, match="this is not a dataset"):
         datasets.load_parquet(tmp_path)
     datasets.save_parquet(episodes, tmp_path / "runs")
     file = tmp_path / "runs/3/part-0.parquet"
