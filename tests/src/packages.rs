@@ -24,7 +24,7 @@ impl Package {
 }
 
 /// Features of the image.
-const IMAGE: &str = "surefoot-cli/agones,surefoot-cli/fleet,surefoot-lab/fleet";
+pub const IMAGE: &str = "surefoot-cli/agones,surefoot-cli/fleet,surefoot-lab/fleet";
 
 /// Every third-party crate of the shipped programs: on Linux, with the features of the image.
 ///

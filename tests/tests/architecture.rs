@@ -1,6 +1,6 @@
 //! Checks the invariants of ARCHITECTURE.md: dependencies between crates, knowledge of wire types, no circular imports.
 
-use e2e::packages::features;
+use e2e::packages::{IMAGE, features};
 use e2e::source::{Crate, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -343,15 +343,13 @@ fn unsafe_code_is_forbidden_everywhere_but_at_the_border_to_c() {
     }
 }
 
-/// The features of the image and of the fleet's tests.
-const IMAGE: &str = "surefoot-cli/agones,surefoot-cli/fleet,surefoot-lab/fleet,surefoot-cli/failpoints";
-
 #[test]
 fn no_build_compiles_again_what_the_first_command_has_built() {
     let first = features(&["--package", "surefoot-cli", "--package", "surefoot-lab", "--edges", "normal,build"]);
     let tests = features(&["--workspace", "--edges", "normal,build,dev"]);
     let packages = ["--package", "surefoot-cli", "--package", "surefoot-fleet", "--package", "surefoot-lab"];
-    let fleet = features(&[&packages[..], &["--features", IMAGE, "--edges", "normal,build,dev"]].concat());
+    let with_failpoints = format!("{IMAGE},surefoot-cli/failpoints");
+    let fleet = features(&[&packages[..], &["--features", &with_failpoints, "--edges", "normal,build,dev"]].concat());
     for (name, build) in [("the tests", tests), ("the fleet's tests", fleet)] {
         // Procedural macros are compiled for the host, with features of their own, and quickly.
         let shared = first.iter().filter(|(package, _)| !package.starts_with("surefoot-") && !is_for_macros(package));

@@ -52,6 +52,18 @@ pub async fn wait_until<F: Future<Output = bool>>(what: &str, mut is_so: impl Fn
     }
 }
 
+/// Waits until a service accepts connections at `address`.
+///
+/// # Panics
+/// After [`LIMIT`].
+pub fn wait_for(address: SocketAddr) {
+    let since = Instant::now();
+    while TcpStream::connect(address).is_err() {
+        assert!(since.elapsed() < LIMIT, "no service at {address}");
+        std::thread::yield_now();
+    }
+}
+
 /// A connection to a service that may not have started yet.
 ///
 /// # Panics
@@ -237,11 +249,7 @@ impl Surefoot {
     /// # Panics
     /// After [`LIMIT`].
     pub fn wait_until_it_listens(&self) {
-        let since = Instant::now();
-        while TcpStream::connect(self.address).is_err() {
-            assert!(since.elapsed() < LIMIT, "no service at {}: {}", self.address, self.process.log());
-            std::thread::yield_now();
-        }
+        wait_for(self.address);
     }
 
     /// Kills the service and starts it again at the same address.

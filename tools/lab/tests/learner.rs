@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 use surefoot_policy::{ActorConfig, Policy};
-use surefoot_processes::{LIMIT, Process, free_address, output};
+use surefoot_processes::{LIMIT, Process, free_address, output, wait_for};
 use surefoot_train::{CollectorConfig, SacConfig, TrainConfig};
 
 /// Kills in each test, unless the variable `SUREFOOT_KILLS` names another number.
@@ -128,13 +128,13 @@ impl Bench {
 #[test]
 fn a_learner_over_worlds_outlives_every_kill() {
     let bench = Bench::new(&small_run(4));
-    let addresses = [free_address().to_string(), free_address().to_string()];
-    let serve = |idx: usize| start(&["serve", "--listen", &addresses[idx]]);
+    let addresses = [free_address(), free_address()];
+    let serve = |idx: usize| start(&["serve", "--listen", &addresses[idx].to_string()]);
     let mut servers = [serve(0), serve(1)];
     let worlds = addresses.each_ref().map(|address| format!("http://{address}")).join(",");
     let how = ["--worlds", &worlds, "--envs", "2"];
     // Unreachable addresses are reported before anything is written.
-    wait_for(&addresses);
+    addresses.iter().for_each(|&address| wait_for(address));
     let mut learner = bench.learn(&how);
     bench.until_it_goes_on(&mut learner);
     for kill in 0..kills() {
@@ -211,15 +211,4 @@ fn runs_that_cannot_be_fed_say_what_to_change() {
     let bench = Bench::new(&social);
     let output = output(&["train", &bench.run, "--config", &bench.config, "--listen", "127.0.0.1:0"]);
     assert!(String::from_utf8_lossy(&output.stderr).contains("solid_npcs"), "they do not meet there");
-}
-
-/// Waits until each address accepts connections.
-fn wait_for(addresses: &[String]) {
-    for address in addresses {
-        let since = Instant::now();
-        while std::net::TcpStream::connect(address).is_err() {
-            assert!(since.elapsed() < LIMIT, "no service at {address}");
-            std::thread::yield_now();
-        }
-    }
 }
