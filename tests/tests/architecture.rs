@@ -345,23 +345,22 @@ fn unsafe_code_is_forbidden_everywhere_but_at_the_border_to_c() {
 
 #[test]
 fn no_build_compiles_again_what_the_first_command_has_built() {
-    let first = features(&["--package", "surefoot-cli", "--package", "surefoot-lab", "--edges", "normal,build"]);
-    let tests = features(&["--workspace", "--edges", "normal,build,dev"]);
+    let first = features(&["--package", "surefoot-cli", "--package", "surefoot-lab", "--edges", LINKED]);
+    let with_dev = format!("{LINKED},dev");
+    let tests = features(&["--workspace", "--edges", &with_dev]);
     let packages = ["--package", "surefoot-cli", "--package", "surefoot-fleet", "--package", "surefoot-lab"];
     let with_failpoints = format!("{IMAGE},surefoot-cli/failpoints");
-    let fleet = features(&[&packages[..], &["--features", &with_failpoints, "--edges", "normal,build,dev"]].concat());
-    for (name, build) in [("the tests", tests), ("the fleet's tests", fleet)] {
-        // Procedural macros are compiled for the host, with features of their own, and quickly.
-        let shared = first.iter().filter(|(package, _)| !package.starts_with("surefoot-") && !is_for_macros(package));
-        let again: Vec<_> =
-            shared.filter(|(package, sets)| build.get(*package).is_none_or(|found| !sets.is_subset(found))).collect();
-        assert!(again.is_empty(), "built again for {name}, with other features: {again:?}");
+    let fleet = features(&[&packages[..], &["--features", &with_failpoints, "--edges", &with_dev]].concat());
+    let wheel = features(&["--package", "surefoot-python", "--edges", LINKED]);
+    for (name, build) in [("the tests", tests), ("the fleet's tests", fleet), ("the wheel", wheel)] {
+        let shared = first.iter().filter(|(package, _)| !package.starts_with("surefoot-"));
+        let again: Vec<_> = shared
+            .filter_map(|(package, sets)| Some((package, sets, build.get(package)?)))
+            .filter(|(_, sets, found)| sets != found)
+            .collect();
+        assert!(again.is_empty(), "built again for {name}, with other features: {again:#?}");
     }
 }
 
-/// Crates that procedural macros and build scripts use with fewer features than we do.
-fn is_for_macros(package: &str) -> bool {
-    ["either", "getrandom", "indexmap", "libc", "once_cell"]
-        .iter()
-        .any(|name| package.starts_with(&format!("{name} v")))
-}
+/// Edges of `cargo tree` that a program links. What procedural macros and build scripts use is compiled apart.
+const LINKED: &str = "normal,no-proc-macro";
