@@ -8,7 +8,7 @@ use surefoot_world::sense;
 use surefoot_world::{Action, DecisionOutcome, NpcSlot, TICKS_PER_DECISION, World};
 
 /// Default share of the exploration noise with which evaluation, probes and workers act;
-/// docs/adr/0004-acting-with-half-the-noise.md says why it is not 0.
+/// docs/adr/0026-composed-motion.md says why it is not 0.
 pub const DEFAULT_NOISE_SHARE: f32 = 0.5;
 
 /// An NPC that decides, and the row of its hidden state.

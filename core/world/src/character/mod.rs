@@ -2,7 +2,7 @@
 //!
 //! The body is an upright capsule with a controller of our own: integrate, push out of the deepest contact until none
 //! is left, and snap to the ground when walking down. A tick reads only the few triangles around the body.
-//! `docs/adr/0001-own-capsule-controller.md` explains why the controller is not rapier's.
+//! `docs/adr/0021-columns.md` explains why the controller is not rapier's.
 //!
 //! `tick` is [`Body::tick`] with its phases; `contact` moves the capsule among the triangles that `surroundings` keeps;
 //! `devices` handles pads, zip lines, teleporters and jetpacks.

@@ -4,7 +4,7 @@
 //! the output of an LSTM over both. Two hidden layers map the result to the mean and log standard deviation of a
 //! squashed Gaussian (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications", appendix C). The ray
 //! encoder is a linear layer instead of the paper's small CNN: on this backend it learns several times faster
-//! (docs/adr/0003-linear-ray-encoder.md).
+//! (docs/adr/0010-cpu-layers.md).
 
 use super::dense::Dense;
 use super::state::HiddenState;
