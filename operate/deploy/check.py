@@ -18,7 +18,7 @@ VERSIONS = ["1.30", "1.37"]
 # Kinds of Agones and of KEDA, whose schemas are their own.
 FOREIGN = ["Fleet", "FleetAutoscaler", "ScaledObject"]
 FOREIGN = {kind: json.loads((DEPLOY / "schemas" / f"{kind.lower()}.json").read_text()) for kind in FOREIGN}
-# What the Secret of a fleet holds, of the form that docs/kubernetes.md says.
+# What the Secret of a fleet holds, of the form that docs/guides/kubernetes.md says.
 SECRETS = {"store": "postgres://surefoot:secret@postgres:5432/surefoot", "blobs": "s3://surefoot/blobs", "nats": "nats://nats:4222"}
 # Prometheus makes these itself.
 OWN_METRICS = {"up"}

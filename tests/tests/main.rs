@@ -23,6 +23,7 @@ mod manifests;
 mod motion;
 mod notices;
 mod operations;
+mod operators;
 mod planning;
 mod replicas;
 mod round_trips;

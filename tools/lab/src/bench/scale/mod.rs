@@ -1,6 +1,6 @@
 //! How far a fleet scales. `load` and `record` measure its parts on this machine, `model` computes how many parts a
 //! fleet needs and how busy they are, and `simulation` runs fleets of several sizes with the recorded load and checks
-//! their tick times (`docs/scale.md`).
+//! their tick times (`docs/guides/scaling.md`).
 
 mod load;
 mod model;
