@@ -254,15 +254,14 @@ async fn the_contracts_are_served_as_openapi_and_every_reason_is_documented() {
         assert!(schemas.contains_key(reference), "{reference} is not defined");
     }
     let docs = e2e::source::root().join("docs");
-    let clients = std::fs::read_to_string(docs.join("clients.md")).unwrap();
-    for example in ["arrivals.py", "arrivals_http.py"] {
-        let text = std::fs::read_to_string(docs.join("examples").join(example)).unwrap();
-        assert!(clients.contains(text.trim_end()), "docs/clients.md shows another {example}");
-    }
+    let guide = std::fs::read_to_string(docs.join("guides/service.md")).unwrap();
+    let example = std::fs::read_to_string(docs.join("examples/arrivals.py")).unwrap();
+    assert!(guide.contains(example.trim_end()), "docs/guides/service.md shows another arrivals.py");
+    let errors = std::fs::read_to_string(docs.join("reference/errors.md")).unwrap();
     for reason in Reason::ALL {
         let code = format!("{:?}", reason.code());
         let row = format!("| `{}` | {} | {} |", reason.name(), code, reason.meaning());
-        assert!(clients.contains(&row), "docs/clients.md lacks: {row}");
+        assert!(errors.contains(&row), "docs/reference/errors.md lacks: {row}");
     }
     server.stop().await;
 }
