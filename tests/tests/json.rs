@@ -253,11 +253,7 @@ async fn the_contracts_are_served_as_openapi_and_every_reason_is_documented() {
     for reference in text.split("#/components/schemas/").skip(1).map(|rest| rest.split('"').next().unwrap()) {
         assert!(schemas.contains_key(reference), "{reference} is not defined");
     }
-    let docs = e2e::source::root().join("docs");
-    let guide = std::fs::read_to_string(docs.join("guides/service.md")).unwrap();
-    let example = std::fs::read_to_string(docs.join("examples/arrivals.py")).unwrap();
-    assert!(guide.contains(example.trim_end()), "docs/guides/service.md shows another arrivals.py");
-    let errors = std::fs::read_to_string(docs.join("reference/errors.md")).unwrap();
+    let errors = std::fs::read_to_string(e2e::source::root().join("docs/reference/errors.md")).unwrap();
     for reason in Reason::ALL {
         let code = format!("{:?}", reason.code());
         let row = format!("| `{}` | {} | {} |", reason.name(), code, reason.meaning());
