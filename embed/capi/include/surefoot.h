@@ -1,7 +1,7 @@
 /*
  * libsurefoot: policies, plans and worlds of Surefoot as a C library. C99 and C++17.
  *
- * docs/c-library.md is the tutorial; this file is the reference.
+ * docs/guides/c-library.md is the tutorial; this file is the reference.
  *
  * Units and frames. Metres, seconds, radians; right-handed, y up. A body with yaw 0 faces +z, and yaw grows
  * counter-clockwise seen from above: +x lies to its left. Its feet are the lowest point of its capsule. A decision

@@ -2,8 +2,8 @@
 //!
 //! A [`Game`] is a connection, and a [`GameEnv`] is an environment in the game. [`drive`] lets a policy decide for the
 //! NPCs, [`probes`] proves edges of graphs, and [`attempts`] sends NPCs to goals. Placement, candidates and surveys use
-//! the imported geometry of the level; only the game decides what is reached, and how. docs/games.md describes the
-//! game's side.
+//! the imported geometry of the level; only the game decides what is reached, and how.
+//! docs/guides/game-as-world.md describes the game's side.
 
 pub mod attempts;
 pub mod drive;

@@ -1,6 +1,7 @@
 /*
  * surefoot_game.h: lets a game in C or C++ run NPCs of Surefoot in its own physics, so that Surefoot proves graphs and measures
- * success there. One file, no dependencies: C99 or C++17, POSIX or Winsock (link ws2_32). docs/games.md describes the protocol.
+ * success there. One file, no dependencies: C99 or C++17, POSIX or Winsock (link ws2_32). The protocol:
+ * docs/reference/game-protocol.md.
  *
  * In one source file:
  *

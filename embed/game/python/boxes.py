@@ -4,7 +4,7 @@
     surefoot eval --maps embed/game/examples/boxes.obj --world tcp://127.0.0.1:7701 --goals 50
 
 The three numbers say where the origin of the level lies on Surefoot's map, as `surefoot map import` prints it. The rules are those of
-game/c/examples/boxes.c: each object of the .obj file is one box, and characters are upright boxes.
+embed/game/c/examples/boxes.c: each object of the .obj file is one box, and characters are upright boxes.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Lets a game in Python run NPCs of Surefoot in its own physics, so that Surefoot proves graphs and measures success there.
 
-One file, only the standard library. docs/games.md describes the protocol.
+One file, only the standard library. docs/reference/game-protocol.md describes the protocol.
 
     class MyGame(surefoot_game.Game):
         def open(self, body, count):

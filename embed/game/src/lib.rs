@@ -1,5 +1,5 @@
 //! Lets a game serve environments (`EnvService`), so that Surefoot trains, proves graphs and measures success in the
-//! game's own physics. See docs/games.md.
+//! game's own physics. See docs/guides/game-as-world.md.
 //!
 //! A game in Rust implements [`GameWorld`] and [`Level`], which creates the worlds; [`serve`] does the rest. A game in
 //! another language speaks the batch protocol, and a [`Bridge`] serves environments on its behalf. Episodes, rewards,

@@ -1,5 +1,5 @@
-//! Tests of the batch protocol through the public API: a bridge to games that follow docs/games.md, and to games that
-//! do not. The bytes are written by hand here, as a game in another language would.
+//! Tests of the batch protocol through the public API: a bridge to games that follow docs/reference/game-protocol.md,
+//! and to games that do not. The bytes are written by hand here, as a game in another language would.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};

@@ -1,7 +1,7 @@
 /*
  * A game of boxes: a level of upright boxes, and characters that walk, jump and fall on them, over surefoot_game.h.
  *
- *     cc -O2 -I game/c game/c/examples/boxes.c -o boxes -lm
+ *     cc -O2 -I embed/game/c embed/game/c/examples/boxes.c -o boxes -lm
  *     ./boxes embed/game/examples/boxes.obj tcp://127.0.0.1:7701 2 1 2
  *     surefoot eval --maps embed/game/examples/boxes.obj --world tcp://127.0.0.1:7701
  *

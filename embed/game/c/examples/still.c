@@ -2,7 +2,7 @@
  * The smallest game: characters that stay where they are and see nothing. Measures what lies between (embed/game/examples/speed.rs), and is a
  * place to start from.
  *
- *     cc -O2 -I game/c game/c/examples/still.c -o still -lm
+ *     cc -O2 -I embed/game/c embed/game/c/examples/still.c -o still -lm
  *     ./still tcp://127.0.0.1:7701
  */
 #define SFG_IMPLEMENTATION

@@ -1,7 +1,7 @@
-//! Agents on avian that go to and fro in a level, without a window: docs/bevy.md.
+//! Agents on avian that go to and fro in a level, without a window: docs/guides/bevy.md.
 //!
 //!   surefoot graph export embed/game/examples/boxes.obj --vertices 60 --format json --out graph.json
-//!   cargo run --release --features avian --example boxes -- ../../game/examples/boxes.obj ../../graph.json
+//!   cargo run --release --features avian --example boxes -- ../../game/examples/boxes.obj ../../../graph.json
 
 use avian3d::prelude::{Collider, PhysicsPlugins, RigidBody, TrimeshFlags};
 use bevy::app::{App, AppExit, ScheduleRunnerPlugin};

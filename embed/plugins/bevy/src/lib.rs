@@ -1,5 +1,5 @@
 //! NPCs that get there, for Bevy: a trained policy moves each character over short distances, and a graph whose edges
-//! were proved by running that very policy leads it further. docs/bevy.md is the introduction.
+//! were proved by running that very policy leads it further. docs/guides/bevy.md is the introduction.
 //!
 //! An app adds [`SurefootPlugin`] and one back end, [`avian::SurefootAvianPlugin`] or [`rapier::SurefootRapierPlugin`],
 //! and spawns entities with [`SurefootAgent`] and [`Goal`], optionally with a [`SurefootGraph`]. With

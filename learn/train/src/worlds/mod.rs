@@ -1,4 +1,5 @@
-//! Experience from worlds in other processes: servers of ours, or games that serve environments (docs/games.md).
+//! Experience from worlds in other processes: servers of ours, or games that serve environments
+//! (docs/guides/game-as-world.md).
 //!
 //! Each environment has an `EnvLoop` on a thread of its own, with the attempts that `npc_tasks` draws. All loops
 //! share one `SharedInference`, which decides for all waiting NPCs at once (Espeholt et al. 2020, "SEED RL":

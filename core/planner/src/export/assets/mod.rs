@@ -2,7 +2,7 @@
 //! take-off of a body to its landing. Bodies walk the rest of the edge on the NavMesh.
 //!
 //! [`LinkSet::of`] makes links of a graph and the measured [`Shape`]s of its edges; each format is a module. Callers
-//! measure the shapes. docs/links.md describes the formats.
+//! measure the shapes. docs/guides/links.md describes the formats.
 
 mod axes;
 mod connected;

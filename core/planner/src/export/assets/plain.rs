@@ -1,4 +1,4 @@
-//! All fields of the links, as JSON on our axes: docs/links.md has the schema.
+//! All fields of the links, as JSON on our axes: docs/guides/links.md has the schema.
 
 use super::{About, Axes, Connected, LinkSet, VERSION};
 use serde::{Deserialize, Serialize};

@@ -42,7 +42,7 @@ fn a_crowd_arrives_by_plan_and_equal_seeds_give_equal_bits() {
     assert_eq!(attempt(), attempt());
 }
 
-/// The scene of docs/bevy.md.
+/// The scene of docs/guides/bevy.md.
 #[test]
 fn without_a_graph_an_agent_jumps_onto_a_box() {
     let mut app = stage::app();

@@ -10,7 +10,7 @@ public class Surefoot : ModuleRules
         PrivateDependencyModuleNames.Add("Projects");
 
         string Native = Path.Combine(PluginDirectory, "Source", "ThirdParty", "libsurefoot");
-        PublicIncludePaths.Add(RequireFolder(Path.Combine(Native, "include"), "surefoot.h", "from capi/include"));
+        PublicIncludePaths.Add(RequireFolder(Path.Combine(Native, "include"), "surefoot.h", "from embed/capi/include"));
         AddLibrary(Path.Combine(Native, "lib"));
     }
 
