@@ -25,7 +25,7 @@ import surefoot
 
 @dataclass(frozen=True)
 class Config:
-    """The settings, which are those of `surefoot train` where it has them (docs/training-and-models.md)."""
+    """The settings, which are those of `surefoot train` where it has them (docs/guides/training.md)."""
 
     env_count: int = 256
     total_decisions: int = 1_500_000
