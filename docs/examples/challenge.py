@@ -2,7 +2,7 @@
 
     python3 challenge.py http://127.0.0.1:7600 sets/paper-like run.json
 
-Replace `Agent` by your own: it gets an observation of 369 numbers (docs/observations.md lists them) and answers with forward, strafe, turn
+Replace `Agent` by your own: it gets an observation of 369 numbers (docs/reference/observations.md) and answers with forward, strafe, turn
 and jump, each -1 to 1. `surefoot challenge score run.json` does the actions again and counts who arrives.
 """
 import array, base64, json, math, sys, time, urllib.request

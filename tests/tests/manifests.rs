@@ -102,7 +102,7 @@ fn models_that_are_not_made_from_nothing_have_earlier_stages() {
 
 #[test]
 fn the_page_about_models_states_the_sums_of_the_manifests() {
-    let page = std::fs::read_to_string(root().join("docs/training-and-models.md")).unwrap();
+    let page = std::fs::read_to_string(root().join("docs/guides/training.md")).unwrap();
     for model in ["general-reactive", "general-lstm", "lstm-map-3000"] {
         let total = &training(&root().join("models").join(model))["total"];
         let (updates, hours) = (total["updates"].as_u64().unwrap(), total["hours"].as_f64().unwrap());

@@ -1,6 +1,6 @@
 """Soft actor-critic in one file, in the manner of CleanRL, on near goals.
 
-    pip install "surefoot" torch
+    pip install ./embed/python torch
     python sac.py runs/sac
 
 Prints the success on maps that were not trained on, writes it to RUN/curve.csv, and resumes from RUN/checkpoint.pt.
@@ -25,7 +25,7 @@ import surefoot
 
 @dataclass(frozen=True)
 class Config:
-    """The settings, which are those of `surefoot train` where it has them (docs/training-and-models.md)."""
+    """The settings, which are those of `surefoot train` where it has them (docs/guides/training.md)."""
 
     env_count: int = 256
     total_decisions: int = 1_500_000

@@ -4,7 +4,7 @@
 //! concurrently, on one thread each, and meet at a barrier, where the collected steps go into the [`replay`] buffer. So
 //! a run is a pure function of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes
 //! exactly. Experience may also come from [`worlds`] or [`actors`] in other processes, at their own pace; such a run
-//! resumes without its running attempts. [`losses`] follows the paper's equations; docs/training-and-models.md lists
+//! resumes without its running attempts. [`losses`] follows the paper's equations; docs/guides/training.md lists
 //! the differences, with reasons. [`networks`] has the networks.
 
 pub mod actors;

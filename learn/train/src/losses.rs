@@ -1,7 +1,7 @@
 //! The losses of soft actor-critic, as pure functions of the networks' outputs.
 //!
 //! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications" (arXiv
-//! 1812.05905). docs/training-and-models.md lists where we differ from it, and why. `rows` are the rows of a batch.
+//! 1812.05905). docs/guides/training.md lists where we differ from it, and why. `rows` are the rows of a batch.
 //! Each has a weight, its share in the mean; the weights of a batch add up to 1.
 
 use super::networks::ActionDistribution;

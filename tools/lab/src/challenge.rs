@@ -26,7 +26,7 @@ const SET_FILE: &str = "set.json";
 /// Most bytes of a run, unpacked.
 const MAX_RUN_BYTES: u64 = 1 << 30;
 
-/// Compare agents and planners of any origin on the same goals: docs/challenge.md is the protocol.
+/// Compare agents and planners of any origin on the same goals: docs/guides/challenge.md is the protocol.
 #[derive(clap::Subcommand)]
 pub enum Command {
     /// Write a set: its goals, and its maps as .glb and .sfmap
@@ -256,7 +256,7 @@ fn read_run(path: &Path) -> anyhow::Result<Run> {
     let file = BufReader::new(File::open(path).with_context(|| format!("cannot read {}", path.display()))?);
     let text: Box<dyn Read> = if is_packed(path) { Box::new(GzDecoder::new(file)) } else { Box::new(file) };
     let text = BufReader::new(text.take(MAX_RUN_BYTES));
-    serde_json::from_reader(text).with_context(|| format!("{} is not a run (docs/challenge.md)", path.display()))
+    serde_json::from_reader(text).with_context(|| format!("{} is not a run (docs/guides/challenge.md)", path.display()))
 }
 
 fn is_packed(path: &Path) -> bool {

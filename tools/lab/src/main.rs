@@ -118,7 +118,7 @@ mod tests {
             assert!(help.contains(&format!("surefoot bench {name}")), "bench {name}");
         }
         let names: Vec<String> = what.get_possible_values().iter().map(|it| it.get_name().to_owned()).collect();
-        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/training-and-models.md");
+        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guides/training.md");
         let page = std::fs::read_to_string(page).expect("the page exists");
         assert!(page.contains(&format!("`surefoot bench {}`", names.join("|"))), "the page lists other benches");
     }

@@ -241,13 +241,13 @@ mod tests {
 
     #[test]
     fn the_documented_layout_is_that_of_the_table() {
-        let page = include_str!("../../../../docs/observations.md");
+        let page = include_str!("../../../../docs/reference/observations.md");
         for (idx, Field { name, meaning, scale, limit, flips, .. }) in (STATE_BEGIN..).zip(&FIELDS) {
             let scale = format!("{:.4}", scale).trim_end_matches('0').trim_end_matches('.').to_owned();
             let limit = if limit.is_finite() { limit.to_string() } else { String::new() };
             let flips = if *flips { "yes" } else { "" };
             let line = format!("| {idx} | `{name}` | {meaning} | {scale} | {limit} | {flips} |\n");
-            assert!(page.contains(&line), "docs/observations.md lacks the line\n{line}");
+            assert!(page.contains(&line), "docs/reference/observations.md lacks the line\n{line}");
         }
     }
 

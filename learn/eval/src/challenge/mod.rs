@@ -2,7 +2,7 @@
 //!
 //! A [set](GoalSet) has goals on maps. A [run](Run) holds, for each goal, either a path, which a
 //! plain controller drives, or the actions of an agent, which are done again. In both cases [`score`] moves the body in
-//! our physics and sees for itself where it gets. `docs/challenge.md` is the protocol.
+//! our physics and sees for itself where it gets. `docs/guides/challenge.md` is the protocol.
 
 pub mod host;
 pub mod record;

@@ -1,6 +1,6 @@
 // Observations, version 3: 64 rays with five values each and 49 values of the agent's own state, as one row of 369 values.
 //
-// The layout is that of docs/observations.md. Policies know nothing else, so that each value here must be as it is there; a test compares
+// The layout is that of docs/reference/observations.md. Policies know nothing else, so that each value here must be as it is there; a test compares
 // rows with those of the program.
 
 import { checkRange, checkVec3 } from '../checks.ts'
