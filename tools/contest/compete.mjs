@@ -1,6 +1,6 @@
 // What a studio would use, as entrants of the challenge: Recast and Detour plain, with automatic jump links, and with Surefoot's proved links.
 //
-//   npm ci && npm run compete -- ../target/release/surefoot SETDIR OUTDIR [MAP...]
+//   npm ci && npm run compete -- ../../target/release/surefoot SETDIR OUTDIR [MAP...]
 //
 // SETDIR comes from `surefoot challenge set NAME --out SETDIR`. For each entrant OUTDIR gets a file for `surefoot challenge score`. If maps are
 // named, only those are answered, and files that are there already keep what they have for the others.

@@ -1,6 +1,6 @@
 // How much of a level Recast and Detour connect by themselves, and with Surefoot's proved links as off-mesh connections.
 //
-//   npm ci && npm run contest -- ../target/release/surefoot 7 level.glb other.obj
+//   npm ci && npm run contest -- ../../target/release/surefoot 7 level.glb other.obj
 //
 // Each level is a seed of a generated map or a file. Points are drawn on the NavMesh by area, always the same ones; a pair counts as
 // connected if Detour finds a path that ends on the goal's polygon.
