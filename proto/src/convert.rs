@@ -126,28 +126,9 @@ pub fn to_wire(point: Vec3) -> wire::Vec3 {
 pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
     let value = value.ok_or(FieldError::Missing("map"))?;
     let mut spec = RawMapSpec::new(value.seed);
-    if let Some(size) = &value.size {
-        spec.size = MapSize { width: size.width, height: size.height, depth: size.depth };
-    }
-    if let Some(features) = &value.features {
-        let &wire::Features {
-            plateaus,
-            buildings,
-            water,
-            lava,
-            pads,
-            zip_lines,
-            ravines,
-            caves,
-            teleporters,
-            jetpacks,
-        } = features;
-        spec.features =
-            Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
-    }
-    if let Some(&wire::MoverDensities { doors, lifts, platforms, floors, conveyors, crates }) = value.movers.as_ref() {
-        spec.movers = MoverDensities { doors, lifts, platforms, floors, conveyors, crates };
-    }
+    spec.size = value.size.map_or(spec.size, MapSize::from);
+    spec.features = value.features.map_or(spec.features, Features::from);
+    spec.movers = value.movers.map_or(spec.movers, MoverDensities::from);
     spec.repair = value.repair.unwrap_or(true);
     spec.kind = enum_or(value.kind, MapKind::Terrain, "map.kind")?;
     Ok(spec.try_into()?)
@@ -220,33 +201,35 @@ pub fn body_to_wire(body: &CharacterProfile) -> wire::Body {
     }
 }
 
-/// Converts the extent of a map to the wire.
-pub fn map_size_to_wire(MapSize { width, height, depth }: MapSize) -> wire::MapSize {
-    wire::MapSize { width, height, depth }
+/// Converts a struct to and from the one on the wire that has the same fields.
+macro_rules! wire_struct {
+    ($name:ident: $($field:ident)+) => {
+        impl From<wire::$name> for $name {
+            fn from(wire::$name { $($field),+ }: wire::$name) -> Self {
+                Self { $($field),+ }
+            }
+        }
+
+        impl From<$name> for wire::$name {
+            fn from($name { $($field),+ }: $name) -> Self {
+                Self { $($field),+ }
+            }
+        }
+    };
 }
+
+wire_struct!(MapSize: width height depth);
+wire_struct!(Features: plateaus buildings water lava pads zip_lines ravines caves teleporters jetpacks);
+wire_struct!(MoverDensities: doors lifts platforms floors conveyors crates);
 
 /// Converts a map spec to the wire.
 pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
-    let Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks } =
-        spec.features;
-    let MoverDensities { doors, lifts, platforms, floors, conveyors, crates } = spec.movers;
     wire::MapSpec {
         seed: spec.seed,
-        size: Some(map_size_to_wire(spec.size)),
-        features: Some(wire::Features {
-            plateaus,
-            buildings,
-            water,
-            lava,
-            pads,
-            zip_lines,
-            ravines,
-            caves,
-            teleporters,
-            jetpacks,
-        }),
+        size: Some(spec.size.into()),
+        features: Some(spec.features.into()),
         kind: spec.kind.to_wire().into(),
-        movers: Some(wire::MoverDensities { doors, lifts, platforms, floors, conveyors, crates }),
+        movers: Some(spec.movers.into()),
         repair: Some(spec.repair),
     }
 }

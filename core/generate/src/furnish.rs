@@ -12,7 +12,7 @@ use std::ops::Range;
 use surefoot_world::character::{CharacterProfile, MoveScratch};
 use surefoot_world::float::turned;
 use surefoot_world::map::mover::{MAX_MOVERS, cuboid};
-use surefoot_world::map::{Map, MapSpec, Mover, MoverKind, MoverStop};
+use surefoot_world::map::{Device, Map, MapSpec, Mover, MoverKind, MoverStop};
 use surefoot_world::mesh::Surface;
 use surefoot_world::navigable::{self, DOWN};
 use surefoot_world::{StopIdx, Vec3};
@@ -70,7 +70,7 @@ pub(crate) fn movers(map: &Map, spec: &MapSpec) -> Vec<Mover> {
         profile: CharacterProfile::default(),
         rng,
         scratch: MoveScratch::default(),
-        taken: devices(map),
+        taken: map.placed().devices().flat_map(Device::ends).collect(),
         movers: Vec::new(),
     };
     let wanted = &spec.movers;
@@ -89,15 +89,6 @@ pub(crate) fn movers(map: &Map, spec: &MapSpec) -> Vec<Mover> {
         }
     }
     furnisher.movers
-}
-
-/// Where the devices of a map are.
-fn devices(map: &Map) -> Vec<Vec3> {
-    let placed = map.placed();
-    let pads = placed.pads.iter().map(|pad| pad.centre);
-    let lines = placed.zip_lines.iter().flat_map(|line| [line.from, line.to]);
-    let teleporters = placed.teleporters.iter().flat_map(|teleporter| [teleporter.from, teleporter.to]);
-    pads.chain(lines).chain(teleporters).chain(placed.jetpacks.iter().map(|jetpack| jetpack.centre)).collect()
 }
 
 /// Makes a mover beside a place where a body stands, if the place suits it.

@@ -7,7 +7,9 @@ use rand::rngs::ChaCha8Rng;
 use surefoot_world::Vec3;
 use surefoot_world::character::{CharacterProfile, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
-use surefoot_world::map::{CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, MapSpec, Pad, Placed, Teleporter, ZipLine};
+use surefoot_world::map::{
+    CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, Device, MapSpec, Pad, Placed, Teleporter, ZipLine,
+};
 use surefoot_world::reach::ground::{Cell, Ground};
 use surefoot_world::reach::leap::{self, Leap};
 use surefoot_world::reach::{Link, Means, Reach, links};
@@ -131,10 +133,7 @@ impl Repair<'_> {
             let cells = &self.ground().cells()[self.ground().column(column + dx, row + dz)];
             cells.iter().any(|cell| (cell.feet.y - feet.y).abs() < 0.55)
         });
-        let discs = self.placed.pads.iter().map(|pad| pad.centre);
-        let discs = discs.chain(self.placed.zip_lines.iter().flat_map(|line| [line.from, line.to]));
-        let discs = discs.chain(self.placed.teleporters.iter().flat_map(|teleporter| [teleporter.from, teleporter.to]));
-        let mut discs = discs.chain(self.placed.jetpacks.iter().map(|jetpack| jetpack.centre));
+        let mut discs = self.placed.devices().flat_map(Device::ends);
         is_level && discs.all(|disc| disc.distance(feet) > 2.0 * DISC_RADIUS_M + 1.0)
     }
 

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::f32::consts::TAU;
 use surefoot_world::Vec3;
-use surefoot_world::map::{DISC_RADIUS_M, Liquid, Map, MapSize, MoverKind, Outline};
+use surefoot_world::map::{DISC_RADIUS_M, DeviceKind, Map, MapSize, MoverKind, Outline};
 use surefoot_world::mesh::{Surface, Triangle};
 
 /// Number of corners of a device's disc.
@@ -39,11 +39,9 @@ pub fn export_glb(map: &Map) -> Vec<u8> {
 fn add_pools(scene: &mut SceneWriter, map: &Map) {
     let mut counts = [0, 0];
     for pool in &map.placed().pools {
-        let (name, count) = match pool.liquid {
-            Liquid::Water => ("water", &mut counts[0]),
-            Liquid::Lava => ("lava", &mut counts[1]),
-        };
-        let mesh = scene.shared_mesh(name, pool.liquid.into(), box_below_origin);
+        let surface = Surface::from(pool.liquid);
+        let (name, count) = (surface.name(), &mut counts[pool.liquid as usize]);
+        let mesh = scene.shared_mesh(surface, box_below_origin);
         let (half_x, half_z) = pool.outline.half_extents();
         let mut node = json!({
             "name": format!("{name}_{count}"),
@@ -60,29 +58,21 @@ fn add_pools(scene: &mut SceneWriter, map: &Map) {
 }
 
 fn add_devices(scene: &mut SceneWriter, map: &Map) {
-    let placed = map.placed();
-    for (idx, pad) in placed.pads.iter().enumerate() {
-        let speed = f64::from(pad.speed);
-        let height = speed * speed / (2.0 * PAD_GRAVITY) - PAD_EXTRA_M;
-        scene.add_disc(format!("pad_{idx}"), Surface::Pad, pad.centre, json!({ "height": height }));
-    }
-    for (idx, line) in placed.zip_lines.iter().enumerate() {
-        scene.add_disc(format!("zip_line_{idx}:from"), Surface::ZipLine, line.from, Value::Null);
-        scene.add_empty(format!("zip_line_{idx}:to"), line.to, Value::Null);
-    }
-    for (idx, teleporter) in placed.teleporters.iter().enumerate() {
-        let extras = json!({ "two_way": teleporter.two_way });
-        scene.add_disc(format!("teleporter_{idx}:from"), Surface::Teleporter, teleporter.from, extras);
-        let to = format!("teleporter_{idx}:to");
-        if teleporter.two_way {
-            scene.add_disc(to, Surface::Teleporter, teleporter.to, Value::Null);
-        } else {
-            scene.add_empty(to, teleporter.to, Value::Null);
+    for device in map.placed().devices() {
+        let (name, power) = (format!("{}_{}", device.kind.name(), device.idx), f64::from(device.power));
+        let extras = match device.kind {
+            DeviceKind::Pad => json!({ "height": power * power / (2.0 * PAD_GRAVITY) - PAD_EXTRA_M }),
+            DeviceKind::ZipLine => Value::Null,
+            DeviceKind::Teleporter => json!({ "two_way": device.two_way }),
+            DeviceKind::Jetpack => json!({ "fuel": power }),
+        };
+        let end = if device.to.is_some() { ":from" } else { "" };
+        scene.add_disc(format!("{name}{end}"), device.kind, device.from, extras);
+        match device.to {
+            Some(to) if device.two_way => scene.add_disc(format!("{name}:to"), device.kind, to, Value::Null),
+            Some(to) => scene.add_empty(format!("{name}:to"), to, Value::Null),
+            None => {}
         }
-    }
-    for (idx, jetpack) in placed.jetpacks.iter().enumerate() {
-        let extras = json!({ "fuel": f64::from(jetpack.fuel) });
-        scene.add_disc(format!("jetpack_{idx}"), Surface::Jetpack, jetpack.centre, extras);
     }
 }
 
@@ -233,7 +223,8 @@ impl SceneWriter {
     }
 
     /// Returns a mesh that several nodes share, and adds it when it is first needed.
-    fn shared_mesh(&mut self, name: &'static str, surface: Surface, make: impl Fn() -> Vec<[Vec3; 3]>) -> usize {
+    fn shared_mesh(&mut self, surface: Surface, make: impl Fn() -> Vec<[Vec3; 3]>) -> usize {
+        let name = surface.name();
         if let Some(&mesh) = self.shared.get(name) {
             return mesh;
         }
@@ -254,8 +245,8 @@ impl SceneWriter {
         self.views.len() - 1
     }
 
-    fn add_disc(&mut self, name: String, surface: Surface, centre: Vec3, extras: Value) {
-        let mesh = self.shared_mesh(material_name(surface), surface, disc);
+    fn add_disc(&mut self, name: String, kind: DeviceKind, centre: Vec3, extras: Value) {
+        let mesh = self.shared_mesh(kind.surface(), disc);
         self.add_empty(name, centre, extras);
         if let Some(node) = self.nodes.last_mut() {
             node["mesh"] = json!(mesh);
@@ -277,7 +268,7 @@ impl SceneWriter {
             "asset": { "version": "2.0", "generator": "Surefoot" },
             "scene": 0,
             "scenes": [{ "name": "map", "extras": { "surefoot": { "size": [width, height, depth] } } }],
-            "materials": Surface::ALL.map(material),
+            "materials": Surface::ALL.iter().copied().map(material).collect::<Vec<_>>(),
         });
         let lists = [
             ("nodes", self.nodes),
@@ -315,18 +306,6 @@ impl SceneWriter {
     }
 }
 
-fn material_name(surface: Surface) -> &'static str {
-    match surface {
-        Surface::Ground => "ground",
-        Surface::Water => "water",
-        Surface::Lava => "lava",
-        Surface::Pad => "pad",
-        Surface::ZipLine => "zip_line",
-        Surface::Teleporter => "teleporter",
-        Surface::Jetpack => "jetpack",
-    }
-}
-
 fn material(surface: Surface) -> Value {
     let (colour, glow) = match surface {
         Surface::Ground => ([0.36, 0.33, 0.27, 1.0], [0.0, 0.0, 0.0]),
@@ -338,7 +317,7 @@ fn material(surface: Surface) -> Value {
         Surface::Jetpack => ([0.85, 0.85, 0.90, 1.0], [0.0, 0.0, 0.0]),
     };
     let mut material = json!({
-        "name": material_name(surface),
+        "name": surface.name(),
         "pbrMetallicRoughness": { "baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": 0.9 },
         "emissiveFactor": glow,
     });

@@ -21,6 +21,7 @@ mod meshopt;
 mod moving;
 mod named;
 mod obj_in;
+mod pairs;
 mod scene;
 mod sides;
 

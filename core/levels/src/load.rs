@@ -50,11 +50,7 @@ pub(super) fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed)
     if touched.sum::<f64>() > MAX_TOUCHED_CELLS {
         return Err(Overload::Triangles);
     }
-    let count = placed.pools.len()
-        + placed.pads.len()
-        + placed.zip_lines.len()
-        + placed.teleporters.len()
-        + placed.jetpacks.len();
+    let count = placed.pools.len() + placed.devices().count();
     if count > MAX_FEATURES {
         return Err(Overload::Features { count });
     }

@@ -15,14 +15,12 @@
 use crate::extras::{Extras, property};
 use crate::faults::ImportError;
 use crate::moving::{self, MoverEntry, Paths, Sign, Whole};
+use crate::pairs::{End, Half, Pairs, split_end};
 use crate::scene::{Bounds, Frame, Node, node_label};
 use serde::Deserialize;
-use std::collections::HashMap;
 use surefoot_world::Vec3;
 use surefoot_world::map::spec::MAX_HEIGHT_M;
-use surefoot_world::map::{
-    Jetpack, Liquid, MapSize, Mover, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features,
-};
+use surefoot_world::map::{Device, DeviceKind, Liquid, MapSize, Mover, MoverKind, Outline, Placed, Pool, features};
 
 /// Constants of pads in `f64`, like the numbers of JSON.
 pub(super) const PAD_GRAVITY: f64 = features::PAD_GRAVITY as f64;
@@ -38,10 +36,7 @@ const ROUNDING_M: f32 = 0.01;
 #[derive(Default)]
 pub(super) struct Found {
     pools: Vec<(String, FoundPool)>,
-    pads: Vec<(String, Pad)>,
-    zip_lines: Vec<(String, ZipLine)>,
-    teleporters: Vec<(String, Teleporter)>,
-    jetpacks: Vec<(String, Jetpack)>,
+    devices: Vec<(String, Device)>,
     movers: Vec<Mover>,
     /// Number of helpers, which are left out.
     pub(super) helper_count: usize,
@@ -88,18 +83,9 @@ impl Found {
         for (name, pool) in self.pools {
             placed.pools.push(pool.place(shift, extent).ok_or(name)?);
         }
-        for (name, pad) in self.pads {
-            placed.pads.push(Pad { centre: on_map(&name, pad.centre)?, ..pad });
-        }
-        for (name, line) in self.zip_lines {
-            placed.zip_lines.push(ZipLine { from: on_map(&name, line.from)?, to: on_map(&name, line.to)? });
-        }
-        for (name, teleporter) in self.teleporters {
-            let (from, to) = (on_map(&name, teleporter.from)?, on_map(&name, teleporter.to)?);
-            placed.teleporters.push(Teleporter { from, to, ..teleporter });
-        }
-        for (name, jetpack) in self.jetpacks {
-            placed.jetpacks.push(Jetpack { centre: on_map(&name, jetpack.centre)?, ..jetpack });
+        for (name, device) in self.devices {
+            let to = device.to.map(|to| on_map(&name, to)).transpose()?;
+            placed.add(Device { from: on_map(&name, device.from)?, to, ..device });
         }
         Ok(placed)
     }
@@ -139,11 +125,8 @@ impl FoundPool {
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Kind {
     Pool(Liquid),
-    Pad,
-    Jetpack,
-    /// The end and the name of the pair; `None` if the node's name does not say which end it is.
-    ZipLine(Option<(End, String)>),
-    Teleporter(Option<(End, String)>),
+    /// A device, with the end and the name of the pair for one end of a transport whose node says which end it is.
+    Device(DeviceKind, Option<(End, String)>),
     /// A door, lift, platform, floor or conveyor.
     Mover(MoverKind),
     /// A place on the path of a mover.
@@ -156,39 +139,15 @@ enum Kind {
 const HELPER_STARTS: [&str; 7] = ["navmesh", "trigger", "occluder", "ucx_", "ubx_", "ucp_", "usp_"];
 const HELPER_ENDS: [&str; 3] = ["-navmesh", "-noimp", "-occonly"];
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum End {
-    From,
-    To,
-}
-
-impl End {
-    fn name(self) -> &'static str {
-        match self {
-            End::From => "from",
-            End::To => "to",
-        }
-    }
-
-    fn other(self) -> Self {
-        match self {
-            End::From => End::To,
-            End::To => End::From,
-        }
-    }
-}
-
 impl Kind {
     fn of(name: &str) -> Option<Self> {
         let name = name.to_lowercase();
-        let pair = || split_end(&name);
+        if let Some(kind) = DeviceKind::ALL.iter().find(|kind| name.starts_with(kind.name())) {
+            return Some(Kind::Device(*kind, split_end(&name).filter(|_| kind.is_transport())));
+        }
         Some(match () {
             () if name.starts_with("lava") => Kind::Pool(Liquid::Lava),
             () if name.starts_with("water") => Kind::Pool(Liquid::Water),
-            () if name.starts_with("pad") => Kind::Pad,
-            () if name.starts_with("jetpack") => Kind::Jetpack,
-            () if name.starts_with("zip_line") => Kind::ZipLine(pair()),
-            () if name.starts_with("teleporter") => Kind::Teleporter(pair()),
             () if HELPER_STARTS.iter().any(|start| name.starts_with(start)) => Kind::Helper,
             () if HELPER_ENDS.iter().any(|end| name.ends_with(end)) => Kind::Helper,
             () => return None,
@@ -197,27 +156,12 @@ impl Kind {
 
     /// Whether the name lacks the end that its feature needs.
     fn lacks_end(&self) -> bool {
-        matches!(self, Kind::ZipLine(None) | Kind::Teleporter(None))
+        matches!(self, Kind::Device(kind, None) if kind.is_transport())
     }
 
     fn has_end(&self) -> bool {
-        matches!(self, Kind::ZipLine(Some(_)) | Kind::Teleporter(Some(_)))
+        matches!(self, Kind::Device(_, Some(_)))
     }
-}
-
-/// Splits `zip_line_3:from` into its end and `zip_line_3`. A number that a tool appended to a copy (`:from.001`)
-/// becomes part of the name of the pair.
-fn split_end(name: &str) -> Option<(End, String)> {
-    let (stem, copy) = match name.rsplit_once('.') {
-        Some((stem, digits)) if !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()) => {
-            (stem, digits)
-        }
-        _ => (name, ""),
-    };
-    [End::From, End::To].into_iter().find_map(|end| {
-        let stem = stem.strip_suffix(end.name())?.strip_suffix([':', '_', '-', '.', ' '])?;
-        Some((end, format!("{stem}.{copy}")))
-    })
 }
 
 /// Adds the features among `nodes` to `found` and returns for each node whether it is solid.
@@ -250,7 +194,7 @@ pub(super) fn collect_from_nodes(
             bounds[owner] = Some(bounds[owner].map_or(own, |bounds| bounds.union(own)));
         }
     }
-    let (mut zip_lines, mut teleporters) = (Pairs::default(), Pairs::default());
+    let mut pairs = Pairs::default();
     for (idx, (node, kind)) in nodes.iter().zip(kinds).enumerate() {
         let Some(kind) = kind.filter(|_| owners[idx] == Some(idx)) else { continue };
         let bounds = bounds[idx].unwrap_or(Bounds { low: node.origin, high: node.origin });
@@ -261,20 +205,16 @@ pub(super) fn collect_from_nodes(
                 let radius = extras.radius()?;
                 found.pools.push((name, FoundPool { liquid, bounds, radius }));
             }
-            Kind::Pad => {
-                let speed = pad_speed(extras.number("height")?, &name)?;
-                found.pads.push((name, Pad { centre: bounds.bottom(), speed }));
+            Kind::Device(kind, Some((end, pair))) => {
+                let two_way = kind == DeviceKind::Teleporter && extras.flag("two_way")?.unwrap_or_default();
+                pairs.add(pair, end, Half { node, kind, at: bounds.bottom(), two_way })?;
             }
-            Kind::Jetpack => {
-                let fuel = jetpack_fuel(extras.number("fuel")?, &name)?;
-                found.jetpacks.push((name, Jetpack { centre: bounds.bottom(), fuel }));
+            Kind::Device(kind, None) if kind.is_transport() => {
+                return Err(ImportError::NoEnd { node: node.name.clone() });
             }
-            Kind::ZipLine(Some((end, pair))) => {
-                zip_lines.add(pair, end, Half { node, at: bounds.bottom(), two_way: false })?;
-            }
-            Kind::Teleporter(Some((end, pair))) => {
-                let two_way = extras.flag("two_way")?.unwrap_or_default();
-                teleporters.add(pair, end, Half { node, at: bounds.bottom(), two_way })?;
+            Kind::Device(kind, None) => {
+                let power = power(kind, |key| extras.number(key), &name)?;
+                found.devices.push((name, Device { power, ..Device::new(kind, bounds.bottom()) }));
             }
             Kind::Mover(kind) => {
                 let own = nodes.iter().zip(&owners).filter(|(_, owner)| **owner == Some(idx));
@@ -287,18 +227,9 @@ pub(super) fn collect_from_nodes(
             }
             Kind::Path => {}
             Kind::Helper => found.helper_count += 1,
-            Kind::ZipLine(None) | Kind::Teleporter(None) => {
-                return Err(ImportError::NoEnd { node: node.name.clone() });
-            }
         }
     }
-    for (name, from, to) in zip_lines.finish()? {
-        found.zip_lines.push((name, ZipLine { from: from.at, to: to.at }));
-    }
-    for (name, from, to) in teleporters.finish()? {
-        let two_way = from.two_way || to.two_way;
-        found.teleporters.push((name, Teleporter { from: from.at, to: to.at, two_way }));
-    }
+    found.devices.extend(pairs.finish()?);
     let mut is_solid: Vec<bool> = owners.iter().map(Option::is_none).collect();
     if !sidecar.colliders.is_empty() {
         let mut is_collider: Vec<bool> = Vec::with_capacity(nodes.len());
@@ -375,50 +306,17 @@ fn feature_owners(nodes: &[Node], kinds: &[Option<Kind>]) -> Vec<Option<usize>> 
     owners
 }
 
-/// Pairs of ends of zip lines or teleporters, in the order in which each pair was first seen.
-#[derive(Default)]
-struct Pairs<'a> {
-    pairs: Vec<[Option<Half<'a>>; 2]>,
-    numbers: HashMap<String, usize>,
-}
-
-#[derive(Clone, Copy)]
-struct Half<'a> {
-    node: &'a Node,
-    at: Vec3,
-    two_way: bool,
-}
-
-impl<'a> Pairs<'a> {
-    fn add(&mut self, name: String, end: End, half: Half<'a>) -> Result<(), ImportError> {
-        let idx = *self.numbers.entry(name).or_insert_with(|| {
-            self.pairs.push([None; 2]);
-            self.pairs.len() - 1
-        });
-        match self.pairs[idx][end as usize].replace(half) {
-            None => Ok(()),
-            Some(_) => Err(ImportError::SecondHalf { node: half.node.name.clone(), end: end.name() }),
-        }
+/// What a device gives according to its `height` or `fuel`, which `number` reads.
+fn power(
+    kind: DeviceKind,
+    number: impl Fn(&'static str) -> Result<Option<f64>, ImportError>,
+    of: &str,
+) -> Result<f32, ImportError> {
+    match kind {
+        DeviceKind::Pad => pad_speed(number("height")?, of),
+        DeviceKind::Jetpack => jetpack_fuel(number("fuel")?, of),
+        DeviceKind::ZipLine | DeviceKind::Teleporter => Ok(0.0),
     }
-
-    /// All pairs, each with its name for messages.
-    fn finish(self) -> Result<Vec<(String, Half<'a>, Half<'a>)>, ImportError> {
-        let whole = self.pairs.into_iter().filter_map(|pair| match pair {
-            [Some(from), Some(to)] => Some(Ok((format!("node `{}` or `{}`", from.node.name, to.node.name), from, to))),
-            [Some(from), None] => Some(Err(missing_half(from.node, End::From))),
-            [None, Some(to)] => Some(Err(missing_half(to.node, End::To))),
-            [None, None] => None,
-        });
-        whole.collect()
-    }
-}
-
-fn missing_half(node: &Node, end: End) -> ImportError {
-    // The end is ASCII and comes last, except for the number of a copy.
-    let at = node.name.to_ascii_lowercase().rfind(end.name()).unwrap_or(node.name.len());
-    let (stem, rest) = node.name.split_at(at);
-    let missing = format!("{stem}{}{}", end.other().name(), rest.get(end.name().len()..).unwrap_or_default());
-    ImportError::MissingHalf { node: node.name.clone(), missing }
 }
 
 /// Upward speed of a pad for a rise of `height` metres, m/s: it throws [`PAD_EXTRA_M`] higher.
@@ -462,13 +360,14 @@ pub(super) struct Sidecar {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PoolEntry {
-    liquid: LiquidName,
+    #[serde(with = "LiquidName")]
+    liquid: Liquid,
     min: [f32; 3],
     max: [f32; 3],
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "lowercase", remote = "Liquid")]
 enum LiquidName {
     Water,
     Lava,
@@ -521,31 +420,19 @@ pub(super) fn collect_from_sidecar(sidecar: Sidecar, frame: Frame, found: &mut F
         let name = label("pools", idx);
         let (one, other) = (metres(&name, min)?, metres(&name, max)?);
         let bounds = Bounds { low: one.min(other), high: one.max(other) };
-        let liquid = match liquid {
-            LiquidName::Water => Liquid::Water,
-            LiquidName::Lava => Liquid::Lava,
-        };
         found.pools.push((name, FoundPool { liquid, bounds, radius: None }));
     }
-    for (idx, PadEntry { at, height }) in sidecar.pads.into_iter().enumerate() {
-        let name = label("pads", idx);
-        let pad = Pad { centre: metres(&name, at)?, speed: pad_speed(height, &name)? };
-        found.pads.push((name, pad));
-    }
-    for (idx, ZipLineEntry { from, to }) in sidecar.zip_lines.into_iter().enumerate() {
-        let name = label("zip_lines", idx);
-        let line = ZipLine { from: metres(&name, from)?, to: metres(&name, to)? };
-        found.zip_lines.push((name, line));
-    }
-    for (idx, TeleporterEntry { from, to, two_way }) in sidecar.teleporters.into_iter().enumerate() {
-        let name = label("teleporters", idx);
-        let teleporter = Teleporter { from: metres(&name, from)?, to: metres(&name, to)?, two_way };
-        found.teleporters.push((name, teleporter));
-    }
-    for (idx, JetpackEntry { at, fuel }) in sidecar.jetpacks.into_iter().enumerate() {
-        let name = label("jetpacks", idx);
-        let jetpack = Jetpack { centre: metres(&name, at)?, fuel: jetpack_fuel(fuel, &name)? };
-        found.jetpacks.push((name, jetpack));
+    let pads = sidecar.pads.into_iter().map(|it| (DeviceKind::Pad, it.at, None, false, it.height));
+    let lines = sidecar.zip_lines.into_iter().map(|it| (DeviceKind::ZipLine, it.from, Some(it.to), false, None));
+    let teleporters = sidecar.teleporters.into_iter();
+    let teleporters = teleporters.map(|it| (DeviceKind::Teleporter, it.from, Some(it.to), it.two_way, None));
+    let jetpacks = sidecar.jetpacks.into_iter().map(|it| (DeviceKind::Jetpack, it.at, None, false, it.fuel));
+    let ways = lines.enumerate().chain(teleporters.enumerate());
+    for (idx, (kind, from, to, two_way, number)) in pads.enumerate().chain(ways).chain(jetpacks.enumerate()) {
+        let name = label(&kind.plural(), idx);
+        let (from, to) = (metres(&name, from)?, to.map(|to| metres(&name, to)).transpose()?);
+        let power = power(kind, |_| Ok(number), &name)?;
+        found.devices.push((name, Device { to, two_way, power, ..Device::new(kind, from) }));
     }
     for (idx, entry) in sidecar.movers.into_iter().enumerate() {
         let name = label("movers", idx);

@@ -3,7 +3,7 @@
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::error::{Fault, Status, chain};
 use std::sync::Arc;
-use surefoot_world::mesh::Surface;
+use surefoot_world::map::Device;
 use surefoot_world::sense::{RAY_RANGE_M, RayCone, observation_len};
 use surefoot_world::{Action, CharacterProfile, End, Npc, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, WorldState};
 
@@ -27,20 +27,13 @@ impl Map {
 
     /// Devices of the level.
     pub fn devices(&self) -> Vec<abi::Device> {
-        let device = |surface: Surface, from: Vec3, to: Vec3, two_way: bool| abi::Device {
-            kind: abi::surface_number(surface),
-            two_way: two_way.into(),
-            from: from.into(),
-            to: to.into(),
+        let device = |it: Device| abi::Device {
+            kind: abi::surface_number(it.kind.surface()),
+            two_way: it.two_way.into(),
+            from: it.from.into(),
+            to: it.to.unwrap_or(it.from).into(),
         };
-        let placed = self.map.placed();
-        let mut devices: Vec<abi::Device> =
-            placed.pads.iter().map(|pad| device(Surface::Pad, pad.centre, pad.centre, false)).collect();
-        devices.extend(placed.zip_lines.iter().map(|line| device(Surface::ZipLine, line.from, line.to, false)));
-        let teleporters = placed.teleporters.iter();
-        devices.extend(teleporters.map(|it| device(Surface::Teleporter, it.from, it.to, it.two_way)));
-        devices.extend(placed.jetpacks.iter().map(|it| device(Surface::Jetpack, it.centre, it.centre, false)));
-        devices
+        self.map.placed().devices().map(device).collect()
     }
 
     /// The map's extent, m.

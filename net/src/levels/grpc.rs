@@ -94,11 +94,7 @@ pub fn piece_error(error: &PieceError, field: &'static str) -> Status {
 }
 
 fn level_to_wire(level: &Level) -> wire::KeptMap {
-    wire::KeptMap {
-        map_hash: level.map.hash().to_hex(),
-        name: level.name.clone(),
-        size: Some(convert::map_size_to_wire(level.map.size())),
-    }
+    wire::KeptMap { map_hash: level.map.hash().to_hex(), name: level.name.clone(), size: Some(level.map.size().into()) }
 }
 
 fn format(format: wire::MapFormat) -> Result<LevelFormat, Status> {

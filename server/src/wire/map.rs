@@ -60,7 +60,7 @@ pub fn features_to_wire(map: &Map) -> wire::GetFeaturesResponse {
     let pads =
         placed.pads.iter().map(|pad| wire::PadFeature { centre: Some(convert::to_wire(pad.centre)), speed: pad.speed });
     wire::GetFeaturesResponse {
-        size: Some(convert::map_size_to_wire(map.size())),
+        size: Some(map.size().into()),
         pools: pools.collect(),
         pads: pads.collect(),
         zip_lines: placed.zip_lines.iter().map(|it| line(it.from, it.to, false)).collect(),

@@ -11,6 +11,7 @@ use crate::ride_stops::RideStops;
 use crate::settings::{BuildSettings, Site};
 use std::collections::{BTreeMap, BTreeSet};
 use surefoot_world::float::hypot;
+use surefoot_world::map::DeviceKind;
 use surefoot_world::{CharacterProfile, Map, MoverAt, MoverId, Vec3};
 
 /// A candidate edge: an ordered pair of vertices.
@@ -105,33 +106,16 @@ pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], kno
         let pairs = sources.iter().flat_map(|&from| targets.iter().map(move |&to| EdgeKey::new(from, to)));
         found.extend(pairs.filter(|key| key.from != key.to));
     };
-    let placed = map.placed();
-    for pad in &placed.pads {
-        let rise = 0.5 * pad.speed * pad.speed / profile.gravity + 2.0;
-        let landings = closest(&grid, vertices, pad.centre, THROW_M, LANDINGS, |at| {
-            (JUMP_RISE_M..=rise).contains(&(at.y - pad.centre.y))
+    for device in map.placed().devices().filter(|device| profile.uses(device.kind)) {
+        let Some(rise) = profile.rise_by(device) else {
+            device.entrances().for_each(|way| join(&beside(way.from), &beside(way.exit())));
+            continue;
+        };
+        let reach = if device.kind == DeviceKind::Pad { THROW_M } else { JETPACK_M };
+        let landings = closest(&grid, vertices, device.from, reach, LANDINGS, |at| {
+            (JUMP_RISE_M..=rise).contains(&(at.y - device.from.y))
         });
-        join(&beside(pad.centre), &landings);
-    }
-    if profile.uses_jetpacks {
-        for jetpack in &placed.jetpacks {
-            let rise = profile.jetpack_climb_speed * jetpack.fuel;
-            let landings = closest(&grid, vertices, jetpack.centre, JETPACK_M, LANDINGS, |at| {
-                (JUMP_RISE_M..=rise).contains(&(at.y - jetpack.centre.y))
-            });
-            join(&beside(jetpack.centre), &landings);
-        }
-    }
-    if profile.uses_zip_lines {
-        for line in &placed.zip_lines {
-            join(&beside(line.from), &beside(line.path()[2]));
-        }
-    }
-    for teleporter in &placed.teleporters {
-        join(&beside(teleporter.from), &beside(teleporter.to));
-        if teleporter.two_way {
-            join(&beside(teleporter.to), &beside(teleporter.from));
-        }
+        join(&beside(device.from), &landings);
     }
     for (from, &ledge) in (0..).zip(vertices) {
         let below = closest(&grid, vertices, ledge, DROP_REACH_M, DROPS, |at| ledge.y - at.y > DROP_M);

@@ -21,7 +21,7 @@ use crate::settings::{BuildError, BuildSettings};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::atomic::Ordering;
 use surefoot_world::character::MoveScratch;
-use surefoot_world::map::Piece;
+use surefoot_world::map::{Device, Piece};
 use surefoot_world::{Map, Vec3, navigable};
 
 /// Side of the columns in which changes are recorded, m.
@@ -50,7 +50,7 @@ pub struct Change {
 }
 
 impl Change {
-    /// Compares two maps: all triangles, pads, zip lines, teleporters, jetpacks and movers.
+    /// Compares two maps: all triangles, devices and movers.
     pub fn between(old: &Map, new: &Map) -> Self {
         if old.built_hash() == new.built_hash() {
             return Self::of_pieces(old.pieces(), new.pieces());
@@ -68,16 +68,8 @@ impl Change {
             }
         }
         let spots = |map: &Map| -> BTreeSet<Vec<u32>> {
-            let placed = map.placed();
-            let pads = placed.pads.iter().map(|pad| (pad.centre, [pad.speed, 0.0, 0.0]));
-            let lines = placed.zip_lines.iter().map(|line| (line.from, line.path()[2].to_array()));
-            let teleporters = placed.teleporters.iter().map(|device| (device.from, device.to.to_array()));
-            let jetpacks = placed.jetpacks.iter().map(|jetpack| (jetpack.centre, [jetpack.fuel, 0.0, 0.0]));
-            pads.chain(lines)
-                .chain(teleporters)
-                .chain(jetpacks)
-                .map(|(at, rest)| at.to_array().into_iter().chain(rest).map(f32::to_bits).collect())
-                .collect()
+            let bits = |it: Device| it.numbers().map(f32::to_bits).chain([it.kind as u32]).collect::<Vec<u32>>();
+            map.placed().devices().map(bits).collect()
         };
         for (map, other) in [(old, new), (new, old)] {
             for mover in map.movers().iter().filter(|mover| !other.movers().contains(mover)) {
