@@ -3,5 +3,6 @@
 mod assets;
 mod bounds;
 mod build;
+mod links;
 mod ride_stops;
 mod search;

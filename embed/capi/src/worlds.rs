@@ -67,6 +67,12 @@ impl World {
         self.world.npc(NpcSlot(npc)).map(|state| (NpcSlot(npc), state)).ok_or_else(missing)
     }
 
+    fn npc_with_goal(&self, npc: u32) -> Result<NpcSlot, Fault> {
+        let (slot, state) = self.npc(npc)?;
+        let missing = || Fault::new(Status::BadState, format!("NPC {npc} has no goal: call sf_world_set_goal first"));
+        state.episode.map(|_| slot).ok_or_else(missing)
+    }
+
     /// Adds an NPC and returns its number.
     pub fn spawn(&mut self, feet: Vec3, yaw: f32) -> Result<u32, Fault> {
         if !yaw.is_finite() {
@@ -106,23 +112,14 @@ impl World {
 
     /// Ends a decision.
     pub fn close_decision(&mut self, npc: u32) -> Result<abi::Outcome, Fault> {
-        let (slot, state) = self.npc(npc)?;
-        if state.episode.is_none() {
-            let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
-            return Err(Fault::new(Status::BadState, message));
-        }
+        let slot = self.npc_with_goal(npc)?;
         let outcome = self.world.close_decision(slot).expect("an NPC with a goal");
         Ok(abi::Outcome { reward: outcome.reward, end: end_number(outcome.end) })
     }
 
     /// Runs a whole decision of some NPCs; all others keep their action.
     pub fn step(&mut self, npcs: &[u32], actions: &[Action], outcomes: &mut [abi::Outcome]) -> Result<(), Fault> {
-        for &npc in npcs {
-            if self.npc(npc)?.1.episode.is_none() {
-                let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
-                return Err(Fault::new(Status::BadState, message));
-            }
-        }
+        npcs.iter().try_for_each(|npc| self.npc_with_goal(*npc).map(drop))?;
         for (&npc, action) in npcs.iter().zip(actions) {
             self.decide(npc, *action)?;
         }
@@ -183,11 +180,7 @@ impl World {
 
     /// The observation of an NPC for policies that do not see others.
     pub fn observation(&self, npc: u32) -> Result<Vec<f32>, Fault> {
-        let (slot, state) = self.npc(npc)?;
-        if state.episode.is_none() {
-            let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
-            return Err(Fault::new(Status::BadState, message));
-        }
+        let slot = self.npc_with_goal(npc)?;
         let mut row = vec![0.0; observation_len(false)];
         self.world.observe(slot, &mut row);
         Ok(row)

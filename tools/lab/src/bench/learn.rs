@@ -14,14 +14,8 @@ use surefoot_train::{Learner, Processor, Run, TrainConfig};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
 
-/// Batch sizes at which inference is timed, with the names of the figures for the reactive and the recurrent agent.
-const INFERENCE: [(usize, &str, &str); 5] = [
-    (1, "infer_1_us", "infer_lstm_1_us"),
-    (64, "infer_64_us", "infer_lstm_64_us"),
-    (192, "infer_192_us", "infer_lstm_192_us"),
-    (256, "infer_256_us", "infer_lstm_256_us"),
-    (512, "infer_512_us", "infer_lstm_512_us"),
-];
+/// Batch sizes at which inference is timed.
+const INFERENCE: [usize; 5] = [1, 64, 192, 256, 512];
 
 /// All figures of `bench learn`.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
@@ -34,10 +28,10 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let shipped = load_policy(None)?;
     figures.push(Figure::new("env_steps_s", env_steps_per_second(&shipped)?, "1/s on one thread, with inference"));
     let lstm = untrained(&recurrent);
-    for (rows, reactive_name, lstm_name) in INFERENCE {
-        for (name, policy) in [(reactive_name, &shipped), (lstm_name, &lstm)] {
+    for rows in INFERENCE {
+        for (agent, policy) in [("", &shipped), ("lstm_", &lstm)] {
             let burn = with_burn(policy.clone(), Processor::Cpu)?;
-            let figure = Figure::new(name, inference_us(policy, rows), "us");
+            let figure = Figure::new(format!("infer_{agent}{rows}_us"), inference_us(policy, rows), "us");
             figures.push(figure.with_reference("burn", inference_us(&burn, rows), false));
         }
     }
