@@ -1,6 +1,6 @@
 //! The stream of a worker: its hello, its answers, and how it ends.
 
-use super::WorldApi;
+use super::{Call, Reply, WorldApi};
 use crate::ids::WorldId;
 use crate::messages::{Goodbye, Hello, ToWorker};
 use crate::registry::Joined;
@@ -34,7 +34,7 @@ async fn read_hello(requests: &mut Streaming<wire::WorkRequest>) -> Result<Hello
 }
 
 /// Lets a worker join, and reads its answers until its stream ends.
-pub(super) async fn work(api: &WorldApi, mut requests: Streaming<wire::WorkRequest>) -> Result<WorkStream, Status> {
+pub async fn work(api: &WorldApi, (_, mut requests): Call<Streaming<wire::WorkRequest>>) -> Reply<WorkStream> {
     let hello = read_hello(&mut requests).await?;
     let (queue, messages) = mpsc::channel(WORKER_QUEUE);
     let joined = api.worlds.join(hello, queue.clone());
