@@ -7,7 +7,7 @@ use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::paging::{PageSize, page};
 use crate::reader::{self, ReaderStream, Source};
 use crate::serving::Caller;
-use crate::status;
+use crate::status::{self, Answer};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_levels::{ImportOptions, UpAxis};
@@ -158,10 +158,7 @@ impl Source for Chunks {
 
 #[tonic::async_trait]
 impl MapService for LevelStore {
-    async fn import_map(
-        &self,
-        request: Request<wire::ImportMapRequest>,
-    ) -> Result<Response<wire::ImportMapResponse>, Status> {
+    async fn import_map(&self, request: Request<wire::ImportMapRequest>) -> Answer<wire::ImportMapResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         convert::in_range(request.name.len() as f64, 1.0, MAX_NAME, "the length of name")?;
@@ -201,10 +198,7 @@ impl MapService for LevelStore {
         }))
     }
 
-    async fn upload_chunk(
-        &self,
-        request: Request<wire::UploadChunkRequest>,
-    ) -> Result<Response<wire::UploadChunkResponse>, Status> {
+    async fn upload_chunk(&self, request: Request<wire::UploadChunkRequest>) -> Answer<wire::UploadChunkResponse> {
         let caller = Caller::of(&request);
         let wire::UploadChunkRequest { upload_id, offset, data } = request.into_inner();
         let received = self.uploads().append(&caller.name, &upload_id, offset, &data)?;
@@ -213,7 +207,7 @@ impl MapService for LevelStore {
 
     type GetMapStream = ReaderStream<wire::GetMapResponse>;
 
-    async fn get_map(&self, request: Request<wire::GetMapRequest>) -> Result<Response<Self::GetMapStream>, Status> {
+    async fn get_map(&self, request: Request<wire::GetMapRequest>) -> Answer<Self::GetMapStream> {
         let caller = Caller::of(&request);
         let level = self.fetch(&request.into_inner().map_hash).await?;
         let map = level_to_wire(&level);
@@ -222,10 +216,7 @@ impl MapService for LevelStore {
         Ok(Response::new(reader::stream(chunks, self.patience(), std::future::pending())))
     }
 
-    async fn list_maps(
-        &self,
-        request: Request<wire::ListMapsRequest>,
-    ) -> Result<Response<wire::ListMapsResponse>, Status> {
+    async fn list_maps(&self, request: Request<wire::ListMapsRequest>) -> Answer<wire::ListMapsResponse> {
         let wire::ListMapsRequest { page_size, page_token } = request.into_inner();
         let hash = |level: &Arc<Level>| level.map.hash().to_hex();
         let page = page(self.all(), hash, PageSize::USUAL, page_size, &page_token)?;

@@ -21,6 +21,7 @@ use std::sync::Arc;
 use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::reader::{self, ReaderStream, Source};
 use surefoot_net::serving::{Caller, shutting_down};
+use surefoot_net::status::Answer;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
 use tokio::sync::Semaphore;
@@ -76,7 +77,7 @@ macro_rules! world_service {
             $(
                 $(type $stream = $response;)?
 
-                async fn $method(&self, request: Request<$request>) -> Result<Response<$response>, Status> {
+                async fn $method(&self, request: Request<$request>) -> Answer<$response> {
                     let call = (Caller::of(&request), request.into_inner());
                     $module::$method(self, call).await.map(Response::new)
                 }
