@@ -213,7 +213,7 @@ impl MapService for LevelStore {
         let map = level_to_wire(&level);
         let file = self.file_of(&caller.name, level).await?;
         let chunks = Chunks::new(self.memory(), &caller.name, map, file)?;
-        Ok(Response::new(reader::stream(chunks, self.patience(), std::future::pending())))
+        Ok(Response::new(reader::stream(chunks, self.patience(), None)))
     }
 
     async fn list_maps(&self, request: Request<wire::ListMapsRequest>) -> Answer<wire::ListMapsResponse> {

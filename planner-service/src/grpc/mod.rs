@@ -17,9 +17,10 @@ use crate::wire::{
     ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, traffic_of, unapplied_to_wire, wanted,
 };
 use prost::Message;
-use std::pin::Pin;
+use streams::{BuildProgress, GraphChanges};
 use surefoot_net::idempotency::{AnswerCache, Repeatable, check_id};
 use surefoot_net::paging::{PageSize, page};
+use surefoot_net::reader::{self, DEFAULT_PATIENCE, ReaderStream, Source};
 use surefoot_net::serving::Caller;
 use surefoot_net::status::{self, Answer};
 use surefoot_planner::live::Reporter;
@@ -30,9 +31,6 @@ use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::PlannerService;
 use surefoot_proto::plans::{plan_to_wire, query, traversal};
 use surefoot_world::Seed;
-use tokio::sync::mpsc;
-use tokio_stream::Stream;
-use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
 /// Maximum number of traversals in one report.
@@ -49,6 +47,11 @@ impl PlannerApi {
     /// Creates the service for `planner`.
     pub fn new(planner: Planner) -> Self {
         Self { reported: AnswerCache::new(planner.config().maps.memory().clone()), planner }
+    }
+
+    /// Streams messages to a reader until the service stops.
+    fn stream<S: Source>(&self, source: S) -> ReaderStream<S::Message> {
+        reader::stream(source, DEFAULT_PATIENCE, Some(self.planner.shutdown()))
     }
 
     /// Converts a query, and checks that it lies in or near the map of the graph.
@@ -89,8 +92,6 @@ fn build_now(job: &Job) -> wire::Build {
     build_to_wire(job, phase)
 }
 
-type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
-
 #[tonic::async_trait]
 impl PlannerService for PlannerApi {
     async fn start_build(&self, request: Request<wire::StartBuildRequest>) -> Answer<wire::StartBuildResponse> {
@@ -104,13 +105,11 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(wire::StartBuildResponse { build: Some(build) }))
     }
 
-    type WatchBuildStream = BoxStream<wire::WatchBuildResponse>;
+    type WatchBuildStream = ReaderStream<wire::WatchBuildResponse>;
 
     async fn watch_build(&self, request: Request<wire::WatchBuildRequest>) -> Answer<Self::WatchBuildStream> {
         let job = self.planner.peers.find(&request.into_inner().build_id).await?;
-        let (queue, stream) = mpsc::channel(4);
-        tokio::spawn(streams::stream_progress(job, queue, self.planner.shutdown().clone()));
-        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+        Ok(Response::new(self.stream(BuildProgress::new(job))))
     }
 
     async fn list_builds(&self, request: Request<wire::ListBuildsRequest>) -> Answer<wire::ListBuildsResponse> {
@@ -134,14 +133,11 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(encoded.map_err(PlannerError::lost("the encoding"))?))
     }
 
-    type WatchGraphStream = BoxStream<wire::WatchGraphResponse>;
+    type WatchGraphStream = ReaderStream<wire::WatchGraphResponse>;
 
     async fn watch_graph(&self, request: Request<wire::WatchGraphRequest>) -> Answer<Self::WatchGraphStream> {
         let hosted = self.planner.get_or_load(&request.into_inner().graph_id).await?;
-        let (id, changes) = (hosted.origin.id, hosted.changes());
-        let (queue, stream) = mpsc::channel(1);
-        tokio::spawn(streams::stream_changes(self.planner.clone(), id, changes, queue));
-        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+        Ok(Response::new(self.stream(GraphChanges::new(self.planner.clone(), &hosted))))
     }
 
     async fn list_graphs(&self, request: Request<wire::ListGraphsRequest>) -> Answer<wire::ListGraphsResponse> {

@@ -2,7 +2,6 @@
 
 use crate::envs::{EnvId, Envs, FirstState};
 use crate::wire::env::{env_actions, env_settings, results_to_wire};
-use std::pin::Pin;
 use surefoot_net::idempotency::{AnswerCache, Repeatable};
 use surefoot_net::levels::{LevelStore, grpc as levels};
 use surefoot_net::serving::{Caller, Shutdown, shutting_down};
@@ -14,8 +13,9 @@ use surefoot_world::Vec3;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use tokio::sync::mpsc;
+use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
-use tokio_stream::{Stream, StreamExt};
+use tonic::codegen::BoxStream;
 use tonic::{Request, Response, Status, Streaming};
 
 /// Most results waiting for one trainer.
@@ -45,8 +45,6 @@ impl EnvApi {
         Ok(results_to_wire(self.envs.step(caller, id, actions).await?))
     }
 }
-
-type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 
 #[tonic::async_trait]
 impl EnvService for EnvApi {

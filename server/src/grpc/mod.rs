@@ -20,11 +20,12 @@ use crate::worlds::Worlds;
 use std::sync::Arc;
 use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::reader::{self, ReaderStream, Source};
-use surefoot_net::serving::{Caller, shutting_down};
+use surefoot_net::serving::Caller;
 use surefoot_net::status::Answer;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
 use tokio::sync::Semaphore;
+use tonic::codegen::BoxStream;
 use tonic::{Request, Response, Status, Streaming};
 
 /// Most threads that build tiles of meshes at the same time, so that worlds keep stepping.
@@ -60,12 +61,7 @@ impl WorldApi {
 
     /// Streams messages to a reader until the server stops.
     fn stream<S: Source>(&self, source: S) -> ReaderStream<S::Message> {
-        let stopping = self.worlds.shutdown().wait();
-        let stopping = async move {
-            stopping.await;
-            shutting_down()
-        };
-        reader::stream(source, self.worlds.config().reader_patience, stopping)
+        reader::stream(source, self.worlds.config().reader_patience, Some(self.worlds.shutdown()))
     }
 }
 
@@ -118,5 +114,5 @@ world_service! {
     living::spawn_player(wire::SpawnPlayerRequest) -> wire::SpawnPlayerResponse;
     living::move_players(wire::MovePlayersRequest) -> wire::MovePlayersResponse;
     living::remove_player(wire::RemovePlayerRequest) -> wire::RemovePlayerResponse;
-    work::work(Streaming<wire::WorkRequest>) -> type WorkStream = work::WorkStream;
+    work::work(Streaming<wire::WorkRequest>) -> type WorkStream = BoxStream<wire::WorkResponse>;
 }
