@@ -241,8 +241,6 @@ impl Job {
     }
 
     /// Removes the requesters that `caller` may speak for. If none is left, the build is cancelled.
-    ///
-    /// If `caller` speaks for none of the requesters.
     pub(crate) fn withdraw(&self, caller: &Caller) -> Result<(), PlannerError> {
         let is_last = {
             let names = &mut self.requesters.lock().names;
@@ -336,9 +334,6 @@ impl Jobs {
     }
 
     /// Returns the open build of this graph, or adds one. The second value says whether the build is new.
-    ///
-    /// # Errors
-    /// If as many builds as `limits` allow are already running or waiting.
     pub(crate) fn find_or_add(
         &self,
         (source, body, settings): (MapSource, CharacterProfile, BuildSettings),
@@ -389,9 +384,6 @@ impl Jobs {
     }
 
     /// Returns a build by its id.
-    ///
-    /// # Errors
-    /// If `id` is empty, or there is no such build, or it ended too long ago.
     pub fn find(&self, id: &str) -> Result<Arc<Job>, PlannerError> {
         if id.is_empty() {
             return Err(PlannerError::NoBuildId);

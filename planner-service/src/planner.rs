@@ -127,9 +127,6 @@ impl Planner {
     }
 
     /// Checks that the service proves edges with the policy that a caller requires; an empty hash stands for any.
-    ///
-    /// # Errors
-    /// If it has another policy.
     pub fn check_policy(&self, hash: &str) -> Result<(), PlannerError> {
         let manifest = self.policy.manifest();
         if hash.is_empty() || hash == manifest.weights_hash {
@@ -143,9 +140,6 @@ impl Planner {
     }
 
     /// Returns a graph that may be used for plans, and marks it as used. A graph of another planner is loaded.
-    ///
-    /// # Errors
-    /// If the id is malformed, no planner has the graph, its layers could not be read, or the store is unavailable.
     pub async fn get_usable(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
         let hosted = self.get_or_load(graph_id).await?;
         hosted.check_layers()?;
@@ -153,9 +147,6 @@ impl Planner {
     }
 
     /// Like [`get_usable`](Self::get_usable), but also returns a graph whose layers could not be read.
-    ///
-    /// # Errors
-    /// If the id is malformed, no planner has the graph, or the store is unavailable.
     pub async fn get_or_load(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
         self.peers.get_or_load(GraphId::parse(graph_id).ok_or(PlannerError::BadGraphId)?).await
     }
@@ -173,9 +164,6 @@ impl Planner {
     }
 
     /// Compares two graphs.
-    ///
-    /// # Errors
-    /// If the comparison panics.
     pub async fn compare(&self, before: Arc<Hosted>, after: Arc<Hosted>) -> Result<Difference, PlannerError> {
         let task = spawn_blocking(move || {
             before.with_graph(|before| after.with_graph(|after| reachability::compare(before, after)))
@@ -185,9 +173,6 @@ impl Planner {
 
     /// Runs the policy once between two vertices. Returns the outcome, and the positions of the feet at the start and
     /// after every tick, m.
-    ///
-    /// # Errors
-    /// If the graph has no such vertex, or the probe does not complete.
     pub async fn probe(
         &self,
         hosted: Arc<Hosted>,

@@ -94,9 +94,6 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     fn holds_lease(&self) -> bool;
 
     /// Extends the lease.
-    ///
-    /// # Errors
-    /// [`StoreError::Expired`] if it has expired.
     async fn renew(&self) -> Result<(), StoreError>;
 
     /// Gives up all worlds, and joins as a new server without worlds: the next lease epoch begins.

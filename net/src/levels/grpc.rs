@@ -62,10 +62,6 @@ impl From<UploadError> for Status {
 }
 
 /// The base map of a request: a spec, or the hash of a kept map.
-///
-/// # Errors
-/// INVALID_ARGUMENT if the request sets neither or both, or the spec is out of range; NOT_FOUND if no map with that
-/// hash is kept.
 pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str) -> Result<BaseMap, Status> {
     match (spec, map_hash) {
         (Some(_), hash) if !hash.is_empty() => {
@@ -77,9 +73,6 @@ pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str)
 }
 
 /// The base map of a request with the request's pieces.
-///
-/// # Errors
-/// INVALID_ARGUMENT if one of them is not valid; RESOURCE_EXHAUSTED if they are too many.
 pub fn with_pieces(base: BaseMap, pieces: &[wire::Piece]) -> Result<MapSource, Status> {
     let pieces = surefoot_proto::pieces::pieces(pieces, "pieces")?;
     MapSource::from(base).with_pieces(pieces).map_err(|error| piece_error(&error, "pieces"))
@@ -135,9 +128,6 @@ struct Chunks {
 
 impl Chunks {
     /// The chunks of `file`; the first one carries `map`.
-    ///
-    /// # Errors
-    /// If the budget has no memory for the chunks that the reader holds at a time.
     fn new(memory: &MemoryBudget, client: &str, map: wire::KeptMap, file: Arc<LevelFile>) -> Result<Self, MemoryError> {
         let memory = memory.reserve(client, CHUNKS_PER_READER * CHUNK_BYTES as u64)?;
         Ok(Self { map: Some(map), file, sent_bytes: 0, _memory: memory })

@@ -51,9 +51,6 @@ impl Urgent {
     }
 
     /// Ends the call.
-    ///
-    /// # Errors
-    /// If it failed.
     pub fn done<T>(mut self, result: Result<T, sqlx::Error>) -> Result<T, FleetError> {
         self.is_done = result.is_ok();
         result.map_err(|error| FleetError::new(self.place.clone(), error))
@@ -70,9 +67,6 @@ impl Drop for Urgent {
 
 impl Database {
     /// Connects to `url`, `postgres://user:password@host:port/database`, and brings the schema up to date.
-    ///
-    /// # Errors
-    /// If the URL is malformed, the database does not answer within 5 s, or its schema cannot be brought up to date.
     pub async fn open(url: &str) -> Result<Self, FleetError> {
         let malformed = |why: String| {
             FleetError::new("--store", format!("{why}the format is postgres://user:password@host:port/database"))
@@ -102,18 +96,12 @@ impl Database {
     }
 
     /// A connection for leases and journals.
-    ///
-    /// # Errors
-    /// If there is none within 5 s.
     pub async fn urgent(&self) -> Result<Urgent, FleetError> {
         let connection = self.urgent.acquire().await.map_err(|error| self.failed(error))?;
         Ok(Urgent { connection, place: self.place.clone(), is_done: false })
     }
 
     /// Returns the number of transactions that the database has committed for all its clients. For measurements.
-    ///
-    /// # Errors
-    /// If the database cannot be read.
     pub async fn commits(&self) -> Result<i64, FleetError> {
         let count = sqlx::query_scalar!(
             r#"SELECT xact_commit AS "count!" FROM pg_stat_database WHERE datname = current_database()"#

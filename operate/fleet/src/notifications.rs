@@ -31,9 +31,6 @@ pub enum Heard {
 }
 
 /// Sends a notification to all listeners of a channel, once the transaction of `connection` is committed.
-///
-/// # Errors
-/// If the database does not answer.
 pub async fn notify(connection: &mut PgConnection, channel: &str, payload: &str) -> Result<(), sqlx::Error> {
     sqlx::query!("SELECT pg_notify($1, $2)", channel, payload).execute(connection).await.map(drop)
 }

@@ -21,9 +21,6 @@ const MAX_ITEMS: usize = 4096;
 const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
 
 /// Checks the number of items in a batch.
-///
-/// # Errors
-/// OUT_OF_RANGE if there are more than 4096.
 pub(super) fn check_count(count: usize, field: &str) -> Result<(), Status> {
     if count > MAX_ITEMS {
         let message = format!("{field} has {count} items, at most {MAX_ITEMS} are allowed in one call");

@@ -214,9 +214,6 @@ impl Work for Units<'_> {
 
 /// Has the units run that are missing in the folder of an evaluation, on provers and on `threads` of this process, and
 /// saves them there. Call this from a thread that may block.
-///
-/// # Errors
-/// If a unit cannot be run or saved, or a level cannot be given to provers.
 pub fn gather(
     (dispatcher, maps): (&Dispatcher, &MapCache),
     policy: &Policy,

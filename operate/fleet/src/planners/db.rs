@@ -70,9 +70,6 @@ impl PlannerDb {
     }
 
     /// Renews the lease, or joins again if it has expired.
-    ///
-    /// # Errors
-    /// If the database does not answer.
     pub async fn renew_lease(&self) -> Result<(), FleetError> {
         if !self.membership.renew().await? {
             let expired = self.membership.id();
@@ -83,15 +80,11 @@ impl PlannerDb {
     }
 
     /// Begins a transaction.
-    ///
-    /// # Errors If the database is unavailable.
     pub async fn begin(&self) -> Result<Transaction<'static, Postgres>, FleetError> {
         self.database.pool.begin().await.map_err(|error| self.failed(error))
     }
 
     /// Notifies all planners, once the transaction of `connection` is committed.
-    ///
-    /// # Errors If the database is unavailable.
     pub async fn notify(&self, connection: &mut PgConnection, note: &Note) -> Result<(), FleetError> {
         let sent = notifications::notify(connection, CHANNEL, &note.encode(self.membership.id())).await;
         sent.map_err(|error| self.failed(error))

@@ -139,8 +139,6 @@ pub fn release(db: &PlannerDb, graph: &GraphId) {
 }
 
 /// Removes claims of this planner for which it does not build, and those of planners that have died.
-///
-/// # Errors If the database is unavailable.
 pub async fn sweep(db: &PlannerDb) -> Result<(), FleetError> {
     let fail = |error| db.failed(error);
     let newest =

@@ -55,9 +55,6 @@ pub struct FleetPlanner {
 
 impl FleetPlanner {
     /// Joins the planners that share this database and these blobs, for `lease`; others reach this one at `address`.
-    ///
-    /// # Errors
-    /// If the database cannot be written.
     pub async fn join(database: Database, blobs: Blobs, address: String, lease: Duration) -> Result<Self, FleetError> {
         let membership = Membership::join(&database, MemberKind::Planner, &address, lease).await?;
         let db = Arc::new(PlannerDb::new(database, blobs, membership, Handle::current()));

@@ -174,8 +174,6 @@ pub fn adopt(db: &PlannerDb) -> Result<Vec<Operation>, StoreError> {
 }
 
 /// Deletes builds that ended more than ten minutes ago, and planners that died a day ago.
-///
-/// # Errors If the database is unavailable.
 pub async fn forget(db: &PlannerDb) -> Result<(), FleetError> {
     let old = sqlx::query!("DELETE FROM operations WHERE stage >= 5 AND noted_at < now() - interval '10 minutes'");
     old.execute(&db.database.pool).await.map_err(|error| db.failed(error))?;

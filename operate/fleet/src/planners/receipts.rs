@@ -24,8 +24,6 @@ pub fn find(db: &PlannerDb, client: &str, id: &str) -> Result<Option<Receipt>, S
 
 /// Stores receipts in the transaction of `connection`. Returns the calls that had none. It waits for transactions that
 /// carry out the same calls.
-///
-/// # Errors If the database is unavailable.
 pub async fn store(
     db: &PlannerDb,
     connection: &mut PgConnection,
@@ -62,8 +60,6 @@ pub async fn store(
 }
 
 /// Deletes receipts that are too old.
-///
-/// # Errors If the database is unavailable.
 pub async fn forget(db: &PlannerDb) -> Result<(), FleetError> {
     let old = sqlx::query!(
         "DELETE FROM receipts WHERE noted_at < now() - make_interval(secs => $1)",

@@ -27,14 +27,11 @@ pub trait Work: Sync {
     /// Result of a job.
     type Output: Send + 'static;
 
-    /// Does a job in this process. Returns `None` if `is_settled` became true before it was done.
-    ///
-    /// If it cannot be done: the dispatch ends.
+    /// Does a job in this process. Returns `None` if `is_settled` became true before it was done. An error ends the
+    /// dispatch.
     fn run_locally(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Self::Output, String>>;
 
-    /// Reads and checks the result of a prover.
-    ///
-    /// If the result is invalid: it is ignored.
+    /// Reads and checks the result of a prover. An invalid one is ignored.
     fn read(&self, idx: usize, result: &[u8]) -> Result<Self::Output, String>;
 
     /// Called once for each job, by the thread that dispatches.
@@ -106,8 +103,6 @@ impl Dispatcher {
 
     /// Gets all jobs done and returns their results, in order; `None` if the work was cancelled. Call this from a
     /// thread that may block.
-    ///
-    /// If no process can do a job.
     pub fn run<W: Work>(
         &self,
         jobs: Vec<Job>,

@@ -30,8 +30,6 @@ const DRAIN: Duration = Duration::from_secs(10);
 /// Does jobs on threads that may block.
 pub trait Runner: Send + Sync {
     /// Does a job and returns its result.
-    ///
-    /// If the job was not done.
     fn run(&self, job: &Opened) -> Answer;
 
     /// Further metrics, in Prometheus text format.

@@ -83,9 +83,6 @@ pub struct Queue {
 impl Queue {
     /// Starts to connect to `urls`, `nats://user:password@host:port`, separated by commas. It does not wait for the
     /// server. Call this on a tokio runtime.
-    ///
-    /// # Errors
-    /// If a URL is malformed.
     pub async fn open(urls: &str) -> Result<Self, FleetError> {
         let malformed = |why: &dyn fmt::Display| {
             FleetError::new(

@@ -53,9 +53,6 @@ struct Held {
 }
 
 /// Returns all worlds of a fleet with the blobs of their last saves. For measurements.
-///
-/// # Errors
-/// If the database cannot be read.
 pub async fn saved(database: &Database) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
     rows::saves(database).await
 }
@@ -68,9 +65,6 @@ impl From<FleetError> for StoreError {
 
 impl FleetWorlds {
     /// Makes this process a server of the fleet, which others reach at `address`.
-    ///
-    /// # Errors
-    /// If the database cannot be written.
     pub async fn join(database: Database, blobs: Blobs, address: &str, lease: Duration) -> Result<Self, FleetError> {
         let membership = Membership::join(&database, MemberKind::Server, address, lease).await?;
         let (left, mut listening) = (Arc::new(Notify::new()), JoinSet::new());
