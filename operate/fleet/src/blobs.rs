@@ -30,6 +30,11 @@ impl BlobId {
     pub fn of(bytes: &[u8]) -> Self {
         Self(*blake3::hash(bytes).as_bytes())
     }
+
+    /// The name in a row of the database.
+    pub(crate) fn of_row(name: &[u8]) -> Self {
+        Self(name.try_into().expect("the tables have hashes of 32 bytes only"))
+    }
 }
 
 impl fmt::Display for BlobId {
@@ -97,7 +102,7 @@ impl Blobs {
         let (id, payload) = (BlobId::of(&bytes), PutPayload::from(bytes));
         match self.put_as(PutMode::Create, id, payload.clone()).await {
             Err(object_store::Error::AlreadyExists { .. }) => {}
-            put => return put.map(|()| id).map_err(|error| FleetError::caused(self.place.clone(), &error)),
+            put => return put.map(|()| id).map_err(|error| self.failed(&error)),
         }
         match self.get(id).await {
             Ok(Some(_)) => return Ok(id),
@@ -105,7 +110,11 @@ impl Blobs {
             Ok(None) | Err(_) => warn!(%id, place = self.place, "blobs: replacing a damaged blob"),
         }
         let put = self.put_as(PutMode::Overwrite, id, payload).await;
-        put.map(|()| id).map_err(|error| FleetError::caused(self.place.clone(), &error))
+        put.map(|()| id).map_err(|error| self.failed(&error))
+    }
+
+    fn failed(&self, error: &object_store::Error) -> FleetError {
+        FleetError::caused(self.place.clone(), error)
     }
 
     async fn put_as(&self, mode: PutMode, id: BlobId, payload: PutPayload) -> Result<(), object_store::Error> {
@@ -115,11 +124,10 @@ impl Blobs {
 
     /// Returns the bytes with this name; `None` if there are none.
     pub async fn get(&self, id: BlobId) -> Result<Option<Vec<u8>>, FleetError> {
-        let fail = |error: object_store::Error| FleetError::caused(self.place.clone(), &error);
         let bytes = match self.store.get(&path(id)).await {
-            Ok(found) => found.bytes().await.map_err(fail)?,
+            Ok(found) => found.bytes().await.map_err(|error| self.failed(&error))?,
             Err(object_store::Error::NotFound { .. }) => return Ok(None),
-            Err(error) => return Err(fail(error)),
+            Err(error) => return Err(self.failed(&error)),
         };
         if BlobId::of(&bytes) != id {
             let reason = format!("blob {id} is damaged: restore it from a copy, or remove it");
@@ -132,7 +140,7 @@ impl Blobs {
     pub async fn remove(&self, id: BlobId) -> Result<(), FleetError> {
         match self.store.delete(&path(id)).await {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(error) => Err(FleetError::caused(self.place.clone(), &error)),
+            Err(error) => Err(self.failed(&error)),
         }
     }
 

@@ -14,6 +14,7 @@ use crate::notifications;
 use lookups::Lookups;
 use parking_lot::Mutex;
 use rows::Ownership;
+pub use rows::saves as saved;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -50,11 +51,6 @@ struct Held {
     claim: Ownership,
     /// Name of the blob with the last save.
     blob: BlobId,
-}
-
-/// Returns all worlds of a fleet with the blobs of their last saves. For measurements.
-pub async fn saved(database: &Database) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
-    rows::saves(database).await
 }
 
 impl From<FleetError> for StoreError {
