@@ -23,9 +23,6 @@ const SECRETS: [&str; 3] = ["token", "store", "nats"];
 /// Parses the command line, the environment and the file; `None` if `--print-config` was given and handled.
 ///
 /// Like clap's own parsers, this exits the process on `--help` and on invalid flags.
-///
-/// # Errors
-/// If the file cannot be read, or contains a table, key or value that no flag accepts.
 pub fn read(command: Command) -> anyhow::Result<Option<ArgMatches>> {
     let mut args: Vec<OsString> = std::env::args_os().collect();
     let mut command = with_own_flags(command);

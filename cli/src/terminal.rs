@@ -36,9 +36,6 @@ pub struct Logging {
 
 impl Logging {
     /// Sends logs to stderr; `RUST_LOG` selects the level, by default `info`.
-    ///
-    /// # Errors
-    /// If `--otlp` is not a URI that spans can be exported to.
     pub fn start(args: &LogArgs) -> anyhow::Result<Self> {
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
         let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);

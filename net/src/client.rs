@@ -127,17 +127,11 @@ impl fmt::Debug for Credentials {
 
 impl Credentials {
     /// Reads the TLS files and prepares the token for sending.
-    ///
-    /// # Errors
-    /// If a file cannot be read, or a header cannot carry the token.
     pub fn load(token: Option<&Secret>, files: &ClientTlsFiles) -> Result<Self, LinkError> {
         Self::from_sources(Sources { bearer: token.map(bearer).transpose()?, token: None, tls: files.clone() })
     }
 
     /// Reads the TLS files and the secret of a token in the file `token`.
-    ///
-    /// # Errors
-    /// If a file cannot be read, or a header cannot carry the token.
     pub fn load_with_token_file(token: &Path, files: &ClientTlsFiles) -> Result<Self, LinkError> {
         Self::from_sources(Sources { bearer: None, token: Some(token.to_owned()), tls: files.clone() })
     }
@@ -183,9 +177,6 @@ impl Credentials {
     }
 
     /// Prepares connections to `uri` with these credentials; `https://` means TLS.
-    ///
-    /// # Errors
-    /// If `uri` is not a URI, or TLS cannot be set up.
     pub fn dial(&self, uri: &str) -> Result<Dialer, LinkError> {
         let parts = self.current();
         let endpoint = self.endpoint(uri, &parts)?;
@@ -271,9 +262,6 @@ impl Dialer {
     }
 
     /// Connects now.
-    ///
-    /// # Errors
-    /// If the server does not answer, or its certificate is not trusted.
     pub async fn connect(&self) -> Result<Link, Error> {
         let target = self.target();
         let channel = target.endpoint.connect().await?;

@@ -141,9 +141,6 @@ impl<A> Clone for AnswerCache<A> {
 }
 
 /// Checks the length of a request id.
-///
-/// # Errors
-/// If it is too long.
 pub fn check_id(request_id: &str) -> Result<(), Status> {
     if request_id.len() > MAX_ID {
         let message = format!("request_id is {} bytes long, at most {MAX_ID} are allowed", request_id.len());
@@ -163,9 +160,6 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
     ///
     /// A running call continues when its client disconnects, so that a repeated call gets its answer. A failed call
     /// runs again.
-    ///
-    /// # Errors
-    /// If the id is too long or was used for a different request, there is no memory for the answer, or the call fails.
     pub async fn once<F>(&self, call: Repeatable<'_>, request: &impl prost::Message, work: F) -> Result<A, Status>
     where
         F: Future<Output = Result<A, Status>> + Send + 'static,

@@ -72,9 +72,6 @@ impl MemoryBudget {
     }
 
     /// Reserves memory for a client.
-    ///
-    /// # Errors
-    /// If the rest of the budget is smaller.
     pub fn reserve(&self, client: &str, bytes: u64) -> Result<Reservation, MemoryError> {
         let mut used = self.used();
         self.check(&used, bytes)?;
@@ -104,10 +101,8 @@ impl MemoryBudget {
 }
 
 impl Reservation {
-    /// Replaces an estimate by the bytes that are really held.
-    ///
-    /// # Errors
-    /// If the increase exceeds the rest of the budget; the reservation does not change.
+    /// Replaces an estimate by the bytes that are really held. If the increase exceeds the rest of the budget, the
+    /// reservation does not change.
     pub fn resize(&mut self, bytes: u64) -> Result<(), MemoryError> {
         let mut used = self.budget.used();
         self.budget.check(&used, bytes.saturating_sub(self.bytes))?;

@@ -27,9 +27,6 @@ impl PageSize {
     pub const USUAL: Self = Self { default: 100, max: 1000 };
 
     /// Number of items for a page size of `wanted` in the request; 0 means the default.
-    ///
-    /// # Errors
-    /// OUT_OF_RANGE if `wanted` is greater than the maximum.
     fn items(self, wanted: u32) -> Result<usize, Status> {
         match wanted {
             0 => Ok(self.default as usize),
@@ -43,9 +40,6 @@ impl PageSize {
 }
 
 /// Returns the page of `all` that follows the item whose `key` is `token`; an empty token means the first page.
-///
-/// # Errors
-/// If no item has that key, or the page is too large.
 pub fn page<T>(
     all: impl IntoIterator<Item = T>,
     key: impl Fn(&T) -> String,
@@ -68,9 +62,6 @@ pub fn page<T>(
 }
 
 /// Returns a page of a list in ascending order of ids. The item of the token may have been removed.
-///
-/// # Errors
-/// If the token is not an id, or the page is too large.
 pub fn page_by_id<T>(
     all: impl IntoIterator<Item = T>,
     id: impl Fn(&T) -> u64,

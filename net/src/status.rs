@@ -3,8 +3,11 @@
 
 use std::time::Duration;
 use surefoot_proto::reason::{DOMAIN, Reason};
-use tonic::Status;
+use tonic::{Response, Status};
 use tonic_types::{ErrorDetails, StatusExt};
+
+/// What a method of a service returns.
+pub type Answer<T> = Result<Response<T>, Status>;
 
 /// Message of tonic's status for a call that has exceeded its deadline.
 const TIMEOUT: &str = "Timeout expired";

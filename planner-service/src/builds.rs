@@ -99,9 +99,6 @@ impl BuildRunner {
     }
 
     /// Loads or builds the graph of a map without pieces.
-    ///
-    /// # Errors
-    /// If the job is cancelled, the graph cannot be built, or the shared store is unavailable.
     pub async fn build(self: Arc<Self>, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
         let slot = match self.build_slot.clone().try_acquire_owned() {
             Ok(slot) => slot,
@@ -125,9 +122,6 @@ impl BuildRunner {
 
     /// Makes the graph of an edited map from `base`, a graph of the same map with other pieces or with none. It does
     /// not wait for builds.
-    ///
-    /// # Errors
-    /// If the job is cancelled, or the graph cannot be made.
     pub async fn follow_edit(self: Arc<Self>, job: Arc<Job>, base: Arc<Hosted>) -> Result<Arc<Hosted>, PlannerError> {
         let permit = permit_for(&job, &self.updating).await?;
         let task = spawn_blocking(move || {

@@ -181,17 +181,12 @@ impl Hosted {
         self.changes.send_replace(());
     }
 
-    /// Checks that the graph may be used for plans.
-    ///
-    /// If its layers could not be read, so that forbidden edges are unknown.
+    /// Checks that the graph may be used for plans. While its layers could not be read, forbidden edges are unknown.
     pub fn check_layers(&self) -> Result<(), PlannerError> {
         self.view().refusal.clone().map_or(Ok(()), Err)
     }
 
     /// Checks that a point lies in the map or within [`MARGIN_M`] of it; `field` names it.
-    ///
-    /// # Errors
-    /// If it does not.
     pub fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), PlannerError> {
         let extent = self.origin.extent;
         let (low, high) = (Vec3::splat(-MARGIN_M), extent + MARGIN_M);
@@ -383,9 +378,6 @@ impl Hosted {
 
     /// Calls `store` with the live evidence so far and the receipts of the calls that reported it. Calls do not
     /// overlap, so that the latest evidence is stored last.
-    ///
-    /// # Errors
-    /// Those of `store`.
     pub fn store_live<E>(&self, store: impl FnOnce(&LiveEvidence, &[Receipt]) -> Result<(), E>) -> Result<(), E> {
         let _updating = self.updating.lock();
         let (live, receipts) = {

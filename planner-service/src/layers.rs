@@ -202,10 +202,6 @@ impl LayerEditor {
     /// Changes a layer of a graph's level. If `if_revision` is given, the layers must have that revision. The change is
     /// abandoned if the caller drops the future, or the service shuts down, before it is stored. Returns the answer, as
     /// [`wire::changed`] encodes it; a repeated call gets its first answer.
-    ///
-    /// # Errors
-    /// If the layers are of another revision or change too often, the changed layer is invalid or too large, there is
-    /// no layer to remove edits from, the change cannot be stored, or the request id was used for another request.
     pub async fn change(
         self: &Arc<Self>,
         hosted: Arc<Hosted>,
@@ -287,9 +283,6 @@ impl LayerEditor {
 
     /// Prepares a graph with the layers of a level. Returns it with the guard of the level's `lock`, under which the
     /// layers stay as they are. If the layers cannot be read, the graph refuses plans.
-    ///
-    /// # Errors
-    /// If `prepare` was cancelled, or the shared store is unavailable.
     pub fn with_layers<'a>(
         &self,
         lock: &'a Mutex<()>,

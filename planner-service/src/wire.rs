@@ -52,8 +52,6 @@ pub fn recipe((source, body, settings): (&MapSource, &CharacterProfile, &BuildSe
 }
 
 /// Decodes what [`recipe`] encoded.
-///
-/// # Errors If this planner's limits or levels do not allow the graph, or an incompatible version encoded the recipe.
 pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConfig) -> Result<Wanted, PlannerError> {
     let read = async {
         let request = wire::StartBuildRequest::decode(bytes)
@@ -64,8 +62,6 @@ pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConf
 }
 
 /// Reads the inputs of a graph from a request.
-///
-/// If the request is invalid, or names an unknown level.
 pub async fn wanted(
     request: &wire::StartBuildRequest,
     levels: &LevelStore,
@@ -95,8 +91,6 @@ fn as_failure(status: &Status) -> Failure {
 }
 
 /// Reads the predicted places of NPCs.
-///
-/// If there are too many crowds, or a place is missing or not finite.
 pub fn traffic_of(traffic: &wire::Traffic) -> Result<Traffic, Status> {
     if traffic.crowds.len() > MAX_CROWDS {
         let message = format!("{} crowds are too many: at most {MAX_CROWDS} are allowed", traffic.crowds.len());
@@ -110,9 +104,6 @@ pub fn traffic_of(traffic: &wire::Traffic) -> Result<Traffic, Status> {
 }
 
 /// Converts settings from the wire; absent values become defaults.
-///
-/// # Errors
-/// If an enum value is unknown or a number is out of range.
 pub fn settings_from_wire(
     settings: Option<&wire::BuildSettings>,
     config: &PlannerConfig,
@@ -174,18 +165,12 @@ pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
 }
 
 /// Converts a layer from the wire. [`Layer::validate`] checks its name and numbers later.
-///
-/// # Errors
-/// If the layer, one of its edits or a position is missing, or a position is not finite.
 pub fn layer_from_wire(layer: Option<&wire::Layer>) -> Result<Layer, FieldError> {
     let layer = layer.ok_or(FieldError::Missing("layer"))?;
     Ok(Layer { name: layer.name.clone(), edits: edits_from_wire(&layer.edits)? })
 }
 
 /// Converts edits from the wire.
-///
-/// # Errors
-/// If an edit is empty, or a position is missing or not finite.
 pub fn edits_from_wire(edits: &[wire::Edit]) -> Result<Vec<Edit>, FieldError> {
     edits.iter().map(edit_from_wire).collect()
 }

@@ -105,9 +105,6 @@ impl From<FieldError> for tonic::Status {
 }
 
 /// Converts a required point from the wire.
-///
-/// # Errors
-/// If the point is absent or not finite. `field` is its path in the error.
 pub fn point(value: Option<&wire::Vec3>, field: &'static str) -> Result<Vec3, FieldError> {
     let &wire::Vec3 { x, y, z } = value.ok_or(FieldError::Missing(field))?;
     let point = Vec3::new(x, y, z);
@@ -120,9 +117,6 @@ pub fn to_wire(point: Vec3) -> wire::Vec3 {
 }
 
 /// Converts a required map spec from the wire; absent parts become defaults.
-///
-/// # Errors
-/// If the spec is absent or a number is out of range.
 pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
     let value = value.ok_or(FieldError::Missing("map"))?;
     let mut spec = RawMapSpec::new(value.seed);
@@ -135,9 +129,6 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
 }
 
 /// Converts a body from the wire; absent means the default body, absent fields those of its preset.
-///
-/// # Errors
-/// If there is no such preset, or a number is out of range.
 pub fn body(value: Option<&wire::Body>) -> Result<CharacterProfile, FieldError> {
     let Some(value) = value else { return Ok(CharacterProfile::default()) };
     let preset = match value.preset.as_str() {
@@ -235,9 +226,6 @@ pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
 }
 
 /// Returns `value` if it is between `min` and `max`.
-///
-/// # Errors
-/// If `value` is out of range or NaN. `field` is its path in the error.
 pub fn in_range(value: f64, min: f64, max: f64, field: &'static str) -> Result<f64, FieldError> {
     if (min..=max).contains(&value) { Ok(value) } else { Err(FieldError::Range { field, value, min, max }) }
 }
@@ -285,9 +273,6 @@ wire_enum!(MoverKind = wire::MoverKind: Door Lift Platform Floor Conveyor Crate)
 wire_enum!(PlayerContact = wire::PlayerContact: Block Push Ghost);
 
 /// Reads an enum; unspecified means `usual`.
-///
-/// # Errors
-/// If the number is unknown. `field` is its path in the error.
 pub fn enum_or<T: WireEnum>(number: i32, usual: T, field: &'static str) -> Result<T, FieldError> {
     match number {
         0 => Ok(usual),
@@ -331,9 +316,6 @@ pub fn pack_points(points: impl IntoIterator<Item = Vec3>) -> Vec<u8> {
 }
 
 /// Unpacks little-endian floats as points, three each.
-///
-/// # Errors
-/// If `bytes` are not exactly `count` points, or one is not finite. `field` is the path of the array in the error.
 pub fn unpack_points(bytes: &[u8], count: usize, field: &'static str) -> Result<Vec<Vec3>, FieldError> {
     let values = unpack(bytes, 3 * count, field)?;
     let points: Vec<Vec3> = values.as_chunks::<3>().0.iter().copied().map(Vec3::from_array).collect();
@@ -341,9 +323,6 @@ pub fn unpack_points(bytes: &[u8], count: usize, field: &'static str) -> Result<
 }
 
 /// Unpacks little-endian floats.
-///
-/// # Errors
-/// If `bytes` are not exactly `count` floats. `field` is the path of the array in the error.
 pub fn unpack(bytes: &[u8], count: usize, field: &'static str) -> Result<Vec<f32>, FieldError> {
     if bytes.len() != count * 4 {
         return Err(FieldError::Length { field, found: bytes.len(), expected: count * 4 });

@@ -77,10 +77,8 @@ impl std::fmt::Display for EnvId {
 
 /// A game that runs environments in its own physics.
 pub trait Host: Send + Sync + std::fmt::Debug {
-    /// Creates an environment of the level that the game runs. Called on a blocking thread.
-    ///
-    /// # Errors
-    /// A sentence with the reason.
+    /// Creates an environment of the level that the game runs. Called on a blocking thread. The error is a sentence
+    /// with the reason.
     fn open(&self, body: &CharacterProfile, solid_npcs: bool, episodes: Episodes) -> Result<Env, String>;
 }
 
@@ -204,18 +202,12 @@ impl Envs {
     }
 
     /// Returns the number of NPCs of an environment.
-    ///
-    /// # Errors
-    /// If there is none of that id, it belongs to another client, or it is being stepped.
     pub fn npc_count(&self, caller: &Caller, id: EnvId) -> Result<usize, EnvError> {
         let kept = self.find(caller, id)?;
         Ok(kept.lock(id)?.npc_count())
     }
 
     /// Creates an environment; returns its id and its first state.
-    ///
-    /// # Errors
-    /// If there are too many, or its map cannot be made.
     pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, FirstState), EnvError> {
         let (reserved, ticket) = (self.reserve()?, self.quota.acquire(&caller.name).map_err(EnvError::Quota)?);
         let (env, memory) = self.make(caller, settings).await?;
@@ -276,13 +268,8 @@ impl Envs {
         Ok(Reserved { envs: self.clone() })
     }
 
-    /// Steps each NPC by one decision; `actions` has one action for each NPC. `routes` apply after the step.
-    ///
-    /// # Errors
-    /// If there is none of that id, it belongs to another client, or it is being stepped.
-    ///
-    /// # Panics
-    /// If there is not one action for each NPC, or a route is of an NPC that does not exist.
+    /// Steps each NPC by one decision; `actions` has one action for each NPC. `routes` apply after the step. Panics if
+    /// there is not one action for each NPC, or a route is of an NPC that does not exist.
     pub async fn step(
         &self,
         caller: &Caller,
@@ -309,9 +296,6 @@ impl Envs {
     }
 
     /// Closes an environment.
-    ///
-    /// # Errors
-    /// If there is none of that id, or it belongs to another client.
     pub fn close(&self, caller: &Caller, id: EnvId) -> Result<(), EnvError> {
         self.find(caller, id)?;
         // The map is dropped without the lock.

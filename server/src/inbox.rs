@@ -82,9 +82,6 @@ impl<T> Inbox<T> {
     }
 
     /// Adds an item at the end of a queue.
-    ///
-    /// # Errors
-    /// [`SimError::Busy`] if the queue is full, [`SimError::Stopped`] if the inbox is closed.
     pub fn push(&self, queue: &CallQueue, item: T) -> Result<(), SimError> {
         let mut queues = self.queues();
         if queues.is_closed {

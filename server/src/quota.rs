@@ -43,9 +43,6 @@ impl Quota {
     }
 
     /// Acquires a place for `client`.
-    ///
-    /// # Errors
-    /// If the client has reached its quota.
     pub fn acquire(self: &Arc<Self>, client: &str) -> Result<Ticket, QuotaError> {
         let mut held = self.held.lock();
         if held.get(client).copied().unwrap_or(0) >= self.limit {

@@ -71,9 +71,6 @@ pub struct Receipt {
 
 impl Receipt {
     /// Waits until the change is durable.
-    ///
-    /// # Errors
-    /// If the world ends first.
     pub async fn confirmed(mut self) -> Result<(), SimError> {
         let result = self.confirmed.wait_for(|latest| *latest >= self.sequence).await;
         result.map(drop).map_err(|_| SimError::Stopped)
@@ -136,9 +133,6 @@ impl Drop for OpenInbox {
 
 impl SimHandle {
     /// Starts the thread of a world. `failed` is called if the world panics.
-    ///
-    /// # Errors
-    /// If the system refuses a thread.
     pub fn start(
         name: String,
         world: HostedWorld,
@@ -168,17 +162,11 @@ impl SimHandle {
     }
 
     /// Runs `call` on the thread between two ticks, without waiting for it.
-    ///
-    /// # Errors
-    /// If too many calls are waiting, or the thread has ended.
     pub fn cast(&self, call: impl FnOnce(&mut SimState) + Send + 'static) -> Result<(), SimError> {
         self.inbox.0.push(&self.queue, Box::new(call))
     }
 
     /// Runs `call` on the thread between two ticks and returns its result.
-    ///
-    /// # Errors
-    /// Those of [`SimHandle::cast`].
     pub async fn call<R: Send + 'static>(
         &self,
         call: impl FnOnce(&mut SimState) -> R + Send + 'static,
@@ -192,9 +180,7 @@ impl SimHandle {
     }
 
     /// Like [`SimHandle::call`], if the thread begins the call within `limit`. Otherwise the call is not run at all.
-    ///
-    /// # Errors
-    /// [`SimError::Busy`] if the call was not run, and those of [`SimHandle::cast`].
+    /// [`SimError::Busy`] means that the call was not run.
     pub async fn call_within<R: Send + 'static>(
         &self,
         limit: Duration,

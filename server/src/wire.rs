@@ -27,9 +27,6 @@ wire_enum!(NpcStatus = wire::NpcStatus: Idle Seeking Down);
 wire_enum!(Support = wire::Support: Air Ground Steep Water ZipLine);
 
 /// Reads a region; absent means everywhere.
-///
-/// # Errors
-/// If a corner is missing or not finite, or a coordinate of the low corner is greater than the high one.
 pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {
     let Some(region) = region else { return Ok(None) };
     let low = convert::point(region.low.as_ref(), "region.low")?;
@@ -43,9 +40,6 @@ pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldErro
 }
 
 /// Checks that the number in `field` is finite.
-///
-/// # Errors
-/// If it is infinite or NaN.
 pub fn finite(value: f32, field: &'static str) -> Result<f32, FieldError> {
     if value.is_finite() { Ok(value) } else { Err(FieldError::NotFinite(field)) }
 }

@@ -244,9 +244,6 @@ impl Worlds {
     }
 
     /// Creates a world for `client` and starts it.
-    ///
-    /// # Errors
-    /// If there are too many, or its map cannot be made.
     pub async fn create(
         &self,
         caller: &Caller,
@@ -345,9 +342,6 @@ impl Worlds {
     }
 
     /// Returns the handle of a running world.
-    ///
-    /// # Errors
-    /// If no world has this id, or this server may have lost it to another.
     pub fn handle(&self, id: WorldId) -> Result<WorldHandle, WorldsError> {
         if self.shared_store().is_some_and(|shared| !shared.holds_lease()) {
             return Err(WorldsError::Moving(id));
@@ -357,27 +351,18 @@ impl Worlds {
     }
 
     /// A running world, whose thread queues the calls as those of the caller.
-    ///
-    /// # Errors
-    /// If there is none of that id.
     pub fn handle_for(&self, caller: &Caller, id: WorldId) -> Result<WorldHandle, WorldsError> {
         let handle = self.handle(id)?;
         Ok(WorldHandle { sim: handle.sim.for_client(&caller.name), ..handle })
     }
 
     /// A running world to which the caller may add: its own, or, for designers, any.
-    ///
-    /// # Errors
-    /// If there is none of that id, or it belongs to another client.
     pub fn handle_to_change(&self, caller: &Caller, id: WorldId) -> Result<WorldHandle, WorldsError> {
         let handle = self.handle_for(caller, id)?;
         if caller.may_add_to(handle.ticket.client()) { Ok(handle) } else { Err(WorldsError::NotOwner(id)) }
     }
 
     /// One world.
-    ///
-    /// # Errors
-    /// If there is none of that id, or its thread does not answer.
     pub async fn describe(&self, caller: &Caller, id: WorldId) -> Result<WorldSummary, WorldsError> {
         Ok(self.handle_for(caller, id)?.sim.call(|state| WorldSummary::of(&state.world)).await?)
     }
@@ -392,11 +377,8 @@ impl Worlds {
         self.inner.worlds.read().keys().copied().collect()
     }
 
-    /// Ends a world and deletes its save, even if its thread is stuck. A save that is being written ends first.
-    ///
-    /// # Errors
-    /// If there is none of that id, or it belongs to another client. Also if the save cannot be deleted; then the world
-    /// continues.
+    /// Ends a world and deletes its save, even if its thread is stuck. A save that is being written ends first. If its
+    /// save cannot be deleted, the world continues.
     pub async fn drop_world(&self, caller: &Caller, id: WorldId) -> Result<(), WorldsError> {
         let handle = self.handle(id)?;
         if !caller.may_change(handle.ticket.client()) {

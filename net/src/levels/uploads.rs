@@ -75,9 +75,6 @@ impl Uploads {
     }
 
     /// Adds a part, and returns the number of bytes received. A part that was received before has no effect.
-    ///
-    /// # Errors
-    /// If the part leaves a gap, or exceeds a limit.
     pub fn append(&self, client: &Arc<str>, id: &str, offset: u64, data: &[u8]) -> Result<u64, UploadError> {
         if !(1..=MAX_ID).contains(&id.len()) {
             return Err(UploadError::Id(id.len()));
@@ -116,9 +113,6 @@ impl Uploads {
 
     /// Takes the file of an upload after its reservation has grown to `needed` bytes of its length. If the memory
     /// budget is exhausted, the upload stays.
-    ///
-    /// # Errors
-    /// [`UploadError::Unknown`], [`UploadError::Memory`].
     pub fn take(&self, client: &Arc<str>, id: &str, needed: impl Fn(usize) -> u64) -> Result<Upload, UploadError> {
         let (mut uploads, key) = (self.by_id(), (client.clone(), id.to_owned()));
         let upload = uploads.get_mut(&key).ok_or_else(|| UploadError::Unknown(id.to_owned()))?;

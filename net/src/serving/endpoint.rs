@@ -81,18 +81,11 @@ pub struct Endpoint {
 
 impl Endpoint {
     /// Binds a loopback `address` with the default limits and without tokens; port 0 means any free port.
-    ///
-    /// # Errors
-    /// If the address is in use, not permitted, or not a loopback address.
     pub fn bind(address: SocketAddr) -> Result<Self, ServeError> {
         Self::open(address, EndpointConfig::default())
     }
 
     /// Binds `address`; port 0 means any free port.
-    ///
-    /// # Errors
-    /// If the address is in use or not permitted, or if other machines can reach it and neither TLS nor `insecure` is
-    /// configured.
     pub fn open(address: SocketAddr, config: EndpointConfig) -> Result<Self, ServeError> {
         let Security { tls, tokens, insecure, .. } = &config.security;
         if !address.ip().to_canonical().is_loopback() && tls.is_none() && !insecure {
@@ -160,9 +153,6 @@ impl Endpoint {
     /// Serves `services` until `shutdown`, then drains for at most five seconds.
     ///
     /// `names` are the services whose health is reported; `metrics` renders the answer to `GET /metrics`.
-    ///
-    /// # Errors
-    /// If the transport fails.
     pub async fn serve<M, F>(
         self,
         mut services: RoutesBuilder,

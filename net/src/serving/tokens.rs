@@ -111,9 +111,6 @@ impl fmt::Debug for Tokens {
 
 impl Tokens {
     /// Reads a file of tokens.
-    ///
-    /// # Errors
-    /// If the file cannot be read, or [`Tokens::parse`] refuses its content.
     pub fn load(path: &Path) -> Result<Self, TokenFileError> {
         let text = String::from_utf8_lossy(&read(path)?).into_owned();
         let tokens = Self::parse(&text).map_err(|reason| TokenFileError::Refused { path: path.to_owned(), reason })?;
@@ -147,10 +144,6 @@ impl Tokens {
     }
 
     /// Parses tokens: TOML with `[[token]]` entries of `name`, `role` and `secret`.
-    ///
-    /// # Errors
-    /// If there is no entry, a key is missing or unknown, a role is unknown, two entries share a name or a secret, or a
-    /// secret is too short or cannot be sent in a header.
     pub fn parse(text: &str) -> Result<Self, TokenError> {
         // The parser's message may quote a line with a secret.
         let table = text.parse::<Table>().map_err(|error| {

@@ -59,10 +59,8 @@ impl HostedWorld {
         self.world.movers()
     }
 
-    /// Sets the destination and the pace (in multiples of the default) of a mover. Returns its index and state.
-    ///
-    /// # Errors
-    /// If there is no such mover, or the order is invalid. Nothing changes then.
+    /// Sets the destination and the pace (in multiples of the default) of a mover. Returns its index and state. An
+    /// invalid order changes nothing.
     pub fn set_mover(
         &mut self,
         name: &str,
@@ -84,9 +82,6 @@ impl HostedWorld {
     }
 
     /// Adds a valid player, and returns its id.
-    ///
-    /// # Errors
-    /// If the world has too many players, or the position is outside the map.
     pub fn spawn_player(&mut self, player: Player) -> Result<PlayerSlot, LivingError> {
         self.check_on_map(player.feet, "position")?;
         if self.world.players().count() >= MAX_PLAYERS {
@@ -95,10 +90,8 @@ impl HostedWorld {
         Ok(self.world.spawn_player(player))
     }
 
-    /// Moves players: id, position of the feet, m, and velocity, m/s.
-    ///
-    /// # Errors
-    /// If one of them does not exist, or leaves the map. No player is moved then.
+    /// Moves players: id, position of the feet, m, and velocity, m/s. If one of them does not exist or leaves the map,
+    /// no player is moved.
     pub fn move_players(&mut self, moves: &[(PlayerSlot, Vec3, Vec3)]) -> Result<(), LivingError> {
         let players: BTreeSet<PlayerSlot> = self.world.players().map(|(slot, _)| slot).collect();
         for (slot, feet, _) in moves {
@@ -114,9 +107,6 @@ impl HostedWorld {
     }
 
     /// Removes a player.
-    ///
-    /// # Errors
-    /// If it does not exist.
     pub fn remove_player(&mut self, slot: PlayerSlot) -> Result<(), LivingError> {
         if self.world.remove_player(slot) { Ok(()) } else { Err(LivingError::NoSuchPlayer(self.id, slot.0)) }
     }

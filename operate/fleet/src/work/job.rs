@@ -90,8 +90,6 @@ impl Job {
     }
 
     /// Opens a job that [`new`](Self::new) sealed.
-    ///
-    /// If the bytes are not an intact job.
     pub fn open(bytes: &[u8]) -> Result<Opened, Damage> {
         let (id, content) = unseal(bytes)?;
         let ((kind, _), body): ((JobKind, u32), _) = postcard::take_from_bytes(content).map_err(malformed)?;
@@ -101,8 +99,6 @@ impl Job {
 
 impl Opened {
     /// Decodes the content of the job, which is not checked yet.
-    ///
-    /// If the bytes are not of this type.
     pub fn body<T: DeserializeOwned>(&self) -> Result<T, Damage> {
         decode(&self.body)
     }
@@ -121,8 +117,6 @@ pub fn seal_answer(job: JobId, answer: &Answer) -> Vec<u8> {
 }
 
 /// Opens the answer to a job.
-///
-/// If the bytes are not an intact answer to this job.
 pub fn open_answer(job: JobId, bytes: &[u8]) -> Result<Answer, Damage> {
     let (_, content) = unseal(bytes)?;
     let rest = content.strip_prefix(&job.0).ok_or_else(|| Damage("the answer is to another job".to_owned()))?;
@@ -135,9 +129,6 @@ pub fn encode(data: &impl Serialize) -> Vec<u8> {
 }
 
 /// Decodes data that [`encode`] wrote.
-///
-/// # Errors
-/// If the bytes are anything else.
 pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Damage> {
     let (data, rest) = postcard::take_from_bytes(bytes).map_err(malformed)?;
     if rest.is_empty() { Ok(data) } else { Err(Damage(format!("{} bytes too many", rest.len()))) }
