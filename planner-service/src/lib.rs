@@ -1,7 +1,7 @@
 //! The planner service: builds, caches, edits and searches graphs for clients over gRPC.
 //!
 //! `planner` is the service without its transport; start reading there. `grpc` decodes requests, calls the planner
-//! and encodes responses. [`wire`] converts types. Only these two, `peers`, `layers` and `serve` use wire types.
+//! and encodes responses. `wire` converts types. Only these two, `peers`, `layers` and `serve` use wire types.
 //! `hosted` is one graph in memory. [`store`] keeps graphs on disk, `layer_files` layers, and `receipts` the answers
 //! of calls that may be repeated. [`provers`] run the probes of builds. [`replicas`] is the interface of a store that
 //! several planners share. Building and searching are in the library `surefoot-planner`.
@@ -30,7 +30,7 @@ mod revision;
 mod serve;
 pub mod store;
 mod stores;
-pub mod wire;
+mod wire;
 
 pub use config::PlannerConfig;
 pub use error::Failure;
@@ -38,3 +38,4 @@ pub use failpoint::failpoint;
 pub use jobs::{BuildId, BuildPhase};
 pub use serve::serve;
 pub use stores::PlannerStores;
+pub use wire::{edits_from_wire, layer_from_wire, layer_to_wire, settings_from_wire};

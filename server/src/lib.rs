@@ -4,8 +4,8 @@
 //! Hz schedule, `figures` its figures for other threads. [`worlds`] has all worlds and their lifecycle, [`store`] the
 //! interface of stores that outlive the process, `lease` the lease of a server of a fleet. [`registry`] has the
 //! connected workers, [`messages`] the messages to and from them. [`envs`] has the environments of remote trainers.
-//! [`observer`] shows the state of a server to the rest of the process. `grpc` decodes, calls and encodes, [`wire`]
-//! converts. Simulation never runs on tokio's async threads, and only `grpc` and [`wire`] know wire types.
+//! [`observer`] shows the state of a server to the rest of the process. `grpc` decodes, calls and encodes, `wire`
+//! converts. Simulation never runs on tokio's async threads, and only `grpc` and `wire` know wire types.
 
 mod config;
 pub mod envs;
@@ -27,9 +27,10 @@ pub mod store;
 pub mod times;
 mod turns;
 mod view;
-pub mod wire;
+mod wire;
 pub mod worlds;
 
 pub use config::ServerConfig;
 pub use ids::{NpcId, WorldId};
 pub use serve::{ServerError, serve, serve_game, serve_observed};
+pub use wire::worker;
