@@ -24,43 +24,30 @@ const NPC_BYTES: u64 = 8192;
 /// Why an environment cannot be created, stepped or closed.
 #[derive(Debug, thiserror::Error)]
 pub enum EnvError {
-    /// No environment has this id.
     #[error("environment {0} does not exist")]
     Unknown(EnvId),
-    /// The limit of environments is reached.
     #[error("there are already {0} environments, the most allowed (--max-envs): close one")]
     TooMany(usize),
-    /// The client has as many environments as allowed.
     #[error("{0}: close one")]
     Quota(QuotaError),
-    /// Two steps of one environment overlap.
     #[error("another step of environment {0} is running")]
     Busy(EnvId),
-    /// It belongs to another client.
     #[error("environment {0} belongs to another client")]
     NotOwner(EnvId),
-    /// There is no map for it.
     #[error(transparent)]
     Map(#[from] MapError),
-    /// There is no memory for its NPCs.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// A step of it has panicked.
     #[error("environment {0} has failed: close it and create another")]
     Failed(EnvId),
-    /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] NoGround),
-    /// The request names no map.
     #[error("map is missing")]
     NoMap,
-    /// The game refuses to create one.
     #[error("the game could not create an environment: {0}")]
     Host(String),
-    /// The game has ended it.
     #[error("{0}")]
     Gone(String),
-    /// A background task ended without a result.
     #[error("the environment failed: {0}")]
     Lost(#[from] tokio::task::JoinError),
 }
@@ -96,18 +83,15 @@ pub enum EnvBackend {
 pub struct EnvSettings {
     /// Source of the map; `None` for a game's own level.
     pub source: Option<BaseMap>,
-    /// Body of the NPCs.
     pub body: CharacterProfile,
     /// Whether the NPCs collide with and see each other.
     pub solid_npcs: bool,
-    /// The NPCs' episodes.
     pub episodes: Episodes,
 }
 
 /// State of an environment before its first step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstState {
-    /// The observation of each NPC.
     pub observations: Vec<f32>,
     /// Feet of the NPCs, m.
     pub positions: Vec<Vec3>,
@@ -116,7 +100,6 @@ pub struct FirstState {
 /// Result of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepResults {
-    /// The observation of each NPC.
     pub observations: Vec<f32>,
     /// One reward for each NPC.
     pub rewards: Vec<f32>,
@@ -183,7 +166,6 @@ impl Envs {
         Self { limit, quota: Quota::new(limit_per_client, what), idle_limit, backend, memory, inner: Arc::default() }
     }
 
-    /// The memory budget of the service.
     pub fn memory(&self) -> &MemoryBudget {
         &self.memory
     }
@@ -201,7 +183,6 @@ impl Envs {
         Ok(kept)
     }
 
-    /// Returns the number of NPCs of an environment.
     pub fn npc_count(&self, caller: &Caller, id: EnvId) -> Result<usize, EnvError> {
         let kept = self.find(caller, id)?;
         Ok(kept.lock(id)?.npc_count())
@@ -295,7 +276,6 @@ impl Envs {
         task.await?
     }
 
-    /// Closes an environment.
     pub fn close(&self, caller: &Caller, id: EnvId) -> Result<(), EnvError> {
         self.find(caller, id)?;
         // The map is dropped without the lock.
