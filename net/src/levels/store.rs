@@ -118,17 +118,14 @@ impl MapSource {
 
 /// Why a level cannot be kept or found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum LevelError {
-    /// The store is full, and no map in it may be replaced. Holds the limit.
     #[error("all {0} kept maps (--max-maps) are in use, or were used within ten minutes by clients with fewer maps")]
     Full(usize),
-    /// There is no memory for it.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// Another client imported the same map under another name.
     #[error("another client imported this map as level `{0}`: use that name, or ask its owner to rename the level")]
     OtherName(String),
-    /// No such map is kept.
     #[error("map {0} is not kept here: call ImportMap first")]
     Unknown(String),
     /// The file has no valid map; holds the reason.

@@ -17,28 +17,18 @@ const MAX_ID: usize = 64;
 
 /// Why a part is not accepted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum UploadError {
-    /// The id is empty or too long.
     #[error("upload_id has {0} bytes, but must have 1 to {MAX_ID}")]
     Id(usize),
-    /// The part does not follow the previous one.
     #[error("offset is {offset}, but {received} bytes have arrived: send the part that begins there")]
-    Offset {
-        /// Where the part begins.
-        offset: u64,
-        /// Bytes that have arrived.
-        received: u64,
-    },
-    /// The file is too large.
+    Offset { offset: u64, received: u64 },
     #[error("the file is larger than {MAX_FILE_BYTES} bytes: simplify the level or split it")]
     TooLarge,
-    /// The client has too many uploads.
     #[error("this client already has {MAX_UPLOADS} uploads: import them, or wait five minutes")]
     TooMany,
-    /// The memory budget is exhausted.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// There is no such upload.
     #[error("there is no upload `{0}`, or it was dropped after five minutes")]
     Unknown(String),
 }
