@@ -5,7 +5,7 @@
 
 use crate::memory::{MemoryBudget, Reservation};
 use crate::status;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::future::Future;
 use std::sync::Arc;
@@ -181,12 +181,8 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
         task.await.map_err(|error| status::failure(Reason::Internal, format!("the call failed: {error}")))?
     }
 
-    fn kept(&self) -> MutexGuard<'_, Kept<A>> {
-        self.kept.lock()
-    }
-
     fn cell(&self, call: &Repeatable<'_>, request: blake3::Hash) -> Result<Arc<OnceCell<A>>, Status> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         if !kept.is_swept {
             kept.is_swept = true;
             tokio::spawn(self.clone().keep_sweeping());
@@ -216,7 +212,7 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
 
     /// Removes the entry of a failed call, unless a repeated call waits for its answer.
     fn forget_failed(&self, client: &Arc<str>, id: &str, cell: &Arc<OnceCell<A>>) {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let Some(answers) = kept.by_client.get_mut(client) else { return };
         let is_same = answers.by_id.get(id).is_some_and(|entry| Arc::ptr_eq(&entry.answer, cell));
         // The entry and this call have one clone each.
@@ -229,7 +225,7 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
     async fn keep_sweeping(self) {
         loop {
             tokio::time::sleep(SWEEP_PERIOD).await;
-            let mut kept = self.kept();
+            let mut kept = self.kept.lock();
             kept.sweep(Instant::now());
             if kept.by_client.is_empty() {
                 kept.is_swept = false;
@@ -272,7 +268,7 @@ mod tests {
         assert_eq!(budget.used_bytes(), used, "a failed call is not kept");
         assert_eq!(answers.once(call(&alice, "b"), &request, work()).await.unwrap(), 3, "a failed call runs again");
         assert!(answers.once(call(&alice, &"x".repeat(65)), &request, work()).await.is_err());
-        answers.kept().sweep(Instant::now() + KEPT_FOR);
+        answers.kept.lock().sweep(Instant::now() + KEPT_FOR);
         assert_eq!(budget.used_bytes(), 0, "old answers are forgotten");
     }
 

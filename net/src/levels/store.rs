@@ -5,7 +5,7 @@ use super::uploads::Uploads;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::reader::DEFAULT_PATIENCE;
 use crate::serving::Caller;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -284,10 +284,6 @@ impl LevelStore {
         self.memory.reserve(client, PARSE_FACTOR * file_bytes as u64)
     }
 
-    fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock()
-    }
-
     /// Adds a level. If there is no room, it replaces levels that are not in use: first those of the client with the
     /// most levels, the least recently used first. A client with fewer levels loses only levels that were not used for
     /// ten minutes.
@@ -302,7 +298,7 @@ impl LevelStore {
         name: String,
         map: Arc<Map>,
     ) -> Result<Arc<Level>, LevelError> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let (now, hash) = (Instant::now(), map.hash().to_hex());
         if let Some((used, level)) = kept.levels.get_mut(&hash) {
             if level.name == name {
@@ -329,7 +325,7 @@ impl LevelStore {
 
     /// Returns the level whose map has the hash `map_hash`, in hexadecimal digits.
     pub fn get(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let found = kept.levels.get_mut(map_hash).map(|(used, level)| {
             *used = Instant::now();
             level.clone()
@@ -339,12 +335,12 @@ impl LevelStore {
 
     /// Returns all levels, ordered by hash of the map.
     pub fn all(&self) -> Vec<Arc<Level>> {
-        self.kept().levels.values().map(|(_, level)| level.clone()).collect()
+        self.kept.lock().levels.values().map(|(_, level)| level.clone()).collect()
     }
 
     /// Returns the level name of a kept map.
     pub fn name_of(&self, map: MapHash) -> Option<String> {
-        self.kept().levels.get(&map.to_hex()).map(|(_, level)| level.name.clone())
+        self.kept.lock().levels.get(&map.to_hex()).map(|(_, level)| level.name.clone())
     }
 }
 
