@@ -121,27 +121,3 @@ impl Drop for Reservation {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_refusal_names_the_holders_and_what_is_dropped_makes_room() {
-        let budget = MemoryBudget::new(1_000_000_000);
-        let held = budget.reserve("studio", 700_000_000).unwrap();
-        let mut small = budget.reserve("game", 100_000_000).unwrap();
-        let refused = budget.reserve("game", 300_000_000).unwrap_err().to_string();
-        assert!(
-            refused.contains("about 300 MB, but 800 of 1000 MB are in use (studio: 700 MB, game: 100 MB)"),
-            "{refused}"
-        );
-        assert!(small.resize(400_000_000).is_err());
-        assert_eq!(budget.used_bytes(), 800_000_000, "a refusal changes nothing");
-        drop(held);
-        small.resize(400_000_000).unwrap();
-        assert_eq!(budget.used_bytes(), 400_000_000);
-        drop(small);
-        assert_eq!(budget.used_bytes(), 0);
-    }
-}

@@ -200,33 +200,3 @@ impl Registry {
         self.inner.lock().workers.iter().map(load).collect()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use tokio::sync::mpsc::channel;
-
-    fn npc_counts(registry: &Registry) -> Vec<u32> {
-        registry.load().iter().map(|worker| worker.npc_count).collect()
-    }
-
-    #[test]
-    fn a_worker_that_joins_takes_its_share_and_no_more() {
-        let registry = Registry::default();
-        let join = |capacity| registry.join(Hello::new("", "", capacity), channel(1).0).id;
-        let first = join(100);
-        let mut holders: Vec<WorkerId> = (0..90).map(|_| registry.assign().unwrap()).collect();
-        assert_eq!(npc_counts(&registry), [90]);
-        join(50);
-        let moved = holders
-            .iter_mut()
-            .filter_map(|holder| registry.move_to_less_loaded(*holder).map(|next| *holder = next))
-            .count();
-        assert_eq!(moved, 30, "a third of the capacity is new");
-        assert_eq!(npc_counts(&registry), [60, 30]);
-        assert!(holders.iter().all(|&holder| registry.move_to_less_loaded(holder).is_none()), "an even load stays");
-        registry.leave(first);
-        assert_eq!(npc_counts(&registry), [30]);
-        assert_eq!((0..40).filter(|_| registry.assign().is_some()).count(), 20, "a full worker gets no more");
-    }
-}

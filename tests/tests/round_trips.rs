@@ -15,7 +15,7 @@ use surefoot_planner::{
     RawBuildSettings, Ride, Stop, VertexId, store as cache,
 };
 use surefoot_planner_service::{PlannerConfig, layer_from_wire, layer_to_wire, settings_from_wire};
-use surefoot_proto::convert;
+use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::plans::{self, plan_to_wire, settings_to_wire};
 use surefoot_world::map::{
     Building, Cave, Features, Jetpack, Liquid, MapKind, MapSize, MoverDensities, Outline, Pad, Placed, Plateau, Pool,
@@ -334,6 +334,17 @@ proptest! {
         prop_assert_eq!(settings_from_wire(Some(&on_wire), &PlannerConfig::default()).unwrap(), settings);
         prop_assert_eq!(plans::plan(&plan_to_wire(&plan)).unwrap(), plan);
         prop_assert_eq!(convert::map_spec(Some(&convert::map_spec_to_wire(&spec))).unwrap(), spec);
+    }
+
+    #[test]
+    fn a_leg_without_a_valid_duration_is_refused(
+        plan in plan(),
+        seconds in prop::sample::select(vec![f32::NAN, f32::INFINITY, -1.0]),
+    ) {
+        let mut on_wire = plan_to_wire(&plan);
+        on_wire.legs[0].seconds = seconds;
+        let error = plans::plan(&on_wire).unwrap_err();
+        prop_assert!(matches!(error, FieldError::Range { field: "plan.legs.seconds", .. }), "{error}");
     }
 
     #[test]

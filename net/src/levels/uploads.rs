@@ -111,32 +111,3 @@ impl Uploads {
         Ok(uploads.remove(&key).expect("found above"))
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_make_a_file_repeats_are_harmless_and_gaps_are_refused() {
-        let budget = MemoryBudget::new(1000);
-        let uploads = Uploads::new(budget.clone());
-        let (ann, bob): (Arc<str>, Arc<str>) = ("ann".into(), "bob".into());
-        assert_eq!(uploads.append(&ann, "a", 0, b"0123"), Ok(4));
-        assert_eq!(uploads.append(&ann, "a", 0, b"0123"), Ok(4), "sent again");
-        assert_eq!(uploads.append(&ann, "a", 2, b"2345"), Ok(6), "overlapping");
-        assert_eq!(uploads.append(&ann, "a", 9, b"9"), Err(UploadError::Offset { offset: 9, received: 6 }));
-        let whole = |len: usize| len as u64;
-        let unknown = uploads.take(&bob, "a", whole).unwrap_err();
-        assert_eq!(unknown, UploadError::Unknown("a".to_owned()), "the upload of another client");
-        assert!(matches!(uploads.append(&bob, "b", 0, &[0; 2000]), Err(UploadError::Memory(_))));
-        let refused = uploads.take(&ann, "a", |len| len as u64 * 1000).unwrap_err();
-        assert!(matches!(refused, UploadError::Memory(_)));
-        let taken = uploads.take(&ann, "a", |len| len as u64 * 100).expect("a refusal leaves the upload");
-        assert_eq!((&taken.bytes[..], budget.used_bytes()), (&b"012345"[..], 600));
-        drop(taken);
-        assert_eq!(budget.used_bytes(), 0);
-        assert!(uploads.take(&ann, "a", whole).is_err());
-        (0..4).for_each(|id| _ = uploads.append(&ann, &format!("many {id}"), 0, b"x").unwrap());
-        assert_eq!(uploads.append(&ann, "one more", 0, b"x"), Err(UploadError::TooMany));
-    }
-}
