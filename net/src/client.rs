@@ -26,17 +26,14 @@ const KEEPALIVE: (Duration, Duration) = (Duration::from_secs(20), Duration::from
 
 /// Why a connection cannot be set up.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum LinkError {
-    /// The address is not a URI.
     #[error("{0} is not a URI such as http://127.0.0.1:7600")]
     Uri(String),
-    /// A header cannot carry the token.
     #[error("the token may contain only visible ASCII characters")]
     Token,
-    /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// TLS cannot be set up with the given files.
     #[error(transparent)]
     Security(#[from] SecurityError),
 }

@@ -85,21 +85,3 @@ fn with_details(reason: Reason, message: String, mut details: ErrorDetails) -> S
     details.set_error_info(reason.name(), DOMAIN, []);
     Status::with_error_details(reason.code(), message, details)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use tonic::Code;
-
-    #[test]
-    fn a_call_that_was_given_up_and_one_that_took_too_long_differ() {
-        for (code, message, reason) in [
-            (Code::Cancelled, "the stream was reset", Reason::Cancelled),
-            (Code::Cancelled, TIMEOUT, Reason::DeadlineExceeded),
-            (Code::DeadlineExceeded, "", Reason::DeadlineExceeded),
-        ] {
-            let status = with_reason(Status::new(code, message));
-            assert_eq!((status.code(), Reason::of(&status)), (reason.code(), Some(reason)));
-        }
-    }
-}

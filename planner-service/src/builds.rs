@@ -64,7 +64,6 @@ pub(crate) struct BuildRunner {
 }
 
 impl BuildRunner {
-    /// Creates a runner that proves edges with `policy`.
     pub fn new(
         (config, policy): (PlannerConfig, Policy),
         stores: PlannerStores,
@@ -88,7 +87,6 @@ impl BuildRunner {
         }
     }
 
-    /// Returns the number of graphs built by this planner.
     pub fn built_count(&self) -> u64 {
         self.built.load(Ordering::Relaxed)
     }
@@ -368,7 +366,6 @@ async fn wait_for_news(job: &Job, news: &mut watch::Receiver<()>) -> Result<(), 
 struct Interims<'a> {
     runner: &'a BuildRunner,
     wanted: &'a Wanted<'a>,
-    /// When the build started.
     started: Instant,
 }
 

@@ -39,9 +39,7 @@ pub enum Provenance {
 pub struct Hosted {
     /// Map, body and settings of the graph, and what editing and searching it needs.
     pub origin: Origin,
-    /// Statistics of the build.
     pub stats: BuildStats,
-    /// How the graph came into memory.
     pub provenance: Provenance,
     proved: NavGraph,
     view: RwLock<Arc<View>>,
@@ -55,13 +53,10 @@ pub struct Hosted {
     /// Held while a new view is made and while live evidence is stored, so that an older one never replaces a newer
     /// one.
     updating: Mutex<()>,
-    /// Whether an exchange of evidence is scheduled.
     pub exchange_is_due: AtomicBool,
-    /// Whether a refresh is scheduled.
     pub refresh_is_due: AtomicBool,
     /// Duration of the latest refresh, ms.
     pub refresh_took_ms: AtomicU64,
-    /// Whether hub labels are being prepared.
     pub is_labelling: AtomicBool,
     /// Notified whenever plans may change.
     changes: watch::Sender<()>,

@@ -82,12 +82,9 @@ impl BuildPhase {
     }
 }
 
-/// Result of a build.
 #[derive(Debug, Clone)]
 pub struct BuildResult {
-    /// The graph.
     pub graph: GraphId,
-    /// Figures of the graph when it became ready.
     pub figures: Figures,
 }
 
@@ -106,15 +103,10 @@ pub(crate) struct State {
 /// A build that is waiting, running or ended.
 #[derive(Debug)]
 pub struct Job {
-    /// Identifies the build.
     pub id: BuildId,
-    /// Source of the map.
     pub source: MapSource,
-    /// Body of the NPCs.
     pub body: CharacterProfile,
-    /// Settings of the build.
     pub settings: BuildSettings,
-    /// When the build was requested.
     pub started: SystemTime,
     /// Probes that are done and to be done, and the request to cancel.
     pub progress: Arc<Progress>,

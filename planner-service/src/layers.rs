@@ -32,7 +32,6 @@ const MAX_ATTEMPTS: usize = 4;
 /// A change of one layer.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LayerChange {
-    /// Replaces the layer of the same name.
     Put(Layer),
     /// Appends edits to the layer of this name, which is created if it does not exist.
     Append(String, Vec<Edit>),
@@ -47,7 +46,6 @@ impl LayerChange {
         }
     }
 
-    /// Returns the new edits.
     fn edits(&self) -> &[Edit] {
         match self {
             LayerChange::Put(Layer { edits, .. }) | LayerChange::Append(_, edits) => edits,

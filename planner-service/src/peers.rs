@@ -168,7 +168,6 @@ impl Peers {
         }
     }
 
-    /// Makes the graph of a job.
     async fn make(self: &Arc<Self>, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
         if let Some(hosted) = self.graphs.find_for_job(&job) {
             return Ok(hosted);
@@ -251,7 +250,6 @@ impl Peers {
         }
     }
 
-    /// Returns a build of any planner.
     pub async fn find(self: &Arc<Self>, id: &str) -> Result<Arc<Job>, PlannerError> {
         let found = self.jobs.find(id);
         let (Err(PlannerError::UnknownBuild(_)), Some(wanted)) = (&found, BuildId::parse(id)) else { return found };

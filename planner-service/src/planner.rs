@@ -40,7 +40,6 @@ pub struct Planner {
     maps: Arc<RecentMaps>,
     /// Limits the number of probes on demand that run at a time.
     probing: Arc<Semaphore>,
-    /// Number of plans answered.
     plans: Arc<AtomicU64>,
 }
 
@@ -74,17 +73,14 @@ impl Planner {
         Self { graphs, layers, reports, peers: Arc::new(peers), policy, maps, probing, plans: Arc::default() }
     }
 
-    /// Returns the planner's limits and sizes.
     pub fn config(&self) -> &PlannerConfig {
         &self.peers.config
     }
 
-    /// Returns the maps that clients imported.
     pub fn levels(&self) -> &LevelStore {
         &self.peers.levels
     }
 
-    /// Returns the signal that is set when the service stops.
     pub fn shutdown(&self) -> &Shutdown {
         &self.peers.shutdown
     }
@@ -149,7 +145,6 @@ impl Planner {
         hosted.plans_in(traffic, queries)
     }
 
-    /// Compares two graphs.
     pub async fn compare(&self, before: Arc<Hosted>, after: Arc<Hosted>) -> Result<Difference, PlannerError> {
         let task = spawn_blocking(move || {
             before.with_graph(|before| after.with_graph(|after| reachability::compare(before, after)))

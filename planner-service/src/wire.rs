@@ -61,7 +61,6 @@ pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConf
     read.await.map_err(|status: Status| PlannerError::RemoteBuildFailed(as_failure(&status)))
 }
 
-/// Reads the inputs of a graph from a request.
 pub async fn wanted(
     request: &wire::StartBuildRequest,
     levels: &LevelStore,
@@ -90,7 +89,6 @@ fn as_failure(status: &Status) -> Failure {
     Failure { reason: reason.name().to_owned(), message: status.message().to_owned() }
 }
 
-/// Reads the predicted places of NPCs.
 pub fn traffic_of(traffic: &wire::Traffic) -> Result<Traffic, Status> {
     if traffic.crowds.len() > MAX_CROWDS {
         let message = format!("{} crowds are too many: at most {MAX_CROWDS} are allowed", traffic.crowds.len());
@@ -137,7 +135,6 @@ pub fn revision_from_wire(revision: u64) -> Option<Revision> {
     NonZeroU64::new(revision).map(Revision)
 }
 
-/// Converts a revision to the wire.
 pub fn revision_to_wire(revision: Revision) -> u64 {
     revision.0.get()
 }
@@ -219,7 +216,6 @@ fn edit_to_wire(edit: &Edit) -> wire::Edit {
     wire::Edit { edit: Some(edit) }
 }
 
-/// Converts unapplied edits to the wire.
 pub fn unapplied_to_wire(unapplied: &[Unapplied]) -> Vec<wire::UnappliedEdit> {
     unapplied
         .iter()
@@ -238,7 +234,6 @@ pub fn changed(figures: &Figures, unapplied: &[Unapplied], revision: Revision) -
     wire::PutLayerResponse { summary, unapplied, revision }.encode_to_vec()
 }
 
-/// Converts the figures of a graph to the wire.
 pub fn summary_to_wire(figures: &Figures) -> wire::GraphSummary {
     let Figures { map_hash, stats, cached, summary } = figures;
     wire::GraphSummary {
@@ -258,7 +253,6 @@ pub fn summary_to_wire(figures: &Figures) -> wire::GraphSummary {
     }
 }
 
-/// Converts a whole graph to the wire.
 pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
     let summary = Some(summary_to_wire(&hosted.figures()));
     hosted.with_edited(|GraphView { graph, forced, removed, revision }| wire::GetGraphResponse {
@@ -271,7 +265,6 @@ pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
     })
 }
 
-/// Converts a graph in memory to an entry of a listing.
 pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
     let (map, level) = source_to_wire(&hosted.origin.source);
     wire::ReadyGraph {
@@ -285,7 +278,6 @@ pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
     }
 }
 
-/// Converts the sums of one reporter.
 pub fn report_to_wire(report: Reported) -> wire::Report {
     let Reported { reporter: Reporter { name, is_trusted }, traversals, failures } = report;
     wire::Report { reporter: name, trusted: is_trusted, traversals, failures }
@@ -346,7 +338,6 @@ fn phase_to_wire(phase: BuildPhase) -> wire::BuildStage {
     }
 }
 
-/// Converts the difference of two graphs to the wire.
 pub fn difference_to_wire(found: Difference) -> wire::CompareGraphsResponse {
     let places = |places: Vec<Vec3>| places.into_iter().map(convert::to_wire).collect();
     wire::CompareGraphsResponse {

@@ -11,70 +11,28 @@ use tonic_types::{ErrorDetails, StatusExt};
 
 /// Why a field of a message is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum FieldError {
-    /// A required field is absent.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// The field is NaN or infinite.
     #[error("{0} is not finite")]
     NotFinite(&'static str),
-    /// A number of the map spec is out of range.
     #[error("map.{0}")]
     Spec(#[from] SpecError),
-    /// A number of a body is out of range.
     #[error("{0}")]
     Body(#[from] ProfileError),
-    /// No body has this name.
     #[error("body.preset is \"{found}\"; there are {names}", names = BODIES.map(|body| body.name).join(", "))]
-    UnknownBody {
-        /// The name.
-        found: String,
-    },
-    /// A number is out of range.
+    UnknownBody { found: String },
     #[error("{field} is {value}; it must be between {min} and {max}")]
-    Range {
-        /// Path of the field.
-        field: &'static str,
-        /// The value.
-        value: f64,
-        /// Smallest allowed value.
-        min: f64,
-        /// Largest allowed value.
-        max: f64,
-    },
-    /// A repeated field has too many items.
+    Range { field: &'static str, value: f64, min: f64, max: f64 },
     #[error("{field} has {found} {what}; at most {limit} are allowed")]
-    Count {
-        /// Path of the field.
-        field: &'static str,
-        /// What the items are, in the plural.
-        what: &'static str,
-        /// Number of items in the message.
-        found: usize,
-        /// Maximum number of items.
-        limit: usize,
-    },
-    /// An enum field has a value that the enum does not define.
+    Count { field: &'static str, what: &'static str, found: usize, limit: usize },
     #[error("{field} has the unknown value {value}")]
-    Unknown {
-        /// Path of the field.
-        field: &'static str,
-        /// The value.
-        value: i32,
-    },
-    /// Two flags are set that exclude each other.
+    Unknown { field: &'static str, value: i32 },
     #[error("{0} and {1} exclude each other")]
     Exclusive(&'static str, &'static str),
-    /// A packed array has the wrong length.
     #[error("{field} has {found} bytes, expected {expected}")]
-    Length {
-        /// Path of the field.
-        field: &'static str,
-        /// Length in the message.
-        found: usize,
-        /// Required length.
-        expected: usize,
-    },
+    Length { field: &'static str, found: usize, expected: usize },
 }
 
 impl FieldError {

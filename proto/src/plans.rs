@@ -278,27 +278,3 @@ pub fn traversal_to_wire(traversal: &Traversal) -> wire::Traversal {
         died: traversal.end == TryEnd::Died,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_leg_without_a_valid_duration_is_refused() {
-        let with_seconds = |seconds| wire::Plan {
-            waypoints: vec![world::Vec3::default()],
-            legs: vec![wire::Leg {
-                from: stop_to_wire(Stop::Start),
-                to: stop_to_wire(Stop::Goal),
-                seconds,
-                ..wire::Leg::default()
-            }],
-            ..wire::Plan::default()
-        };
-        assert!(plan(&with_seconds(3.5)).is_ok());
-        for seconds in [f32::NAN, f32::INFINITY, -1.0] {
-            let error = plan(&with_seconds(seconds)).unwrap_err();
-            assert!(matches!(error, FieldError::Range { field: "plan.legs.seconds", .. }), "{error}");
-        }
-    }
-}

@@ -81,7 +81,6 @@ pub struct ProcessFigures {
     pub taken_over: u64,
 }
 
-/// Renders all figures.
 pub fn render(worlds: &[Arc<WorldFigures>], workers: &[WorkerLoad], process: ProcessFigures) -> String {
     let policies = workers.iter().map(|worker| {
         let (name, policy) = (escaped(&worker.name), escaped(&worker.policy));
@@ -131,7 +130,6 @@ fn tick_times(worlds: &[Arc<WorldFigures>]) -> String {
     text
 }
 
-/// Escapes the value of a label.
 fn escaped(value: &str) -> String {
     value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
 }

@@ -82,14 +82,12 @@ impl Receipt {
 pub struct EventBatch {
     /// Sequence number before the first event. A reader with a smaller number has missed a batch.
     pub after: u64,
-    /// The events in order.
     pub events: Vec<NpcEvent>,
 }
 
 /// A world with the channels to its readers; owned by the world's thread.
 #[derive(Debug)]
 pub struct SimState {
-    /// The world that the thread steps.
     pub world: HostedWorld,
     /// Latest snapshot. Each overwrites the previous one, so slow readers cost nothing.
     pub snapshots: watch::Sender<Arc<Snapshot>>,
@@ -99,7 +97,6 @@ pub struct SimState {
     published: u64,
     /// Sequence number of the latest event that readers may see, for callers that wait for a receipt.
     latest_event: watch::Sender<u64>,
-    /// Latest figures of the world.
     figures: watch::Sender<Arc<WorldFigures>>,
     /// Calls that the thread has run.
     calls: u64,

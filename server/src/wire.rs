@@ -51,7 +51,6 @@ pub(super) fn each_once(mut npcs: Vec<u64>, field: &'static str) -> Result<(), S
     Err(status::invalid(field, format!("{field} names npc {} twice", pair[0])))
 }
 
-/// Converts a world.
 pub fn world_to_wire(world: &WorldSummary) -> wire::World {
     wire::World {
         world_id: world.id.0,
@@ -67,7 +66,6 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
     }
 }
 
-/// Converts the state of an NPC.
 pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
     wire::Npc {
         npc_id: npc.id.0,
@@ -88,7 +86,6 @@ pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
     }
 }
 
-/// Converts the changes of an NPC.
 fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
     /// The new value, if it differs from the old one.
     fn changed<T: PartialEq>(old: T, new: T) -> Option<T> {
@@ -162,7 +159,6 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
     wire::NpcEvent { sequence: event.sequence, npc_id: event.npc.0, event: Some(kind) }
 }
 
-/// Converts the statistics of a world.
 pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     let WorldStats { counters, times, without_worker } = stats;
     let [reached, fell, burnt, drowned, no_progress, unreachable] = counters.ends;
@@ -188,7 +184,6 @@ pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     }
 }
 
-/// Converts the part of a snapshot for a reader.
 pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
     wire::WatchWorldResponse {
         tick: shown.tick.0,
@@ -203,7 +198,6 @@ pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
     }
 }
 
-/// Converts the plan of an NPC.
 pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
     let leg = |leg: &PlanLeg| wire::PlanLeg {
         ability: leg.ability.to_wire().into(),
@@ -217,7 +211,6 @@ pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
     }
 }
 
-/// Converts an ended attempt.
 pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
     wire::AttemptEnded {
         attempt: ended.attempt,
@@ -227,7 +220,6 @@ pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
     }
 }
 
-/// Converts the rays of an NPC.
 pub fn rays_to_wire(sight: &Sight) -> Vec<wire::Ray> {
     let surface = |seen: Option<Seen>| match seen {
         None => wire::Surface::Unspecified,

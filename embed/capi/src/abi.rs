@@ -257,18 +257,12 @@ pub type CastRays = unsafe extern "C" fn(user: *mut c_void, rays: *const Ray, ra
 pub trait Growing: Copy {
     /// Name in the header.
     const NAME: &'static str;
-    /// The struct's size in the caller's version.
-    fn struct_size(&self) -> u32;
 }
 
 macro_rules! growing {
     ($($kind:ident $name:literal),*) => {
         $(impl Growing for $kind {
             const NAME: &'static str = $name;
-
-            fn struct_size(&self) -> u32 {
-                self.struct_size
-            }
         })*
     };
 }

@@ -127,23 +127,13 @@ fn path_of(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) ->
 
 /// A placeholder for a unit of another shard: all its attempts are missing. It is neither saved nor recorded.
 fn of_other_shard(config: &EvalConfig, choice: &EvalMap, seed: u64) -> Unit {
-    let missing = AttemptResult {
-        end: End::NoProgress,
-        decisions: 0,
-        replans: 0,
-        length: 0.0,
-        plans: 0,
-        promised: None,
-        promised_arrival: None,
-        fault: None,
-    };
     Unit {
         map: choice.name(),
         seed,
         distances: vec![1.0; config.goals],
         reachable: vec![true; config.goals],
         on_foot: vec![false; config.goals],
-        attempts: vec![missing; config.goals],
+        attempts: vec![AttemptResult::without_plans(End::NoProgress, 0, 0.0); config.goals],
         motion: Default::default(),
         graph: None,
     }

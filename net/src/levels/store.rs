@@ -5,7 +5,7 @@ use super::uploads::Uploads;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::reader::DEFAULT_PATIENCE;
 use crate::serving::Caller;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -118,17 +118,14 @@ impl MapSource {
 
 /// Why a level cannot be kept or found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum LevelError {
-    /// The store is full, and no map in it may be replaced. Holds the limit.
     #[error("all {0} kept maps (--max-maps) are in use, or were used within ten minutes by clients with fewer maps")]
     Full(usize),
-    /// There is no memory for it.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// Another client imported the same map under another name.
     #[error("another client imported this map as level `{0}`: use that name, or ask its owner to rename the level")]
     OtherName(String),
-    /// No such map is kept.
     #[error("map {0} is not kept here: call ImportMap first")]
     Unknown(String),
     /// The file has no valid map; holds the reason.
@@ -287,10 +284,6 @@ impl LevelStore {
         self.memory.reserve(client, PARSE_FACTOR * file_bytes as u64)
     }
 
-    fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock()
-    }
-
     /// Adds a level. If there is no room, it replaces levels that are not in use: first those of the client with the
     /// most levels, the least recently used first. A client with fewer levels loses only levels that were not used for
     /// ten minutes.
@@ -305,7 +298,7 @@ impl LevelStore {
         name: String,
         map: Arc<Map>,
     ) -> Result<Arc<Level>, LevelError> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let (now, hash) = (Instant::now(), map.hash().to_hex());
         if let Some((used, level)) = kept.levels.get_mut(&hash) {
             if level.name == name {
@@ -332,7 +325,7 @@ impl LevelStore {
 
     /// Returns the level whose map has the hash `map_hash`, in hexadecimal digits.
     pub fn get(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let found = kept.levels.get_mut(map_hash).map(|(used, level)| {
             *used = Instant::now();
             level.clone()
@@ -342,12 +335,12 @@ impl LevelStore {
 
     /// Returns all levels, ordered by hash of the map.
     pub fn all(&self) -> Vec<Arc<Level>> {
-        self.kept().levels.values().map(|(_, level)| level.clone()).collect()
+        self.kept.lock().levels.values().map(|(_, level)| level.clone()).collect()
     }
 
     /// Returns the level name of a kept map.
     pub fn name_of(&self, map: MapHash) -> Option<String> {
-        self.kept().levels.get(&map.to_hex()).map(|(_, level)| level.name.clone())
+        self.kept.lock().levels.get(&map.to_hex()).map(|(_, level)| level.name.clone())
     }
 }
 

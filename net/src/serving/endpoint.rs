@@ -36,24 +36,16 @@ const DRAIN_LIMIT: Duration = Duration::from_secs(5);
 
 /// Why an endpoint cannot serve.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum ServeError {
-    /// The address cannot be bound.
     #[error("cannot listen on {address}: {source}")]
-    Bind {
-        /// The address that was configured.
-        address: SocketAddr,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
-    /// Other machines can reach the address, and the connection would not be encrypted.
+    Bind { address: SocketAddr, source: std::io::Error },
     #[error(
         "{0} can be reached from other machines: set --tls-cert and --tls-key, or --insecure to serve it without TLS"
     )]
     Exposed(SocketAddr),
-    /// The transport failed.
     #[error("serving failed: {0}")]
     Transport(#[from] tonic::transport::Error),
-    /// The descriptors of the contracts cannot be read.
     #[error("reflection cannot be set up: {0}")]
     Reflection(#[from] tonic_reflection::server::Error),
 }

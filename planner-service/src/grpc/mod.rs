@@ -36,7 +36,6 @@ use tonic::{Request, Response, Status};
 /// Maximum number of traversals in one report.
 const MAX_TRAVERSALS: usize = 4096;
 
-/// The gRPC service. Clones share all state.
 #[derive(Clone)]
 pub struct PlannerApi {
     planner: Planner,
@@ -44,7 +43,6 @@ pub struct PlannerApi {
 }
 
 impl PlannerApi {
-    /// Creates the service for `planner`.
     pub fn new(planner: Planner) -> Self {
         Self { reported: AnswerCache::new(planner.config().maps.memory().clone()), planner }
     }

@@ -8,10 +8,8 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::directory_service_server::DirectoryService;
 use tonic::{Request, Response};
 
-/// Implementation of `DirectoryService`.
 #[derive(Debug, Clone)]
 pub struct DirectoryApi {
-    /// The worlds of this server.
     pub worlds: Worlds,
 }
 

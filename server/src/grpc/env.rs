@@ -24,7 +24,6 @@ const QUEUE: usize = 2;
 /// Implementation of `EnvService`; clones share all state.
 #[derive(Debug, Clone)]
 pub struct EnvApi {
-    /// All environments of the server.
     pub envs: Envs,
     /// Imported maps; `None` for a game, which always runs its own level.
     pub levels: Option<LevelStore>,

@@ -47,7 +47,6 @@ type Call<T> = (Caller, T);
 type Reply<T> = Result<T, Status>;
 
 impl WorldApi {
-    /// Creates the service for `worlds`.
     pub fn new(worlds: Worlds) -> Self {
         let memory = worlds.maps().memory().clone();
         Self {

@@ -17,39 +17,22 @@ use surefoot_world::{CharacterProfile, Map, ProfileIdx, Seed, Vec3, navigable};
 
 /// Why a world cannot carry out a request about an NPC.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum NpcError {
-    /// No NPC has this id.
     #[error("npc {0} does not exist")]
     Unknown(NpcId),
-    /// The world has as many NPCs as allowed.
     #[error("world {world} already has {limit} NPCs, the most allowed (--max-npcs)")]
-    Full {
-        /// Id of the world.
-        world: WorldId,
-        /// Most NPCs of the world.
-        limit: usize,
-    },
-    /// All numbers for NPCs of the world have been used.
+    Full { world: WorldId, limit: usize },
     #[error("world {0} has used all {max} numbers for its NPCs: create another world", max = NpcId::MAX_SERIAL)]
     OutOfNumbers(WorldId),
-    /// The world has as many bodies as allowed.
     #[error("world {0} has NPCs of {MAX_BODIES} bodies, the most allowed: create another world")]
     TooManyBodies(WorldId),
-    /// The position lies outside the map.
     #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
-    Outside {
-        /// Path of the field in the request.
-        field: &'static str,
-        /// Extent of the map, m.
-        extent: [f32; 3],
-    },
-    /// The NPC is down: it fell, burnt or drowned.
+    Outside { field: &'static str, extent: [f32; 3] },
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
-    /// The NPC and its world belong to other clients.
     #[error("npc {0} belongs to another client")]
     NotOwner(NpcId),
-    /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] navigable::NoGround),
 }

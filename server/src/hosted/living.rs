@@ -9,32 +9,18 @@ use surefoot_world::{MoverId, MoverOrder, MoverState, PACE_RANGE, Player, Player
 
 /// Why a mover or a player cannot be changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum LivingError {
-    /// The map has no mover of that name.
     #[error("world {0} has no mover `{1}`: ListMovers names them")]
     NoSuchMover(WorldId, String),
-    /// The mover has no such stop, cannot cycle, or the pace is out of range.
     #[error("{field}: {message}")]
-    Order {
-        /// Field of the request.
-        field: &'static str,
-        /// The allowed values.
-        message: String,
-    },
-    /// There is no such player.
+    Order { field: &'static str, message: String },
     #[error("world {0} has no player {1}")]
     NoSuchPlayer(WorldId, u32),
-    /// The world has the maximum number of players.
     #[error("world {0} has {MAX_PLAYERS} players, the most allowed: remove one first")]
     TooManyPlayers(WorldId),
-    /// The position of a player lies outside the map.
     #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
-    Outside {
-        /// Field of the request.
-        field: &'static str,
-        /// Extent of the map, m.
-        extent: [f32; 3],
-    },
+    Outside { field: &'static str, extent: [f32; 3] },
 }
 
 /// Destination of a mover.

@@ -92,36 +92,22 @@ struct SavedNpc {
 
 /// Why a world cannot be saved or restored.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum SavedError {
-    /// The file cannot be read or written.
     #[error("{0}: {1}")]
     Io(PathBuf, std::io::Error),
-    /// Another process has locked the folder.
     #[error("{} is used by another server: give each its own folder (--state)", .0.display())]
     InUse(PathBuf),
-    /// Not all worlds could be saved in time.
     #[error("saving took longer than {} s: the previous saves of some worlds are kept", .0.as_secs_f32())]
     TooSlow(Duration),
-    /// Another version of the program has written it.
     #[error("{place} was written by version {written} of this format, this server reads version {read}")]
-    Version {
-        /// The file or blob.
-        place: PathBuf,
-        /// Its version.
-        written: u32,
-        /// The version that can be read.
-        read: u32,
-    },
-    /// The file is no save of a world, or it is truncated or corrupted.
+    Version { place: PathBuf, written: u32, read: u32 },
     #[error("{0} is damaged (truncated, or checksum mismatch); it was left in place")]
     Damaged(PathBuf),
-    /// The program that saved the world generated a different map from the spec.
     #[error("world {0} was saved with a different map: this version generates it differently")]
     OtherMap(WorldId),
-    /// The imported map of the world cannot be read.
     #[error("world {0}: {1}")]
     File(WorldId, surefoot_levels::FileError),
-    /// A piece on the map is not valid.
     #[error("world {0}: {1}")]
     Pieces(WorldId, PieceError),
 }

@@ -87,7 +87,6 @@ fn at_most(limit: usize, found: usize, field: &'static str, what: &'static str) 
     if found <= limit { Ok(()) } else { Err(FieldError::Count { field, what, found, limit }) }
 }
 
-/// Converts the result of a step of an environment.
 pub fn results_to_wire(results: StepResults) -> wire::EnvResults {
     let ends = results.ended.iter().map(|ended| wire::EnvEnd {
         npc: ended.npc_idx as u32,

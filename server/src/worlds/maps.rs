@@ -15,7 +15,6 @@ const MAX_TRIES: usize = 8;
 /// The places on a map that a body can reach.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    /// The body.
     pub body: CharacterProfile,
     /// Number of places where it can stand, on a grid of 1.25 m.
     pub places: usize,

@@ -37,7 +37,6 @@ impl Worlds {
         Ok(())
     }
 
-    /// The store of saved worlds.
     pub(crate) fn store(&self) -> Option<&Arc<dyn WorldStore>> {
         self.inner.store.get()
     }

@@ -148,7 +148,7 @@ fn links(args: &Args, loaded: &Loaded) -> (LinkSet, Summary) {
     let shaped = needed.iter().zip(shapes).filter_map(|(&edge, shape)| Some(ShapedEdge { edge, shape: shape? }));
     let shaped: Vec<ShapedEdge<'_>> = shaped.filter(|it| it.shape.driven() >= args.min_driven).collect();
     let max_detour = (!args.all_links).then_some(args.max_detour);
-    let set = LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at).on_level(loaded.origin);
+    let set = LinkSet { origin: loaded.origin, ..LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at) };
     let left_out = needed.len() - shaped.len();
     let summary = Summary { links: set.links.len(), left_out, connected: set.connected };
     (set, summary)

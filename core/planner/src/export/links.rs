@@ -46,16 +46,6 @@ impl NavMesh<'_> {
         from.is_none() || from != to || edge.evidence.ability != Ability::Walk || is_drop
     }
 
-    /// Selects the edges that are worth a link at their [`expected_seconds`], in the order of the graph.
-    /// `max_detour`, above 1, is the greatest ratio of another route's duration to that of an edge at which the edge
-    /// is left out. Smaller values keep more links.
-    pub fn links<'g>(&self, graph: &'g NavGraph, max_detour: f64) -> Vec<&'g Edge> {
-        let needed = graph.edges().filter(|edge| self.needs_link(graph, edge));
-        let candidates: Vec<(EdgeKey, f64)> = needed.map(|edge| (edge.key, expected_seconds(edge))).collect();
-        let kept = self.spanner(graph, &candidates, max_detour);
-        graph.edges().filter(|edge| kept.contains(&edge.key)).collect()
-    }
-
     /// Selects the `candidates`, edges with their durations in seconds, that the NavMesh and the other links do not
     /// replace within `max_detour` times their duration.
     pub fn spanner(&self, graph: &NavGraph, candidates: &[(EdgeKey, f64)], max_detour: f64) -> BTreeSet<EdgeKey> {

@@ -8,9 +8,8 @@ use crate::error::{DATABASE, FleetError};
 use std::sync::atomic::Ordering;
 use surefoot_planner::store::{StoreError, StoreErrorKind, decode_entry, encode_entry};
 use surefoot_planner::{BuildStats, Built, GraphId};
-use surefoot_planner_service::failpoint;
-use surefoot_planner_service::jobs::BuildId;
 use surefoot_planner_service::replicas::{BuildStatus, ClaimOutcome, Token};
+use surefoot_planner_service::{BuildId, failpoint};
 use tracing::warn;
 
 pub async fn get(db: &PlannerDb, id: &GraphId) -> Result<Option<Built>, FleetError> {

@@ -29,11 +29,10 @@ use surefoot_planner::edits::Layer;
 use surefoot_planner::live::LiveEvidence;
 use surefoot_planner::store::{GraphStore, LevelId, LevelLayers, Receipt, StoreError};
 use surefoot_planner::{Built, GraphId};
-use surefoot_planner_service::PlannerStores;
-use surefoot_planner_service::jobs::BuildId;
 use surefoot_planner_service::replicas::{
     ClaimOutcome, News, Operation, Replicas, Report, Standing, Token, Withdrawals,
 };
+use surefoot_planner_service::{BuildId, PlannerStores};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;

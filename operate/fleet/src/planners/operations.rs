@@ -4,9 +4,8 @@ use super::db::{PlannerDb, signed, unsigned};
 use crate::error::FleetError;
 use std::time::{Duration, SystemTime};
 use surefoot_planner::GraphId;
-use surefoot_planner_service::Failure;
-use surefoot_planner_service::jobs::{BuildId, BuildPhase};
 use surefoot_planner_service::replicas::{BuildStatus, Operation, Withdrawals};
+use surefoot_planner_service::{BuildId, BuildPhase, Failure};
 
 /// Maximum number of orphaned builds that are taken over at a time. Other planners take over the rest.
 const ADOPTED_AT_A_TIME: i64 = 4;

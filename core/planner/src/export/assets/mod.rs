@@ -140,11 +140,6 @@ pub struct LinkSet {
 const LEAST_DRIVEN: f64 = 1.0 / 16.0;
 
 impl LinkSet {
-    /// Returns these links for a level with its own origin at `origin` on the map, m, if known.
-    pub fn on_level(self, origin: Option<Vec3>) -> Self {
-        Self { origin, ..self }
-    }
-
     /// Makes links of the edges among `shaped` that are worth one at `max_detour` ([`NavMesh::spanner`]); without
     /// `max_detour`, of all. `island_at` returns the island of the NavMesh at a place.
     pub fn of(
