@@ -8,6 +8,9 @@ use crate::animated::Animation;
 use crate::faults::{ImportError, MAX_TRIANGLES};
 use crate::meshopt::{self, Compression};
 use crate::scene::{Node, Scene, node_label};
+use base64::Engine;
+use base64::alphabet::STANDARD;
+use base64::engine::general_purpose::{GeneralPurpose, NO_PAD};
 use glam::{Mat4, Quat};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::animation::{Interpolation, Property};
@@ -31,6 +34,8 @@ const APPEARANCE_EXTENSIONS: [&str; 5] =
 const MAX_DECODED_BYTES: usize = 256 << 20;
 const DATA_URI: &str = "data:";
 const BASE64_MARK: &str = ";base64,";
+/// Base64 with the standard alphabet (RFC 4648, section 4). Padding is cut off before; leftover bits are ignored.
+const BASE64: GeneralPurpose = GeneralPurpose::new(&STANDARD, NO_PAD.with_decode_allow_trailing_bits(true));
 
 pub(super) fn read(bytes: &[u8]) -> Result<Scene, ImportError> {
     let (json, binary) = if bytes.starts_with(b"glTF") { split_glb(bytes)? } else { (bytes, None) };
@@ -100,39 +105,13 @@ fn read_buffer<'a>(idx: usize, buffer: &json::Buffer, binary: Option<&'a [u8]>) 
         // A fallback buffer has no data, which is an error only if something reads it.
         (None, _) => return Ok(Cow::Borrowed(&[])),
         (Some(uri), _) if uri.starts_with(DATA_URI) => {
-            let text = uri.split_once(BASE64_MARK).map(|(_, text)| text);
-            Cow::Owned(text.and_then(decode_base64).ok_or(ImportError::Base64 { buffer: idx })?)
+            let text = uri.split_once(BASE64_MARK).map(|(_, text)| text.trim_end_matches('='));
+            Cow::Owned(text.and_then(|text| BASE64.decode(text).ok()).ok_or(ImportError::Base64 { buffer: idx })?)
         }
         (Some(uri), _) => return Err(ImportError::ExternalBuffer { uri: uri.chars().take(200).collect() }),
     };
     let (len, expected) = (bytes.len(), buffer.byte_length.0);
     if (len as u64) < expected { Err(ImportError::ShortBuffer { buffer: idx, len, expected }) } else { Ok(bytes) }
-}
-
-/// Decodes base64 with the standard alphabet and optional padding (RFC 4648, section 4).
-fn decode_base64(text: &str) -> Option<Vec<u8>> {
-    let digits = text.trim_end_matches('=').as_bytes();
-    if digits.len() % 4 == 1 {
-        return None;
-    }
-    let mut bytes = Vec::with_capacity(digits.len() / 4 * 3 + 2);
-    for group in digits.chunks(4) {
-        let mut bits = 0u32;
-        for &digit in group {
-            let value = match digit {
-                b'A'..=b'Z' => digit - b'A',
-                b'a'..=b'z' => digit - b'a' + 26,
-                b'0'..=b'9' => digit - b'0' + 52,
-                b'+' => 62,
-                b'/' => 63,
-                _ => return None,
-            };
-            bits = bits << 6 | u32::from(value);
-        }
-        let [_, decoded @ ..] = (bits << (6 * (4 - group.len()))).to_be_bytes();
-        bytes.extend(&decoded[..group.len() - 1]);
-    }
-    Some(bytes)
 }
 
 /// Extras that an export writes to its scene.
