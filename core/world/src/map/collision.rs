@@ -122,7 +122,7 @@ impl CollisionMap {
 
     /// Pools and devices near `point` that may contain it; most places have none.
     pub fn zones_near(&self, point: Vec3) -> &[Zone] {
-        self.zones.near(point.x, point.z)
+        self.zones.near(point)
     }
 
     /// The liquid that covers `feet` by more than `depth` metres.

@@ -2,9 +2,11 @@
 
 use super::features::{DISC_RADIUS_M, Placed};
 use crate::Vec3;
+use crate::cells::{CellLists, Cells};
+use std::iter;
 
-/// Side of a cell of the grid, m.
-pub const CELL_M: f32 = 5.0;
+/// Side of a cell, m.
+const CELL_M: f32 = 5.0;
 
 /// A pool or device, by its index among those of its kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,63 +25,34 @@ pub enum Zone {
     Jetpack(u32),
 }
 
-/// Zones in a horizontal grid over the map.
+/// Zones by the cells that they touch.
 #[derive(Debug)]
-pub(super) struct ZoneGrid {
-    columns: usize,
-    rows: usize,
-    starts: Vec<u32>,
-    zones: Vec<Zone>,
-}
+pub(super) struct ZoneGrid(CellLists<Zone>);
 
 impl ZoneGrid {
     pub(super) fn new(extent: Vec3, placed: &Placed) -> Self {
-        let (columns, rows) = ((extent.x / CELL_M) as usize + 1, (extent.z / CELL_M) as usize + 1);
-        let mut cells: Vec<Vec<Zone>> = vec![Vec::new(); columns * rows];
-        let mut put = |zone: Zone, centre: Vec3, half_x: f32, half_z: f32| {
-            let cell = |value: f32, count: usize| ((value / CELL_M).max(0.0) as usize).min(count - 1);
-            for row in cell(centre.z - half_z, rows)..=cell(centre.z + half_z, rows) {
-                for column in cell(centre.x - half_x, columns)..=cell(centre.x + half_x, columns) {
-                    cells[row * columns + column].push(zone);
-                }
-            }
+        let within = |zone: Zone, centre: Vec3, (half_x, half_z): (f32, f32)| {
+            let half = Vec3::new(half_x, 0.0, half_z);
+            ((centre - half, centre + half), zone)
         };
-        for (idx, pool) in (0..).zip(&placed.pools) {
-            let (half_x, half_z) = pool.outline.half_extents();
-            put(Zone::Pool(idx), pool.centre, half_x, half_z);
-        }
-        let mut disc = |zone: Zone, centre: Vec3| put(zone, centre, DISC_RADIUS_M, DISC_RADIUS_M);
-        for (idx, pad) in (0..).zip(&placed.pads) {
-            disc(Zone::Pad(idx), pad.centre);
-        }
-        for (idx, line) in (0..).zip(&placed.zip_lines) {
-            disc(Zone::ZipLine(idx), line.from);
-        }
-        for (idx, teleporter) in (0..).zip(&placed.teleporters) {
-            disc(Zone::Teleporter(idx), teleporter.from);
-            if teleporter.two_way {
-                disc(Zone::TeleporterBack(idx), teleporter.to);
-            }
-        }
-        for (idx, jetpack) in (0..).zip(&placed.jetpacks) {
-            disc(Zone::Jetpack(idx), jetpack.centre);
-        }
-        let mut starts = vec![0];
-        let mut zones = Vec::new();
-        for cell in cells {
-            zones.extend(cell);
-            starts.push(zones.len() as u32);
-        }
-        Self { columns, rows, starts, zones }
+        let disc = |zone: Zone, centre: Vec3| within(zone, centre, (DISC_RADIUS_M, DISC_RADIUS_M));
+        let pools = (0..).zip(&placed.pools);
+        let pools = pools.map(|(idx, pool)| within(Zone::Pool(idx), pool.centre, pool.outline.half_extents()));
+        let pads = (0..).zip(&placed.pads).map(|(idx, pad)| disc(Zone::Pad(idx), pad.centre));
+        let lines = (0..).zip(&placed.zip_lines).map(|(idx, line)| disc(Zone::ZipLine(idx), line.from));
+        let teleporters = (0..).zip(&placed.teleporters).flat_map(|(idx, teleporter)| {
+            let back = teleporter.two_way.then(|| disc(Zone::TeleporterBack(idx), teleporter.to));
+            iter::once(disc(Zone::Teleporter(idx), teleporter.from)).chain(back)
+        });
+        let jetpacks = (0..).zip(&placed.jetpacks).map(|(idx, jetpack)| disc(Zone::Jetpack(idx), jetpack.centre));
+        let zones = pools.chain(pads).chain(lines).chain(teleporters).chain(jetpacks);
+        Self(CellLists::new(Cells::over(Vec3::ZERO, extent, CELL_M), zones))
     }
 
-    /// All zones that may contain a point with these horizontal coordinates, m.
-    pub(super) fn near(&self, x: f32, z: f32) -> &[Zone] {
-        let (column, row) = ((x / CELL_M) as usize, (z / CELL_M) as usize);
-        if column >= self.columns || row >= self.rows {
-            return &[];
-        }
-        let cell = row * self.columns + column;
-        &self.zones[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    /// All zones that may contain a point; none beyond the last column and row.
+    pub(super) fn near(&self, point: Vec3) -> &[Zone] {
+        let [columns, rows] = self.0.cells().counts();
+        let is_beyond = point.x / CELL_M >= columns as f32 || point.z / CELL_M >= rows as f32;
+        if is_beyond { &[] } else { self.0.at(point) }
     }
 }
