@@ -131,11 +131,7 @@ impl Repair<'_> {
             let cells = &self.ground().cells()[self.ground().column(column + dx, row + dz)];
             cells.iter().any(|cell| (cell.feet.y - feet.y).abs() < 0.55)
         });
-        let discs = self.placed.pads.iter().map(|pad| pad.centre);
-        let discs = discs.chain(self.placed.zip_lines.iter().flat_map(|line| [line.from, line.to]));
-        let discs = discs.chain(self.placed.teleporters.iter().flat_map(|teleporter| [teleporter.from, teleporter.to]));
-        let mut discs = discs.chain(self.placed.jetpacks.iter().map(|jetpack| jetpack.centre));
-        is_level && discs.all(|disc| disc.distance(feet) > 2.0 * DISC_RADIUS_M + 1.0)
+        is_level && self.placed.device_places().all(|place| place.distance(feet) > 2.0 * DISC_RADIUS_M + 1.0)
     }
 
     /// Links the cells `takeoffs` to the cell at `landing`.

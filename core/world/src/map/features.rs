@@ -229,6 +229,14 @@ impl Placed {
         nearest(&self.jetpacks, |jetpack| jetpack.centre.distance_squared(point))
     }
 
+    /// Where devices are entered and where they lead to, m.
+    pub fn device_places(&self) -> impl Iterator<Item = Vec3> {
+        let pads = self.pads.iter().map(|pad| pad.centre);
+        let lines = self.zip_lines.iter().flat_map(|line| [line.from, line.to]);
+        let teleporters = self.teleporters.iter().flat_map(|teleporter| [teleporter.from, teleporter.to]);
+        pads.chain(lines).chain(teleporters).chain(self.jetpacks.iter().map(|jetpack| jetpack.centre))
+    }
+
     /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`: the smallest sum of the
     /// distances to the entrance and from the exit, among entrances within [`DEVICE_RANGE_M`].
     pub fn best_transport(&self, point: Vec3, goal: Vec3) -> Option<(Vec3, Vec3)> {

@@ -6,7 +6,7 @@ use crate::cells::{CellLists, Cells};
 use std::iter;
 
 /// Side of a cell, m.
-const CELL_M: f32 = 5.0;
+pub const CELL_M: f32 = 5.0;
 
 /// A pool or device, by its index among those of its kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
