@@ -229,11 +229,11 @@ pub(super) fn collect_from_nodes(
 ) -> Result<Vec<bool>, ImportError> {
     let says: Vec<Option<bool>> =
         nodes.iter().enumerate().map(|(idx, node)| says_solid(node, idx, sidecar)).collect::<Result<_, _>>()?;
-    let paths = Paths::of(nodes);
+    let paths = Paths::of(nodes, frame);
     let whole = with_children(nodes);
     let kind = |(idx, (node, says)): (usize, (&Node, &Option<bool>))| {
         let label = node_label(&node.name, idx);
-        let moving = moving::sign(node, &Extras::new(node, &label)?, &paths, &whole[idx], frame)?;
+        let moving = moving::sign(node, &Extras::new(node, &label)?, &paths, &whole[idx])?;
         Ok(match (says, Kind::of(&node.name), moving) {
             (Some(false), ..) => Some(Kind::Helper),
             (Some(true), Some(Kind::Helper), _) => None,
@@ -279,7 +279,7 @@ pub(super) fn collect_from_nodes(
             Kind::Mover(kind) => {
                 let own = nodes.iter().zip(&owners).filter(|(_, owner)| **owner == Some(idx));
                 let triangles = own.flat_map(|(node, _)| node.triangles.iter().copied()).collect();
-                let mut mover = moving::from_node(kind, node, &extras, frame, &paths, triangles)?;
+                let mut mover = moving::from_node(kind, node, &extras, &paths, triangles)?;
                 if let Some(mover) = mover.as_mut().filter(|_| node.animation.is_some()) {
                     mover.name = moving::distinct_name(&node.name, idx, &found.movers);
                 }
