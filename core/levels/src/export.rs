@@ -3,7 +3,7 @@
 //! The scene has one mesh node `ground`, one node for each pool and device with the names that `named` knows, and empty
 //! nodes that mark buildings, plateaus, ravines and caves. Its extras keep the map's size.
 
-use crate::named::{PAD_EXTRA_M, PAD_GRAVITY};
+use crate::found::{PAD_EXTRA_M, PAD_GRAVITY};
 use gltf::Glb;
 use gltf::binary::Header;
 use gltf::json::accessor::{Accessor, ComponentType, GenericComponentType, Type};

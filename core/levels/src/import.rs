@@ -1,14 +1,16 @@
 //! Imports a level made in another tool as a [`Map`].
 //!
-//! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`), its features (`named`), its place and size on
-//! the map, and the oddities of its geometry (`inspect`).
+//! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`), its features (`named`, `sidecar`), its place and
+//! size on the map, and the oddities of its geometry (`inspect`).
 
 use crate::faults::{ImportError, Warning};
 use crate::file::{FileError, decode};
+use crate::found::Found;
 use crate::inspect::{self, EdgeCounts};
 use crate::load::{check_load, is_allowed};
-use crate::named::{self, Found, Sidecar};
+use crate::named;
 use crate::scene::{Frame, ImportOptions, Scene, node_label};
+use crate::sidecar::Sidecar;
 use crate::sides::{self, Turned};
 use crate::{gltf_in, obj_in};
 use surefoot_world::Vec3;
@@ -94,7 +96,7 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let mut found = Found::default();
     let sidecar = sidecar.map_or_else(|| Ok(Sidecar::default()), Sidecar::parse)?;
     let is_solid = named::collect_from_nodes(&scene.nodes, &sidecar, frame, &mut found)?;
-    named::collect_from_sidecar(sidecar, frame, &mut found)?;
+    sidecar.collect(frame, &mut found)?;
     let mut meshes: Vec<&mut Vec<[Vec3; 3]>> =
         scene.nodes.iter_mut().zip(is_solid).filter(|(_, solid)| *solid).map(|(node, _)| &mut node.triangles).collect();
     let former = scene.former_size.filter(|_| *options == ImportOptions::default());
