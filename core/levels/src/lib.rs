@@ -5,9 +5,10 @@
 //! input is untrusted; whatever it holds, the result is a map or an error that says what to change.
 //!
 //! Start reading at `import`: its pipeline calls `gltf_in` or `obj_in` (bytes to a scene of named nodes), `named` and
-//! `sidecar` (nodes and the sidecar to pools, devices and movers) and `inspect` (oddities of the geometry). `faults` has
-//! the errors and warnings.
+//! `sidecar` (their pools, devices and movers) and `inspect` (oddities of the geometry). `faults` has the errors and
+//! warnings.
 
+mod accessors;
 mod animated;
 mod export;
 mod extras;
