@@ -2,10 +2,9 @@
 
 use crate::extras::property;
 use crate::faults::ImportError;
-use crate::scene::Bounds;
-use surefoot_world::Vec3;
 use surefoot_world::map::spec::MAX_HEIGHT_M;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, Mover, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features};
+use surefoot_world::{Aabb, Vec3};
 
 /// Constants of pads in `f64`, like the numbers of JSON.
 pub(super) const PAD_GRAVITY: f64 = features::PAD_GRAVITY as f64;
@@ -32,7 +31,7 @@ pub(super) struct Found {
 
 pub(super) struct FoundPool {
     pub(super) liquid: Liquid,
-    pub(super) bounds: Bounds,
+    pub(super) bounds: Aabb,
     /// Radius of a round pool, m; `None` for a rectangle.
     pub(super) radius: Option<f32>,
 }
@@ -90,7 +89,7 @@ impl Found {
 
 impl FoundPool {
     fn place(&self, shift: Vec3, extent: Vec3) -> Option<Pool> {
-        let Bounds { low, high } = self.bounds;
+        let Aabb { low, high } = self.bounds;
         let (low, high) = (low + shift, high + shift);
         // The bottom may lie below the map, but no pool is deeper than the highest map.
         let depth = (high.y - low.y).min(MAX_HEIGHT_M as f32);

@@ -13,10 +13,10 @@ use crate::scene::{Frame, ImportOptions, Scene, node_label};
 use crate::sidecar::Sidecar;
 use crate::sides::{self, Turned};
 use crate::{gltf_in, obj_in};
-use surefoot_world::Vec3;
 use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use surefoot_world::map::{Map, MapSize};
 use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Aabb, Vec3};
 
 /// Space left around a level, m.
 const MARGIN_M: f32 = 2.0;
@@ -209,13 +209,8 @@ struct Place {
 
 impl Place {
     fn new(solids: &[[Vec3; 3]], found: &Found, former: Option<MapSize>) -> Result<Self, ImportError> {
-        if solids.is_empty() {
-            return Err(ImportError::Empty);
-        }
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in solids.iter().flatten() {
-            (low, high) = (low.min(*corner), high.max(*corner));
-        }
+        let bounds = Aabb::around(solids.iter().flatten().copied()).ok_or(ImportError::Empty)?;
+        let Aabb { mut low, mut high } = bounds;
         if let Some(size) = former.filter(|&size| is_allowed(size)) {
             let extent = size.extent();
             let slack = Vec3::splat(STICK_OUT_M);

@@ -12,14 +12,14 @@ use crate::animated::{Animation, Journey};
 use crate::extras::Extras;
 use crate::faults::ImportError;
 use crate::inspect;
-use crate::scene::{Bounds, Frame, Node};
+use crate::scene::{Frame, Node};
 use crate::sides;
 use serde::Deserialize;
 use std::collections::HashMap;
 use surefoot_world::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
 use surefoot_world::map::{Mover, MoverKind, MoverStop, mover};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{StopIdx, Vec3};
+use surefoot_world::{Aabb, StopIdx, Vec3};
 
 /// Usual speed of lifts and platforms, m/s, and usual duration of a door's or a floor's change, s.
 const TRAVEL_SPEED: f64 = 2.0;
@@ -56,7 +56,7 @@ pub(super) enum Sign {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Whole {
     /// The box around it, m; `None` if it has no triangles.
-    pub(super) bounds: Option<Bounds>,
+    pub(super) bounds: Option<Aabb>,
     pub(super) triangle_count: usize,
 }
 
@@ -64,7 +64,7 @@ impl Whole {
     /// Whether it may be a lift or platform only because it is animated: whole levels and detailed props stay where
     /// they are.
     fn is_small(&self) -> bool {
-        let is_near = |bounds: Bounds| (bounds.high - bounds.low).max_element() <= LARGEST_M;
+        let is_near = |bounds: Aabb| (bounds.high - bounds.low).max_element() <= LARGEST_M;
         self.bounds.is_some_and(is_near) && self.triangle_count <= MOST_TRIANGLES
     }
 }
@@ -144,7 +144,7 @@ impl Paths {
         let mut places: HashMap<String, Vec<(u32, Place)>> = HashMap::new();
         for node in nodes {
             if let Some((stem, number)) = path_of(&node.name.to_lowercase()) {
-                let bounds = Bounds::of(node.triangles.iter().flatten().copied());
+                let bounds = Aabb::around(node.triangles.iter().flatten().copied());
                 let place = bounds.map_or(Place::Origin(node.origin), |bounds| Place::Bottom(bounds.bottom()));
                 places.entry(stem).or_default().push((number, place));
             }
@@ -154,7 +154,7 @@ impl Paths {
     }
 
     /// Shifts from where a mover was modelled to its further stops, m.
-    fn offsets(&self, node: &Node, bounds: Bounds) -> Vec<Vec3> {
+    fn offsets(&self, node: &Node, bounds: Aabb) -> Vec<Vec3> {
         let slack = Vec3::ONE;
         let origin = node.origin;
         let lies_there = origin.cmpge(bounds.low - slack).all() && origin.cmple(bounds.high + slack).all();
@@ -199,7 +199,7 @@ struct Animated {
 }
 
 impl Animated {
-    fn of(kind: MoverKind, node: &Node, frame: Frame, bounds: Bounds) -> Self {
+    fn of(kind: MoverKind, node: &Node, frame: Frame, bounds: Aabb) -> Self {
         let swing = node.animation.as_ref().and_then(Animation::swing);
         let journey = match (kind, swing) {
             (MoverKind::Door, Some((turn, seconds))) => {
@@ -229,7 +229,7 @@ pub(super) fn from_node(
     mut triangles: Vec<[Vec3; 3]>,
 ) -> Result<Option<Mover>, ImportError> {
     let frame = paths.frame;
-    let Some(bounds) = Bounds::of(triangles.iter().flatten().copied()) else { return Ok(None) };
+    let Some(bounds) = Aabb::around(triangles.iter().flatten().copied()) else { return Ok(None) };
     let metres = |vector: Vec3| frame.to_metres(vector);
     let mut path = extras.vectors("path")?.into_iter().map(metres).collect::<Vec<_>>();
     path.extend(extras.vector("slide")?.map(metres));
@@ -239,7 +239,7 @@ pub(super) fn from_node(
     if let Some(begin) = animated.begin {
         triangles.iter_mut().flatten().for_each(|corner| *corner += begin);
     }
-    let bounds = Bounds::of(triangles.iter().flatten().copied()).unwrap_or(bounds);
+    let bounds = Aabb::around(triangles.iter().flatten().copied()).unwrap_or(bounds);
     let motion = Motion {
         path,
         hinge: extras.number("hinge")?.or(animated.swing),
@@ -275,7 +275,7 @@ fn solid(mut triangles: Vec<[Vec3; 3]>) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-fn assemble(name: String, kind: MoverKind, triangles: Vec<[Vec3; 3]>, bounds: Bounds, motion: Motion) -> Mover {
+fn assemble(name: String, kind: MoverKind, triangles: Vec<[Vec3; 3]>, bounds: Aabb, motion: Motion) -> Mover {
     let here = MoverStop { offset: Vec3::ZERO, yaw: 0.0, is_there: true };
     let along = |offset: Vec3| MoverStop { offset, ..here };
     let mut stops = vec![here];
@@ -317,14 +317,14 @@ fn assemble(name: String, kind: MoverKind, triangles: Vec<[Vec3; 3]>, bounds: Bo
 
 /// A door seen from above.
 struct Leaf {
-    bounds: Bounds,
+    bounds: Aabb,
     /// Direction of its width.
     along: Vec3,
     width: f32,
 }
 
 impl Leaf {
-    fn new(bounds: Bounds) -> Self {
+    fn new(bounds: Aabb) -> Self {
         let size = bounds.high - bounds.low;
         let along = if size.x >= size.z { Vec3::X } else { Vec3::Z };
         Self { bounds, along, width: size.x.max(size.z) }
@@ -371,7 +371,7 @@ impl MoverEntry {
     pub(super) fn mover(self, frame: Frame) -> Option<Mover> {
         let metres = |point: [f32; 3]| frame.to_metres(point.into());
         let (one, other) = (metres(self.min), metres(self.max));
-        let bounds = Bounds { low: one.min(other), high: one.max(other) };
+        let bounds = Aabb::at(one).union(Aabb::at(other));
         // Also false for NaN.
         let has_volume = (bounds.high - bounds.low).min_element() > 0.0;
         let motion = Motion {

@@ -16,11 +16,11 @@ use crate::extras::Extras;
 use crate::faults::ImportError;
 use crate::found::{Found, FoundPool, jetpack_fuel, pad_speed};
 use crate::moving::{self, Paths, Sign, Whole};
-use crate::scene::{Bounds, Frame, Node, node_label};
+use crate::scene::{Frame, Node, node_label};
 use crate::sidecar::Sidecar;
 use std::collections::HashMap;
-use surefoot_world::Vec3;
 use surefoot_world::map::{Jetpack, Liquid, MoverKind, Pad, Teleporter, ZipLine};
+use surefoot_world::{Aabb, Vec3};
 
 /// Kind of feature that a node's name stands for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -166,7 +166,7 @@ fn add_features(
     let (mut zip_lines, mut teleporters) = (Pairs::default(), Pairs::default());
     for (idx, (node, kind)) in nodes.iter().zip(kinds).enumerate() {
         let Some(kind) = kind.filter(|_| owners[idx] == Some(idx)) else { continue };
-        let bounds = bounds[idx].unwrap_or(Bounds { low: node.origin, high: node.origin });
+        let bounds = bounds[idx].unwrap_or(Aabb::at(node.origin));
         let at = bounds.bottom();
         let name = node_label(&node.name, idx);
         let extras = Extras::new(node, &name)?;
@@ -216,10 +216,10 @@ fn add_features(
 }
 
 /// The box around each feature node with what belongs to it; `None` if it has no triangles.
-fn feature_bounds(nodes: &[Node], owners: &[Option<usize>]) -> Vec<Option<Bounds>> {
-    let mut bounds: Vec<Option<Bounds>> = vec![None; nodes.len()];
+fn feature_bounds(nodes: &[Node], owners: &[Option<usize>]) -> Vec<Option<Aabb>> {
+    let mut bounds: Vec<Option<Aabb>> = vec![None; nodes.len()];
     for (node, owner) in nodes.iter().zip(owners) {
-        if let (Some(owner), Some(own)) = (*owner, Bounds::of(node.triangles.iter().flatten().copied())) {
+        if let (Some(owner), Some(own)) = (*owner, Aabb::around(node.triangles.iter().flatten().copied())) {
             bounds[owner] = Some(bounds[owner].map_or(own, |bounds| bounds.union(own)));
         }
     }
@@ -229,7 +229,7 @@ fn feature_bounds(nodes: &[Node], owners: &[Option<usize>]) -> Vec<Option<Bounds
 /// Each node with everything below it.
 fn with_children(nodes: &[Node]) -> Vec<Whole> {
     let own = |node: &Node| Whole {
-        bounds: Bounds::of(node.triangles.iter().flatten().copied()),
+        bounds: Aabb::around(node.triangles.iter().flatten().copied()),
         triangle_count: node.triangles.len(),
     };
     let mut whole: Vec<Whole> = nodes.iter().map(own).collect();

@@ -3,8 +3,9 @@
 use crate::faults::ImportError;
 use crate::found::{Found, FoundPool, jetpack_fuel, pad_speed};
 use crate::moving::MoverEntry;
-use crate::scene::{Bounds, Frame};
+use crate::scene::Frame;
 use serde::Deserialize;
+use surefoot_world::Aabb;
 use surefoot_world::map::{Jetpack, Liquid, Pad, Teleporter, ZipLine};
 
 /// Content of `level.surefoot.json`: features in the level's own coordinates, and what of the level is solid.
@@ -101,7 +102,7 @@ impl Sidecar {
         };
         for (name, PoolEntry { liquid, min, max }) in labelled("pools", self.pools) {
             let (one, other) = (metres(&name, min)?, metres(&name, max)?);
-            let bounds = Bounds { low: one.min(other), high: one.max(other) };
+            let bounds = Aabb::at(one).union(Aabb::at(other));
             found.pools.push((name, FoundPool { liquid, bounds, radius: None }));
         }
         for (name, PadEntry { at, height }) in labelled("pads", self.pads) {

@@ -10,6 +10,7 @@
 //! Conventions: right-handed, y up, metres, seconds, radians. Yaw 0 faces +z and grows counter-clockwise
 //! seen from above, so +x is to the *left* of an NPC with yaw 0.
 
+mod aabb;
 mod ability;
 pub mod cells;
 pub mod character;
@@ -37,6 +38,7 @@ pub mod task;
 mod units;
 mod world;
 
+pub use aabb::Aabb;
 pub use ability::{Ability, AbilitySet};
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use crates::CrateState;
