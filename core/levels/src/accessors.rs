@@ -69,7 +69,7 @@ pub(super) struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// Opens the buffers; `binary` is that of the container.
+    /// Opens the buffers; `binary` is the binary chunk of a `.glb`.
     pub(super) fn new(root: &'a Root, binary: Option<&'a [u8]>) -> Result<Self, ImportError> {
         let buffers = root.buffers.iter().enumerate().map(|(idx, buffer)| read_buffer(idx, buffer, binary));
         let decoded = root.buffer_views.iter().map(|_| OnceCell::new()).collect();

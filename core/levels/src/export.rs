@@ -3,6 +3,7 @@
 //! The scene has one mesh node `ground`, one node for each pool and device with the names that `named` knows, and empty
 //! nodes that mark buildings, plateaus, ravines and caves. Its extras keep the map's size.
 
+use crate::file::numbered;
 use crate::found::{PAD_EXTRA_M, PAD_GRAVITY};
 use gltf::Glb;
 use gltf::binary::Header;
@@ -18,9 +19,9 @@ use serde_json::value::to_raw_value;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, HashMap};
 use std::f32::consts::TAU;
-use surefoot_world::Vec3;
 use surefoot_world::map::{DISC_RADIUS_M, Map, MapSize, MoverKind, Outline};
 use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Aabb, Vec3};
 
 /// Number of corners of a device's disc.
 const DISC_SIDES: usize = 16;
@@ -193,21 +194,10 @@ impl SceneWriter {
         surface: Surface,
         triangles: impl Iterator<Item = [Vec3; 3]>,
     ) -> Option<Index<Mesh>> {
-        let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
-        let (mut positions, mut indices) = (Vec::new(), Vec::new());
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in triangles.flatten() {
-            let next = numbers.len() as u32;
-            let number = *numbers.entry(corner.to_array().map(f32::to_bits)).or_insert_with(|| {
-                positions.extend(corner.to_array().into_iter().flat_map(f32::to_le_bytes));
-                (low, high) = (low.min(corner), high.max(corner));
-                next
-            });
-            indices.extend(number.to_le_bytes());
-        }
-        if indices.is_empty() {
-            return None;
-        }
+        let (vertices, corners) = numbered(triangles.flatten());
+        let Aabb { low, high } = Aabb::around(vertices.iter().copied())?;
+        let positions: Vec<u8> = vertices.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes).collect();
+        let indices: Vec<u8> = corners.into_iter().flat_map(u32::to_le_bytes).collect();
         let (min, max) = (Some(json!(low.to_array())), Some(json!(high.to_array())));
         let positions = Accessor { min, max, ..self.add_view(&positions, Target::ArrayBuffer) };
         let indices = self.add_view(&indices, Target::ElementArrayBuffer);
