@@ -141,14 +141,6 @@ impl Repair<'_> {
         self.reach.links.extend(links);
     }
 
-    /// Links the islands beside one end of a teleporter to those beside the other end.
-    fn link_all(&mut self, from: Vec3, to: Vec3) {
-        let (near, far) = (links::cells_beside(self.ground(), from), links::cells_beside(self.ground(), to));
-        let links: Vec<Link> =
-            far.iter().flat_map(|&cell| links::between(self.ground(), &near, cell, Means::Teleporter)).collect();
-        self.reach.links.extend(links);
-    }
-
     /// Adds up to `count` zip lines from high ground to other islands below.
     fn add_zip_lines(&mut self, count: usize, rng: &mut ChaCha8Rng) {
         for _ in 0..count {
@@ -201,12 +193,9 @@ impl Repair<'_> {
                 if !is_far || from.island == to.island || !self.is_site(from.feet) || !self.is_site(to.feet) {
                     continue;
                 }
-                let two_way = nth % 2 == 1;
-                self.placed.teleporters.push(Teleporter { from: from.feet, to: to.feet, two_way });
-                self.link_all(from.feet, to.feet);
-                if two_way {
-                    self.link_all(to.feet, from.feet);
-                }
+                let teleporter = Teleporter { from: from.feet, to: to.feet, two_way: nth % 2 == 1 };
+                self.placed.teleporters.push(teleporter);
+                self.reach.links.extend(links::by_teleporter(&self.reach.ground, &teleporter));
                 break;
             }
         }

@@ -6,7 +6,7 @@ use super::limits::JumpLimits;
 use super::{Link, Means};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::float::horizontal;
-use crate::map::CollisionMap;
+use crate::map::{CollisionMap, Teleporter};
 use crate::{Vec3, navigable};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -165,19 +165,14 @@ impl IslandSearch<'_> {
 
 /// For each island from which a character can step onto a device at `centre`, the nearest cell, by island.
 pub fn cells_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
-    let (column, row) = ground.column_of(centre);
     let mut nearest: BTreeMap<u32, (f32, u32)> = BTreeMap::new();
-    for z in row - 2..=row + 2 {
-        for x in column - 2..=column + 2 {
-            for idx in ground.column(x, z) {
-                let Cell { feet, island } = ground.cells()[idx];
-                let offset = feet - centre;
-                let distance = horizontal(offset);
-                let is_nearer = nearest.get(&island).is_none_or(|&(least, _)| distance < least);
-                if offset.y.abs() < 0.8 && distance < 2.4 && is_nearer {
-                    nearest.insert(island, (distance, idx as u32));
-                }
-            }
+    for idx in ground.around(centre, 2) {
+        let Cell { feet, island } = ground.cells()[idx];
+        let offset = feet - centre;
+        let distance = horizontal(offset);
+        let is_nearer = nearest.get(&island).is_none_or(|&(least, _)| distance < least);
+        if offset.y.abs() < 0.8 && distance < 2.4 && is_nearer {
+            nearest.insert(island, (distance, idx as u32));
         }
     }
     nearest.into_values().map(|(_, idx)| idx).collect()
@@ -195,19 +190,21 @@ pub fn between<'a>(
     takeoffs.iter().map(link).filter(|link| link.from != link.to)
 }
 
+/// Links by a teleporter between the ground beside its ends.
+pub fn by_teleporter(ground: &Ground, Teleporter { from, to, two_way }: &Teleporter) -> Vec<Link> {
+    let (near, far) = (cells_beside(ground, *from), cells_beside(ground, *to));
+    let there = far.iter().flat_map(|&cell| between(ground, &near, cell, Means::Teleporter));
+    let back = near.iter().filter(|_| *two_way).flat_map(|&cell| between(ground, &far, cell, Means::Teleporter));
+    there.chain(back).collect()
+}
+
 /// Up to six cells of each island within `reach` metres of `centre` and below `rise` metres above it, from near to far.
 pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f32) -> Vec<Cell> {
-    let (column, row) = ground.column_of(centre);
-    let span = (reach / SPACING_M) as i32;
     let mut by_island: BTreeMap<u32, Vec<(f32, Cell)>> = BTreeMap::new();
-    for z in row - span..=row + span {
-        for x in column - span..=column + span {
-            for cell in &ground.cells()[ground.column(x, z)] {
-                let distance = horizontal(cell.feet - centre);
-                if distance <= reach && cell.feet.y - centre.y < rise {
-                    by_island.entry(cell.island).or_default().push((distance, *cell));
-                }
-            }
+    for cell in ground.around(centre, (reach / SPACING_M) as i32).map(|idx| ground.cells()[idx]) {
+        let distance = horizontal(cell.feet - centre);
+        if distance <= reach && cell.feet.y - centre.y < rise {
+            by_island.entry(cell.island).or_default().push((distance, cell));
         }
     }
     by_island
@@ -251,11 +248,7 @@ fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground,
         }
     }
     for teleporter in &map.placed().teleporters {
-        let (near, far) = (cells_beside(ground, teleporter.from), cells_beside(ground, teleporter.to));
-        links.extend(far.iter().flat_map(|&cell| between(ground, &near, cell, Means::Teleporter)));
-        if teleporter.two_way {
-            links.extend(near.iter().flat_map(|&cell| between(ground, &far, cell, Means::Teleporter)));
-        }
+        links.extend(by_teleporter(ground, teleporter));
     }
     if profile.uses_zip_lines {
         for line in &map.placed().zip_lines {
