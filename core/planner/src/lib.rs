@@ -20,6 +20,8 @@ pub mod legs;
 pub mod needs;
 pub mod plan;
 pub mod price;
+#[cfg(test)]
+mod properties;
 pub mod reachability;
 mod regression;
 pub mod ride_stops;

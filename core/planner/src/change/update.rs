@@ -347,12 +347,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 300,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(300))]
 
         #[test]
         fn a_box_is_touched_if_any_of_its_columns_is(changed in prop::collection::vec(boxes(), 0..5), area in boxes()) {

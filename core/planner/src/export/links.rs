@@ -248,12 +248,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 60,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(60))]
 
         #[test]
         fn links_are_those_of_the_definition((graph, islands) in level(), max_detour in 1.1..6.0f64) {

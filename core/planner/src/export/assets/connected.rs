@@ -57,12 +57,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 200,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(200))]
 
         #[test]
         fn shares_are_those_of_a_walk_from_every_vertex(
