@@ -47,7 +47,7 @@ fn add_pools(scene: &mut SceneWriter, map: &Map) {
     let mut counts = [0; Surface::ALL.len()];
     for pool in &map.placed().pools {
         let surface: Surface = pool.liquid.into();
-        let name = format!("{}_{}", material_name(surface), counts[surface as usize]);
+        let name = format!("{}_{}", surface.name(), counts[surface as usize]);
         counts[surface as usize] += 1;
         let mesh = scene.shared_mesh(surface, box_below_origin);
         let (half_x, half_z) = pool.outline.half_extents();
@@ -216,7 +216,7 @@ impl SceneWriter {
 
     /// Returns a mesh that several nodes share, and adds it when it is first needed.
     fn shared_mesh(&mut self, surface: Surface, make: impl Fn() -> Vec<[Vec3; 3]>) -> Index<Mesh> {
-        let name = material_name(surface);
+        let name = surface.name();
         if let Some(&mesh) = self.shared.get(name) {
             return mesh;
         }
@@ -288,18 +288,6 @@ impl SceneWriter {
     }
 }
 
-fn material_name(surface: Surface) -> &'static str {
-    match surface {
-        Surface::Ground => "ground",
-        Surface::Water => "water",
-        Surface::Lava => "lava",
-        Surface::Pad => "pad",
-        Surface::ZipLine => "zip_line",
-        Surface::Teleporter => "teleporter",
-        Surface::Jetpack => "jetpack",
-    }
-}
-
 fn material(surface: Surface) -> Material {
     let (colour, glow) = match surface {
         Surface::Ground => ([0.36, 0.33, 0.27, 1.0], [0.0, 0.0, 0.0]),
@@ -311,7 +299,7 @@ fn material(surface: Surface) -> Material {
         Surface::Jetpack => ([0.85, 0.85, 0.90, 1.0], [0.0, 0.0, 0.0]),
     };
     Material {
-        name: Some(material_name(surface).to_owned()),
+        name: Some(surface.name().to_owned()),
         alpha_mode: Valid(if surface == Surface::Water { AlphaMode::Blend } else { AlphaMode::Opaque }),
         pbr_metallic_roughness: PbrMetallicRoughness {
             base_color_factor: PbrBaseColorFactor(colour),

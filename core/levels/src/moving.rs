@@ -110,7 +110,7 @@ fn journey(node: &Node, frame: Frame) -> Option<Journey> {
 }
 
 fn kind_named(extras: &Extras<'_>, name: &str) -> Result<MoverKind, ImportError> {
-    let found = MoverKind::ALL.into_iter().find(|kind| kind.name() == name);
+    let found = MoverKind::ALL.iter().copied().find(|kind| kind.name() == name);
     found.ok_or_else(|| extras.refuse("mover", name, "must be door, lift, platform, floor, conveyor, crate or false"))
 }
 

@@ -1,7 +1,7 @@
 //! Abilities: the moves that a leg can need.
 
 use serde::{Deserialize, Serialize};
-use strum::VariantArray;
+use strum::{EnumString, IntoStaticStr, VariantArray};
 
 /// The most demanding ability that a leg needs, ordered from the least demanding.
 #[derive(
@@ -15,9 +15,9 @@ use strum::VariantArray;
     Default,
     Serialize,
     Deserialize,
-    strum::VariantArray,
-    strum::IntoStaticStr,
-    strum::EnumString,
+    VariantArray,
+    IntoStaticStr,
+    EnumString,
 )]
 #[strum(serialize_all = "snake_case")]
 pub enum Ability {

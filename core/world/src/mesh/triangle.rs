@@ -6,7 +6,8 @@ use crate::Vec3;
 pub(super) const SEAM_SLACK: f32 = 1.0e-4;
 
 /// Surface of a triangle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[repr(u8)]
 pub enum Surface {
     /// Rock, buildings and plateaus: solid.
@@ -36,6 +37,11 @@ impl Surface {
         Surface::Teleporter,
         Surface::Jetpack,
     ];
+
+    /// Name in snake case, as in exported maps.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
 
     /// Whether bodies collide with the surface.
     pub fn is_solid(self) -> bool {
