@@ -1,7 +1,7 @@
 //! Abilities: the moves that a leg can need.
 
 use serde::{Deserialize, Serialize};
-use strum::{EnumString, IntoStaticStr, VariantArray};
+use strum::VariantArray;
 
 /// The most demanding ability that a leg needs, ordered from the least demanding.
 #[derive(
@@ -15,9 +15,9 @@ use strum::{EnumString, IntoStaticStr, VariantArray};
     Default,
     Serialize,
     Deserialize,
-    VariantArray,
-    IntoStaticStr,
-    EnumString,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+    strum::EnumString,
 )]
 #[strum(serialize_all = "snake_case")]
 pub enum Ability {
