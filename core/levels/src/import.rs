@@ -130,24 +130,20 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let movers = found.take_movers(place.shift);
     let placed = found.place(place.shift, place.size).map_err(outside)?;
     check_load(place.size, &triangles, &placed)?;
-    if open.is_empty() {
-        let map = Map::from_parts(place.size, triangles, placed).with_movers(movers)?;
-        return Ok(Imported { map, origin: place.shift, warnings });
+    let spare = (!open.is_empty()).then(|| (triangles.clone(), placed.clone()));
+    let mut map = Map::from_parts(place.size, triangles, placed);
+    if let Some((mut triangles, placed)) = spare {
+        let backs = open.iter().filter_map(|surface| surface.backs(place.shift, map.mesh()));
+        let plates: Vec<Triangle> =
+            backs.flat_map(|backs| backs.iter().filter_map(moved).collect::<Vec<_>>()).collect();
+        if !plates.is_empty() {
+            warnings.push(Warning::Plates { count: plates.len() });
+            triangles.extend(plates);
+            check_load(place.size, &triangles, &placed)?;
+            map = Map::from_parts(place.size, triangles, placed);
+        }
     }
-    let map = Map::from_parts(place.size, triangles.clone(), placed.clone());
-    let plates: Vec<Triangle> = open
-        .iter()
-        .filter_map(|surface| surface.backs(place.shift, map.mesh()))
-        .flat_map(|backs| backs.iter().filter_map(moved).collect::<Vec<_>>())
-        .collect();
-    if plates.is_empty() {
-        return Ok(Imported { map: map.with_movers(movers)?, origin: place.shift, warnings });
-    }
-    warnings.push(Warning::Plates { count: plates.len() });
-    let triangles: Vec<Triangle> = triangles.into_iter().chain(plates).collect();
-    check_load(place.size, &triangles, &placed)?;
-    let map = Map::from_parts(place.size, triangles, placed).with_movers(movers)?;
-    Ok(Imported { map, origin: place.shift, warnings })
+    Ok(Imported { map: map.with_movers(movers)?, origin: place.shift, warnings })
 }
 
 /// The irregular edges of a level as it was modelled.
