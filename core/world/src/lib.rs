@@ -16,6 +16,7 @@ pub mod cells;
 pub mod character;
 mod crates;
 mod crowd;
+pub mod csr;
 mod editing;
 pub mod float;
 pub mod map;

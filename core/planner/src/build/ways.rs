@@ -1,10 +1,10 @@
 //! The ways that the survey finds: walks over its cells and links between its islands, and the shortest of them between
 //! vertices.
 
-use crate::search::csr::Csr;
 use crate::search::frontier::Frontier;
 use std::cmp::Reverse;
 use surefoot_world::Vec3;
+use surefoot_world::csr::Csr;
 use surefoot_world::reach::Reach;
 use surefoot_world::reach::ground::{Ground, NEIGHBOURS, SPACING_M};
 

@@ -2,10 +2,10 @@
 //! flood.
 
 use crate::ids::{EdgeKey, VertexId};
-use crate::search::csr::Csr;
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use std::ops::Range;
+use surefoot_world::csr::Csr;
 
 /// Greatest number of islands that a [`Closure`] has; the bits take 8 MB.
 const MAX_ISLANDS: usize = 8192;

@@ -10,7 +10,6 @@ pub(crate) mod adjacency;
 mod afar;
 pub(crate) mod attach;
 pub(crate) mod connectivity;
-pub(crate) mod csr;
 pub(crate) mod frontier;
 pub(crate) mod labels;
 pub mod traffic;
