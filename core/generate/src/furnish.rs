@@ -109,20 +109,15 @@ impl<'a> Furnisher<'a> {
         for _ in 0..TRIES {
             let taken = &self.taken;
             let is_apart = |point: Vec3| taken.iter().all(|it| it.distance_squared(point) > APART_M * APART_M);
-            match navigable::sample_where(self.map, &self.profile, &mut self.rng, &mut self.scratch, is_apart) {
-                Err(_) => return,
-                Ok(None) => {}
-                Ok(Some(feet)) => {
-                    if let Some(mover) = site(self, feet) {
-                        self.taken.extend((0..mover.stops.len()).map(|stop| {
-                            let (low, high) = mover.bounds_at(stop);
-                            (low + high) * 0.5
-                        }));
-                        self.movers.push(Mover { name, ..mover });
-                        return;
-                    }
-                }
-            }
+            let drawn = navigable::sample_where(self.map, &self.profile, &mut self.rng, &mut self.scratch, is_apart);
+            let Ok(feet) = drawn else { return };
+            let Some(mover) = feet.and_then(|feet| site(self, feet)) else { continue };
+            self.taken.extend((0..mover.stops.len()).map(|stop| {
+                let (low, high) = mover.bounds_at(stop);
+                (low + high) * 0.5
+            }));
+            self.movers.push(Mover { name, ..mover });
+            return;
         }
     }
 

@@ -8,7 +8,7 @@ use surefoot_world::Vec3;
 use surefoot_world::character::{CharacterProfile, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
 use surefoot_world::map::{
-    CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, Device, MapSpec, Pad, Placed, Teleporter, ZipLine,
+    CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, Device, DeviceKind, MapSpec, Pad, Placed, ZipLine,
 };
 use surefoot_world::reach::ground::{Cell, Ground};
 use surefoot_world::reach::leap::{self, Leap};
@@ -144,14 +144,6 @@ impl Repair<'_> {
         self.reach.links.extend(links);
     }
 
-    /// Links the islands beside one end of a teleporter to those beside the other end.
-    fn link_all(&mut self, from: Vec3, to: Vec3) {
-        let (near, far) = (links::cells_beside(self.ground(), from), links::cells_beside(self.ground(), to));
-        let links: Vec<Link> =
-            far.iter().flat_map(|&cell| links::between(self.ground(), &near, cell, Means::Teleporter)).collect();
-        self.reach.links.extend(links);
-    }
-
     /// Adds up to `count` zip lines from high ground to other islands below.
     fn add_zip_lines(&mut self, count: usize, rng: &mut ChaCha8Rng) {
         for _ in 0..count {
@@ -204,12 +196,10 @@ impl Repair<'_> {
                 if !is_far || from.island == to.island || !self.is_site(from.feet) || !self.is_site(to.feet) {
                     continue;
                 }
-                let two_way = nth % 2 == 1;
-                self.placed.teleporters.push(Teleporter { from: from.feet, to: to.feet, two_way });
-                self.link_all(from.feet, to.feet);
-                if two_way {
-                    self.link_all(to.feet, from.feet);
-                }
+                let one_way = Device::new(DeviceKind::Teleporter, from.feet);
+                let teleporter = Device { to: Some(to.feet), two_way: nth % 2 == 1, ..one_way };
+                self.placed.add(teleporter);
+                self.reach.links.extend(links::by_teleporter(&self.reach.ground, teleporter));
                 break;
             }
         }

@@ -144,26 +144,16 @@ pub fn encode(map: &Map) -> Vec<u8> {
     let (triangles, placed) = map.without_pieces();
     let description = (map.spec(), map.size(), placed, map.movers(), map.pieces());
     let description = postcard::to_stdvec(&description).expect("plain data");
-    let mut numbers = HashMap::with_capacity(triangles.len());
-    let mut vertices = Vec::with_capacity(triangles.len() * VERTEX_LEN);
-    let mut corners = Vec::with_capacity(triangles.len() * CORNERS_LEN);
-    for corner in triangles.iter().flat_map(Triangle::corners) {
-        let bits = corner.to_array().map(f32::to_bits);
-        let next = numbers.len() as u32;
-        let number = *numbers.entry(bits).or_insert_with(|| {
-            bits.iter().for_each(|value| vertices.extend(value.to_le_bytes()));
-            next
-        });
-        corners.extend(number.to_le_bytes());
-    }
-    let mut payload = Vec::with_capacity(64 + description.len() + vertices.len() + corners.len() + triangles.len());
+    let (vertices, corners) = numbered(triangles.iter().flat_map(Triangle::corners));
+    let geometry_len = vertices.len() * VERTEX_LEN + triangles.len() * (CORNERS_LEN + 1);
+    let mut payload = Vec::with_capacity(64 + description.len() + geometry_len);
     payload.extend(map.hash().0);
     payload.extend((description.len() as u32).to_le_bytes());
     payload.extend(description);
-    payload.extend((numbers.len() as u32).to_le_bytes());
+    payload.extend((vertices.len() as u32).to_le_bytes());
     payload.extend((triangles.len() as u32).to_le_bytes());
-    payload.extend(vertices);
-    payload.extend(corners);
+    vertices.iter().for_each(|vertex| payload.extend(vertex.to_array().map(f32::to_le_bytes).as_flattened()));
+    corners.iter().for_each(|corner| payload.extend(corner.to_le_bytes()));
     payload.extend(triangles.iter().map(|triangle| triangle.surface() as u8));
 
     let mut bytes = Vec::with_capacity(HEADER_LEN + payload.len());
@@ -173,6 +163,19 @@ pub fn encode(map: &Map) -> Vec<u8> {
     bytes.extend(blake3::hash(&payload).as_bytes());
     bytes.extend(payload);
     bytes
+}
+
+/// The vertices of triangles, and the number of the vertex at each corner. Corners with equal bits share a vertex.
+pub(super) fn numbered(corners: impl Iterator<Item = Vec3>) -> (Vec<Vec3>, Vec<u32>) {
+    let (mut vertices, mut numbers) = (Vec::new(), HashMap::new());
+    let number = |corner: Vec3| {
+        *numbers.entry(corner.to_array().map(f32::to_bits)).or_insert_with(|| {
+            vertices.push(corner);
+            vertices.len() as u32 - 1
+        })
+    };
+    let corners = corners.map(number).collect();
+    (vertices, corners)
 }
 
 /// Decodes a map that [`encode`] wrote; the map has the same hash.

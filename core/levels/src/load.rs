@@ -40,8 +40,7 @@ pub(super) fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed)
     };
     // Only large triangles count: the others touch a few cells each, and their number is limited.
     let large = triangles.iter().filter_map(|triangle| {
-        let [a, b, c] = triangle.corners();
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let (low, high) = triangle.bounds();
         ((high - low).max_element() > 4.0 * INDEX_CELL_M).then_some((low, high))
     });
     let touched = large.map(|(low, high)| -> f64 {

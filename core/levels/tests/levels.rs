@@ -761,13 +761,9 @@ fn nodes_become_features_by_their_names() {
 
 /// Wraps a glTF document into a binary container.
 fn glb(document: &Value, binary: Option<&[u8]>) -> Vec<u8> {
-    let mut json = document.to_string().into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let binary = binary
-        .map_or(Vec::new(), |binary| [&(binary.len() as u32).to_le_bytes(), b"BIN\0".as_slice(), binary].concat());
-    let len = (20 + json.len() + binary.len()) as u32;
-    [b"glTF", &2u32.to_le_bytes(), &len.to_le_bytes(), &(json.len() as u32).to_le_bytes(), b"JSON", &json[..], &binary]
-        .concat()
+    let header = gltf::binary::Header { magic: *b"glTF", version: 2, length: 0 };
+    let json = document.to_string().into_bytes().into();
+    gltf::Glb { header, json, bin: binary.map(Into::into) }.to_vec().expect("memory takes all bytes")
 }
 
 /// A level with one change.

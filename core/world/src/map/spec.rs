@@ -49,8 +49,9 @@ fn yes() -> bool {
 
 /// What the ground of a generated map is like. Only terrain and open terrain have every feature; the others have
 /// devices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, strum::IntoStaticStr)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum MapKind {
     /// The paper's: rolling and terraced ground with overhangs over a floor of rock.
     #[default]
@@ -74,14 +75,7 @@ impl MapKind {
 
     /// Lower-case name, as in commands and files.
     pub fn name(self) -> &'static str {
-        match self {
-            MapKind::Terrain => "terrain",
-            MapKind::Islands => "islands",
-            MapKind::Interior => "interior",
-            MapKind::Arena => "arena",
-            MapKind::Tower => "tower",
-            MapKind::Open => "open",
-        }
+        self.into()
     }
 }
 
