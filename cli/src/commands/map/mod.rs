@@ -3,9 +3,7 @@
 mod show;
 mod source;
 
-pub use source::{
-    BodyArg, Generated, Source, file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers,
-};
+pub use source::{BodyArg, Generated, Source, file_name, level_files, load_body, load_level};
 
 use crate::commands::fleet::{BlobsArg, NatsArg};
 use crate::commands::parse_seeds;
