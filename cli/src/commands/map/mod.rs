@@ -3,6 +3,7 @@
 mod show;
 mod source;
 
+pub use show::check_scale;
 pub use source::{BodyArg, Generated, Source, file_name, level_files, load_body, load_level};
 
 use crate::commands::fleet::{BlobsArg, NatsArg};
