@@ -12,7 +12,6 @@ use surefoot_proto::pieces::{piece_to_wire, pieces};
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::PlayerSlot;
 use surefoot_world::player::MAX_PLAYERS;
-use tonic::Status;
 
 /// The thread of a world that the caller may change.
 fn thread_to_change(api: &WorldApi, caller: &Caller, world: u64) -> Result<SimHandle, WorldsError> {

@@ -55,7 +55,7 @@ pub async fn add(db: &PlannerDb, graph: &GraphId, reports: &[Report]) -> Result<
         return Ok(transaction.rollback().await?);
     }
     let all: Vec<_> = reports.iter().map(|report| &report.receipt).collect();
-    let new = receipts::store(db, &mut transaction, &all).await?;
+    let new = receipts::store(&mut transaction, &all).await?;
     let is_new = |report: &&Report| {
         let Call { client, id, .. } = &report.receipt.call;
         new.contains(&(client.clone(), id.clone()))

@@ -50,7 +50,7 @@ pub async fn replace(
         return Ok(false);
     }
     if let Some(receipt) = receipt
-        && receipts::store(db, &mut transaction, &[receipt]).await?.is_empty()
+        && receipts::store(&mut transaction, &[receipt]).await?.is_empty()
     {
         transaction.rollback().await?;
         return Ok(false);

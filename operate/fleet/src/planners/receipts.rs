@@ -21,7 +21,6 @@ pub async fn find(db: &PlannerDb, client: &str, id: &str) -> Result<Option<Recei
 /// Stores receipts in the transaction of `connection`. Returns the calls that had none. It waits for transactions that
 /// carry out the same calls.
 pub async fn store(
-    db: &PlannerDb,
     connection: &mut PgConnection,
     receipts: &[&Receipt],
 ) -> Result<BTreeSet<(String, String)>, FleetError> {
