@@ -324,11 +324,12 @@ fn stats(watching: &watch::Receiver<WatchStatsResponse>) -> WorldStats {
     watching.borrow().stats.clone().unwrap_or_default()
 }
 
-fn attempts(stats: &WorldStats) -> u64 {
+/// Number of attempts that have ended.
+pub(super) fn attempts(stats: &WorldStats) -> u64 {
     stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress + stats.unreachable
 }
 
-fn percent(part: u64, whole: u64) -> f64 {
+pub(super) fn percent(part: u64, whole: u64) -> f64 {
     100.0 * part as f64 / whole.max(1) as f64
 }
 

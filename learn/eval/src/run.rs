@@ -24,9 +24,6 @@ pub fn missing(policy: &Policy, config: &EvalConfig) -> Vec<(EvalMap, u64)> {
 }
 
 /// Like [`evaluate`], but returns the units, map by map and seed by seed.
-///
-/// # Errors
-/// As for [`evaluate`].
 pub fn run_units(
     policy: &Policy,
     config: &EvalConfig,
@@ -42,9 +39,6 @@ pub fn run_units(
 
 /// Runs all cases on the maps and seeds of the first, map by map and seed by seed, so that they share surveys and
 /// graphs. Returns the units of each case. Calls `finished` after each unit.
-///
-/// # Errors
-/// As for [`evaluate`].
 pub(crate) fn run_cases(
     cases: &[(&Policy, &EvalConfig)],
     mut finished: impl FnMut(),

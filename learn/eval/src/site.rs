@@ -60,9 +60,6 @@ impl Surveyed {
 }
 
 /// Loads a saved unit, or runs and saves it. `surveyed` caches the map between units.
-///
-/// # Errors
-/// As for [`super::evaluate`].
 pub fn load_or_run(
     policy: &Policy,
     config: &EvalConfig,
@@ -103,9 +100,6 @@ pub fn load_or_run(
 }
 
 /// Saves a unit that another process has run, so that this evaluation finds it.
-///
-/// # Errors
-/// If it cannot be saved.
 pub fn keep(
     policy: &Policy,
     config: &EvalConfig,

@@ -125,9 +125,6 @@ struct Outcome<'e> {
 
 /// Runs every entry. `base` gives all settings except maps and method. `progress` gets the name of the row or split and
 /// the numbers of its finished and of all its attempts.
-///
-/// # Errors
-/// As for [`super::evaluate`].
 pub fn run(
     entries: &[Entry],
     splits: &[(&str, Vec<MapSpec>)],

@@ -56,9 +56,6 @@ pub fn sweep(policy: &Policy) -> Vec<Variant> {
 
 /// Runs every variant on the maps of `base`. `progress` gets the variant's name and the numbers of its finished and of
 /// all its attempts.
-///
-/// # Errors
-/// As for [`super::evaluate`].
 pub fn run(
     variants: &[Variant],
     base: &EvalConfig,

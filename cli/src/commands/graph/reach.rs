@@ -2,6 +2,7 @@
 
 use super::{Loaded, Target};
 use crate::commands::core_count;
+use crate::commands::map::check_scale;
 use crate::terminal::print_json;
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -86,7 +87,7 @@ struct Check {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     let Loaded { context, graph, .. } = &loaded;
-    super::check_scale(args.scale, &context.map)?;
+    check_scale(args.scale, &context.map)?;
     let survey = Reach::survey_far(&context.map, &context.profile, core_count());
     let report = args.report(&survey, graph);
     if let Some(path) = &args.png {

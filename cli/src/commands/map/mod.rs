@@ -3,9 +3,8 @@
 mod show;
 mod source;
 
-pub use source::{
-    BodyArg, Generated, Source, file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers,
-};
+pub use show::check_scale;
+pub use source::{BodyArg, Generated, Source, file_name, level_files, load_body, load_level};
 
 use crate::commands::fleet::{BlobsArg, NatsArg};
 use crate::commands::parse_seeds;

@@ -61,32 +61,17 @@ pub struct Generated {
     #[arg(long, default_value_t = 80, value_name = "METRES")]
     pub height: u32,
     /// Features of a generated map: paper, all or none, followed by changes, such as all,lava=0,zip_lines=2
-    #[arg(long, default_value = "paper", value_name = "LIST", value_parser = parse_features)]
+    #[arg(long, default_value = "paper", value_name = "LIST")]
     pub features: Features,
     /// Kind of a generated map: terrain (the paper's), islands, interior, arena, tower or open
-    #[arg(long, default_value = "terrain", value_name = "KIND", value_parser = parse_kind)]
+    #[arg(long, default_value = "terrain", value_name = "KIND")]
     pub kind: MapKind,
     /// Movers of a generated map: none or all, followed by changes, such as all,doors=0 or lifts,crates=2
-    #[arg(long, default_value = "none", value_name = "LIST", value_parser = parse_movers)]
+    #[arg(long, default_value = "none", value_name = "LIST")]
     pub movers: MoverDensities,
     /// Do not add pads and zip lines to unreachable ground of a generated map
     #[arg(long)]
     pub no_repair: bool,
-}
-
-/// Parses densities of movers.
-pub fn parse_movers(text: &str) -> Result<MoverDensities, String> {
-    text.parse()
-}
-
-/// Parses a kind of map.
-pub fn parse_kind(text: &str) -> Result<MapKind, String> {
-    text.parse()
-}
-
-/// Parses features.
-pub fn parse_features(text: &str) -> Result<Features, String> {
-    text.parse()
 }
 
 impl Generated {

@@ -1,5 +1,6 @@
 //! Learning: SAC updates and inference.
 
+use super::world::Crowd;
 use super::{Figure, median, timed};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -12,7 +13,7 @@ use surefoot_train::networks::with_burn;
 use surefoot_train::replay::Batch;
 use surefoot_train::{Learner, Processor, Run, TrainConfig};
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::{CharacterProfile, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
+use surefoot_world::{CharacterProfile, MapSpec, NpcSlot, OBSERVATION_LEN};
 
 /// Batch sizes at which inference is timed.
 const INFERENCE: [usize; 5] = [1, 64, 192, 256, 512];
@@ -114,16 +115,11 @@ fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
 
 /// Observation rows of NPCs on a generated map: the speed of the ray encoder depends on the share of zeros.
 fn observations(rows: usize) -> Vec<f32> {
-    let profile = CharacterProfile::default();
     let map = Arc::new(surefoot_generate::generate(&MapSpec::new(0)));
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let points = navigable::sample_many(&map, &profile, 2 * rows, &mut rng).expect("generated maps have ground");
-    let mut world = World::new(map, profile, TaskConfig::default());
+    let crowd = Crowd::of(rows, &map, 0, false).expect("generated maps have ground");
     let mut values = vec![0.0; rows * OBSERVATION_LEN];
-    for (pair, row) in points.chunks_exact(2).zip(values.chunks_exact_mut(OBSERVATION_LEN)) {
-        let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
-        world.set_waypoint(slot, pair[1]);
-        world.observe(slot, row);
+    for (idx, row) in (0..).zip(values.chunks_exact_mut(OBSERVATION_LEN)) {
+        crowd.world.observe(NpcSlot(idx), row);
     }
     values
 }

@@ -86,8 +86,8 @@ fn peak_memory_mb() -> Option<f64> {
 }
 
 /// NPCs that run to goals, and return to their start when they come to harm.
-struct Crowd {
-    world: World,
+pub(super) struct Crowd {
+    pub(super) world: World,
     /// Start and goal of each NPC.
     points: Vec<Vec3>,
     rng: ChaCha8Rng,
@@ -100,7 +100,7 @@ impl Crowd {
     }
 
     /// A crowd of `count` NPCs, solid or not.
-    fn of(count: usize, map: &Arc<Map>, seed: u64, npc_collision: bool) -> anyhow::Result<Self> {
+    pub(super) fn of(count: usize, map: &Arc<Map>, seed: u64, npc_collision: bool) -> anyhow::Result<Self> {
         let profile = CharacterProfile::default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let points = navigable::sample_many(map, &profile, 2 * count, &mut rng)?;

@@ -26,9 +26,6 @@ const MIN_SEPARATION: f32 = 0.75;
 const POOL: usize = 10;
 
 /// Places vertices where the policy arrives, and lists the candidate edges between them.
-///
-/// # Errors
-/// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
     let PlacementContext { site, settings, executor, progress, .. } = placing;
     let pool = placing.sample(POOL * settings.vertices, rng)?;
