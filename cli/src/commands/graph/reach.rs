@@ -2,7 +2,7 @@
 
 use super::{Loaded, Target};
 use crate::commands::core_count;
-use crate::terminal::print_json;
+use crate::terminal::{print_json, with_spinner};
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -87,7 +87,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     let Loaded { context, graph, .. } = &loaded;
     super::check_scale(args.scale, &context.map)?;
-    let survey = Reach::survey_far(&context.map, &context.profile, core_count());
+    let survey =
+        with_spinner("surveying the level", || Reach::survey_far(&context.map, &context.profile, core_count()));
     let report = args.report(&survey, graph);
     if let Some(path) = &args.png {
         draw(&loaded, &survey, args.scale).save(path)?;

@@ -1,7 +1,7 @@
 //! Which map and which body a command works on: the flags, and loading.
 
 use crate::commands::core_count;
-use crate::terminal::progress_bar;
+use crate::terminal::{progress_bar, with_spinner};
 use anyhow::{Context, bail};
 use std::path::Path;
 use surefoot_generate::Stage;
@@ -143,12 +143,13 @@ pub(super) fn import_level(level: &Path, sidecar: Option<&Path>, options: &Impor
         .map(|path| std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())))
         .transpose()?;
     let extension = level.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    let imported = match extension.as_deref() {
-        Some("glb" | "gltf") => surefoot_levels::import_gltf(&bytes, sidecar.as_deref(), options),
-        Some("obj") => surefoot_levels::import_obj(&bytes, sidecar.as_deref(), options),
+    let import = match extension.as_deref() {
+        Some("glb" | "gltf") => surefoot_levels::import_gltf,
+        Some("obj") => surefoot_levels::import_obj,
         _ => bail!("{} is not a .glb, .gltf or .obj file", level.display()),
-    }
-    .with_context(|| format!("cannot import {}", level.display()))?;
+    };
+    let imported = with_spinner("importing the level", || import(&bytes, sidecar.as_deref(), options))
+        .with_context(|| format!("cannot import {}", level.display()))?;
     for warning in &imported.warnings {
         eprintln!("warning: {warning}");
     }
