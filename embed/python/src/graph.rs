@@ -163,7 +163,7 @@ impl Graph {
     fn to_networkx<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let networkx = py.import("networkx").map_err(|error| {
             let missing =
-                pyo3::exceptions::PyImportError::new_err("install networkx: pip install \"surefoot[graphs]\"");
+                pyo3::exceptions::PyImportError::new_err("install networkx: pip install \"./embed/python[graphs]\"");
             missing.set_cause(py, Some(error));
             missing
         })?;

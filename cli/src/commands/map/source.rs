@@ -103,7 +103,9 @@ impl Generated {
 
 /// The files of a list of maps, if it names files and not seeds.
 pub fn level_files(maps: &str) -> Option<Vec<&Path>> {
-    let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !word.contains("..");
+    let is_seed = |word: &str| word.parse::<u64>().is_ok();
+    let is_range = |word: &str| word.split_once("..").is_some_and(|(first, last)| is_seed(first) && is_seed(last));
+    let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !is_range(word);
     maps.split(',').any(is_file).then(|| maps.split(',').map(Path::new).collect())
 }
 
