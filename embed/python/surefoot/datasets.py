@@ -208,7 +208,7 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise ImportError('install pyarrow: pip install "./embed/python[datasets]"') from error
+        raise ImportError('this needs pyarrow: pip install pyarrow') from error
     return pyarrow, pyarrow.parquet
 
 
@@ -264,5 +264,5 @@ def _minari() -> Any:
     try:
         import minari
     except ImportError as error:
-        raise ImportError('install Minari: pip install "./embed/python[minari]"') from error
+        raise ImportError('this needs Minari: pip install minari') from error
     return minari
