@@ -58,7 +58,8 @@ impl From<DatabaseError> for Refusal {
         let text = error.to_string();
         match error {
             DatabaseError::DatabaseAlreadyOpen => Self::Other(
-                "another process has the file open: stop that process, or choose another cache folder".to_owned(),
+                "another process, such as `surefoot up`, has the file open: stop it, or pass --cache with another folder"
+                    .to_owned(),
             ),
             DatabaseError::UpgradeRequired(_) => Self::Other(format!(
                 "{text}: open it with the version of surefoot that wrote it, \

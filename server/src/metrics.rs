@@ -121,7 +121,7 @@ fn tick_times(worlds: &[Arc<WorldFigures>]) -> String {
         };
         for bound in BOUNDS_MS {
             let below = world.times.below(Duration::from_secs_f64(bound * 1.0e-3));
-            line("bucket", format!(",le=\"{}\"", bound * 1.0e-3), below as f64);
+            line("bucket", format!(",le=\"{}\"", bound / 1.0e3), below as f64);
         }
         line("bucket", ",le=\"+Inf\"".to_owned(), world.times.count() as f64);
         line("sum", String::new(), world.times.total().as_secs_f64());

@@ -170,9 +170,9 @@ pub enum ServerError {
     #[error(transparent)]
     Serve(#[from] ServeError),
     /// The folder for worlds cannot be used.
-    #[error("cannot save or restore worlds: {0}")]
+    #[error("cannot save or restore worlds")]
     Folder(#[from] SavedError),
     /// Worlds cannot be saved or restored.
-    #[error("cannot save or restore worlds: {0}")]
+    #[error("cannot save or restore worlds")]
     Saved(#[from] StoreError),
 }

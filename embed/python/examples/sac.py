@@ -1,6 +1,6 @@
 """Soft actor-critic in one file, in the manner of CleanRL, on near goals.
 
-    pip install "surefoot" torch
+    pip install ./embed/python torch
     python sac.py runs/sac
 
 Prints the success on maps that were not trained on, writes it to RUN/curve.csv, and resumes from RUN/checkpoint.pt.

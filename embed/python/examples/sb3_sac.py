@@ -1,6 +1,6 @@
 """Soft actor-critic of Stable-Baselines3 on near goals.
 
-    pip install "surefoot[sb3]"
+    pip install "./embed/python[sb3]"
     python sb3_sac.py runs/sb3
 
 Prints the success on maps that were not trained on, writes it to RUN/curve.csv and the policy to RUN/policy.zip.

@@ -1,6 +1,6 @@
 """A tour of the package: environments, graphs and plans, policies, a server, and recorded episodes.
 
-    pip install "surefoot[pettingzoo,graphs,datasets]"
+    pip install "./embed/python[pettingzoo,graphs,datasets]"
     python tour.py
 
 SUREFOOT names the program; without it, the parts that need a server are left out.

@@ -38,7 +38,7 @@ const DRAIN_LIMIT: Duration = Duration::from_secs(5);
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum ServeError {
-    #[error("cannot listen on {address}: {source}")]
+    #[error("cannot listen on {address}")]
     Bind { address: SocketAddr, source: std::io::Error },
     #[error(
         "{0} can be reached from other machines: set --tls-cert and --tls-key, or --insecure to serve it without TLS"

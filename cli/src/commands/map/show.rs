@@ -2,7 +2,7 @@
 
 use super::source::{BodyArg, Source};
 use crate::commands::core_count;
-use crate::terminal::print_json;
+use crate::terminal::{print_json, with_spinner};
 use anyhow::bail;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -56,7 +56,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let map = args.source.load()?;
     let seconds = started.elapsed().as_secs_f64();
     let profile = args.body.profile()?;
-    let reach = (args.stats || args.islands).then(|| Reach::survey(&map, &profile, core_count()));
+    let reach = (args.stats || args.islands)
+        .then(|| with_spinner("surveying the map", || Reach::survey(&map, &profile, core_count())));
     if let Some(path) = &args.png {
         draw(args, &map, reach.as_ref())?.save(path)?;
     }

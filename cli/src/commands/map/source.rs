@@ -1,7 +1,7 @@
 //! Which map and which body a command works on: the flags, and loading.
 
 use crate::commands::core_count;
-use crate::terminal::progress_bar;
+use crate::terminal::{progress_bar, with_spinner};
 use anyhow::{Context, bail};
 use std::path::Path;
 use surefoot_generate::Stage;
@@ -88,7 +88,9 @@ impl Generated {
 
 /// The files of a list of maps, if it names files and not seeds.
 pub fn level_files(maps: &str) -> Option<Vec<&Path>> {
-    let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !word.contains("..");
+    let is_seed = |word: &str| word.parse::<u64>().is_ok();
+    let is_range = |word: &str| word.split_once("..").is_some_and(|(first, last)| is_seed(first) && is_seed(last));
+    let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !is_range(word);
     maps.split(',').any(is_file).then(|| maps.split(',').map(Path::new).collect())
 }
 
@@ -128,12 +130,13 @@ pub(super) fn import_level(level: &Path, sidecar: Option<&Path>, options: &Impor
         .map(|path| std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())))
         .transpose()?;
     let extension = level.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    let imported = match extension.as_deref() {
-        Some("glb" | "gltf") => surefoot_levels::import_gltf(&bytes, sidecar.as_deref(), options),
-        Some("obj") => surefoot_levels::import_obj(&bytes, sidecar.as_deref(), options),
+    let import = match extension.as_deref() {
+        Some("glb" | "gltf") => surefoot_levels::import_gltf,
+        Some("obj") => surefoot_levels::import_obj,
         _ => bail!("{} is not a .glb, .gltf or .obj file", level.display()),
-    }
-    .with_context(|| format!("cannot import {}", level.display()))?;
+    };
+    let imported = with_spinner("importing the level", || import(&bytes, sidecar.as_deref(), options))
+        .with_context(|| format!("cannot import {}", level.display()))?;
     for warning in &imported.warnings {
         eprintln!("warning: {warning}");
     }
