@@ -33,9 +33,6 @@ pub struct Crowd {
 
 impl Crowd {
     /// Creates a world and spawns `npc_count` NPCs with goals.
-    ///
-    /// # Errors
-    /// The status of the first call that fails, or of the first NPC that cannot be spawned.
     pub async fn start(
         link: impl Into<Link>,
         world: wire::CreateWorldRequest,
@@ -85,9 +82,6 @@ impl Crowd {
 
     /// Gives idle NPCs new goals and revives NPCs that are down, until a stream ends. Sends figures of the world to
     /// `latest`.
-    ///
-    /// # Errors
-    /// The status that ended a stream or that a call returned.
     pub async fn keep_busy(mut self, latest: watch::Sender<wire::WatchStatsResponse>) -> Result<(), Status> {
         let world_id = self.world.world_id;
         let request = wire::WatchWorldRequest { world_id, rate_hz: RATE_HZ, ..Default::default() };

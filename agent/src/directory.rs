@@ -33,9 +33,6 @@ impl Default for LookUps {
 
 /// Keeps `listed` up to date while it has receivers. One listed server or seed answers on one connection until it
 /// fails; then another one answers. If none answers, the list stays unchanged.
-///
-/// # Errors
-/// If an address or the credentials cannot be used.
 pub(super) async fn follow(
     credentials: Credentials,
     seeds: Vec<String>,

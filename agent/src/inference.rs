@@ -60,9 +60,6 @@ pub(super) struct Inference {
 
 impl Inference {
     /// Starts the thread.
-    ///
-    /// # Errors
-    /// If the system has no more threads.
     pub fn start(policy: Policy) -> std::io::Result<Self> {
         let (requests, waiting) = mpsc::channel();
         let observation_len = policy.observation_len();

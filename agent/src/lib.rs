@@ -71,9 +71,6 @@ impl Worker {
 }
 
 /// Decides for NPCs until `shutdown`, reconnecting as often as needed.
-///
-/// # Errors
-/// If an address or the credentials cannot be used, or a server refuses the worker permanently.
 pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Result<(), WorkError> {
     let planners = Replicas::dial(&config.credentials, &config.planners)?;
     let policy_hash = &policy.manifest().weights_hash;

@@ -23,12 +23,9 @@ const SECRETS: [&str; 3] = ["token", "store", "nats"];
 /// Parses the command line, the environment and the file; `None` if `--print-config` was given and handled.
 ///
 /// Like clap's own parsers, this exits the process on `--help` and on invalid flags.
-///
-/// # Errors
-/// If the file cannot be read, or contains a table, key or value that no flag accepts.
 pub fn read(command: Command) -> anyhow::Result<Option<ArgMatches>> {
     let mut args: Vec<OsString> = std::env::args_os().collect();
-    let mut command = with_own_flags(command);
+    let mut command = with_examples_first(with_own_flags(command));
     if let Some(path) = find_file(&command, &args) {
         let file = ConfigFile::read(&path)?;
         file.check(&command)?;
@@ -48,6 +45,12 @@ pub fn read(command: Command) -> anyhow::Result<Option<ArgMatches>> {
         asked
     });
     Ok((!is_printed).then_some(matches))
+}
+
+/// Shows the examples of each command after its task, before its flags.
+fn with_examples_first(command: Command) -> Command {
+    let template = "{about-with-newline}{after-help}\n\n{usage-heading} {usage}\n\n{all-args}";
+    command.help_template(template).mut_subcommands(with_examples_first)
 }
 
 /// Those of the subcommands above that this program has.

@@ -5,9 +5,6 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// The program of that name beside the running one.
-///
-/// # Errors
-/// If it is not there.
 pub fn beside(name: &str) -> anyhow::Result<PathBuf> {
     let own = std::env::current_exe().context("the system does not report the path of this program")?;
     let program = own.with_file_name(format!("{name}{}", std::env::consts::EXE_SUFFIX));
@@ -21,9 +18,6 @@ pub fn beside(name: &str) -> anyhow::Result<PathBuf> {
 }
 
 /// Lets `surefoot-lab` run this command line in place of this program. Returns only if that fails.
-///
-/// # Errors
-/// If the program is missing or cannot be started.
 pub fn hand_over_to_lab() -> anyhow::Result<()> {
     let program = beside("surefoot-lab")?;
     let mut command = Command::new(&program);

@@ -1,9 +1,7 @@
 //! Signals that stop the process.
 
-/// Resolves on Ctrl-C or SIGTERM. Both signals are caught from this call on, even before the future is polled.
-///
-/// # Panics
-/// If the system cannot install a signal handler, or if called outside a tokio runtime.
+/// Resolves on Ctrl-C or SIGTERM. Both signals are caught from this call on, even before the future is polled. Panics
+/// outside a tokio runtime.
 #[cfg(unix)]
 pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
     use tokio::signal::unix::{SignalKind, signal};
@@ -17,10 +15,7 @@ pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
     }
 }
 
-/// Resolves on Ctrl-C, or when the console window is closed.
-///
-/// # Panics
-/// If the system cannot install a handler, or if called outside a tokio runtime.
+/// Resolves on Ctrl-C, or when the console window is closed. Panics outside a tokio runtime.
 #[cfg(windows)]
 pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
     use tokio::signal::windows::{ctrl_c, ctrl_close};

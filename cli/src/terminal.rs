@@ -2,6 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{IsTerminal, Write};
+use std::time::Duration;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
@@ -36,9 +37,6 @@ pub struct Logging {
 
 impl Logging {
     /// Sends logs to stderr; `RUST_LOG` selects the level, by default `info`.
-    ///
-    /// # Errors
-    /// If `--otlp` is not a URI that spans can be exported to.
     pub fn start(args: &LogArgs) -> anyhow::Result<Self> {
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
         let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);
@@ -89,6 +87,16 @@ pub fn with_bar<T, E>(
         bar.set_length(total as u64);
         bar.set_position(done as u64);
     });
+    bar.finish_and_clear();
+    result
+}
+
+/// Runs `work`, whose progress is not known, beside a spinner, which is drawn only on a terminal.
+pub fn with_spinner<T>(message: &'static str, work: impl FnOnce() -> T) -> T {
+    let bar = ProgressBar::new_spinner().with_message(message);
+    bar.set_style(ProgressStyle::with_template("{spinner} {msg} {elapsed}").expect("a valid template"));
+    bar.enable_steady_tick(Duration::from_millis(100));
+    let result = work();
     bar.finish_and_clear();
     result
 }

@@ -88,10 +88,12 @@ fn reachability_is_a_check() {
     assert!(report["reachable"].as_f64().unwrap() > 0.8);
     assert!(report["graph"]["islands"].as_array().unwrap().iter().any(|island| island["entered"] == true));
     assert!(std::fs::read(png).unwrap().starts_with(b"\x89PNG"));
-    let checks = ["--min-reachable", "0.5", "--min-connected", "1.01", "--junit", xml.to_str().unwrap()];
+    let checks = ["--min-reachable", "0.5", "--min-connected", "1", "--junit", xml.to_str().unwrap()];
     let failed = graph(&cache, &["reach", "31"], &checks);
     assert!(!failed.status.success());
-    assert!(String::from_utf8_lossy(&failed.stderr).contains("at least 101.00 % must"));
+    assert!(String::from_utf8_lossy(&failed.stderr).contains("at least 100.00 % must"));
+    let percent = graph(&cache, &["reach", "31"], &["--min-reachable", "98"]);
+    assert!(String::from_utf8_lossy(&percent.stderr).contains("a share from 0 to 1, such as 0.98 for 98 %"));
     let junit = std::fs::read_to_string(xml).unwrap();
     assert!(junit.contains("tests=\"2\" failures=\"1\"") && junit.contains("name=\"reachable\"/>"), "{junit}");
 }

@@ -26,17 +26,14 @@ const KEEPALIVE: (Duration, Duration) = (Duration::from_secs(20), Duration::from
 
 /// Why a connection cannot be set up.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum LinkError {
-    /// The address is not a URI.
     #[error("{0} is not a URI such as http://127.0.0.1:7600")]
     Uri(String),
-    /// A header cannot carry the token.
     #[error("the token may contain only visible ASCII characters")]
     Token,
-    /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// TLS cannot be set up with the given files.
     #[error(transparent)]
     Security(#[from] SecurityError),
 }
@@ -127,17 +124,11 @@ impl fmt::Debug for Credentials {
 
 impl Credentials {
     /// Reads the TLS files and prepares the token for sending.
-    ///
-    /// # Errors
-    /// If a file cannot be read, or a header cannot carry the token.
     pub fn load(token: Option<&Secret>, files: &ClientTlsFiles) -> Result<Self, LinkError> {
         Self::from_sources(Sources { bearer: token.map(bearer).transpose()?, token: None, tls: files.clone() })
     }
 
     /// Reads the TLS files and the secret of a token in the file `token`.
-    ///
-    /// # Errors
-    /// If a file cannot be read, or a header cannot carry the token.
     pub fn load_with_token_file(token: &Path, files: &ClientTlsFiles) -> Result<Self, LinkError> {
         Self::from_sources(Sources { bearer: None, token: Some(token.to_owned()), tls: files.clone() })
     }
@@ -183,9 +174,6 @@ impl Credentials {
     }
 
     /// Prepares connections to `uri` with these credentials; `https://` means TLS.
-    ///
-    /// # Errors
-    /// If `uri` is not a URI, or TLS cannot be set up.
     pub fn dial(&self, uri: &str) -> Result<Dialer, LinkError> {
         let parts = self.current();
         let endpoint = self.endpoint(uri, &parts)?;
@@ -271,9 +259,6 @@ impl Dialer {
     }
 
     /// Connects now.
-    ///
-    /// # Errors
-    /// If the server does not answer, or its certificate is not trusted.
     pub async fn connect(&self) -> Result<Link, Error> {
         let target = self.target();
         let channel = target.endpoint.connect().await?;

@@ -4,10 +4,8 @@ use std::fs::File;
 use std::io::{Result, Write};
 use std::path::Path;
 
-/// Replaces the file at `path` by `bytes`. After a crash, the file has either its old or its new content.
-///
-/// # Errors
-/// If it cannot be written; the old file is kept.
+/// Replaces the file at `path` by `bytes`. After a crash, the file has either its old or its new content. If that
+/// fails, the old file is kept.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let beside = path.with_extension("tmp");
     let written = File::create(&beside).and_then(|mut file| {
@@ -24,9 +22,6 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Removes a file.
-///
-/// # Errors
-/// If it cannot be removed.
 pub fn remove(path: &Path) -> Result<()> {
     std::fs::remove_file(path)?;
     sync_folder_of(path)

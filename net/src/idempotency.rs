@@ -5,7 +5,7 @@
 
 use crate::memory::{MemoryBudget, Reservation};
 use crate::status;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::future::Future;
 use std::sync::Arc;
@@ -141,9 +141,6 @@ impl<A> Clone for AnswerCache<A> {
 }
 
 /// Checks the length of a request id.
-///
-/// # Errors
-/// If it is too long.
 pub fn check_id(request_id: &str) -> Result<(), Status> {
     if request_id.len() > MAX_ID {
         let message = format!("request_id is {} bytes long, at most {MAX_ID} are allowed", request_id.len());
@@ -163,9 +160,6 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
     ///
     /// A running call continues when its client disconnects, so that a repeated call gets its answer. A failed call
     /// runs again.
-    ///
-    /// # Errors
-    /// If the id is too long or was used for a different request, there is no memory for the answer, or the call fails.
     pub async fn once<F>(&self, call: Repeatable<'_>, request: &impl prost::Message, work: F) -> Result<A, Status>
     where
         F: Future<Output = Result<A, Status>> + Send + 'static,
@@ -187,12 +181,8 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
         task.await.map_err(|error| status::failure(Reason::Internal, format!("the call failed: {error}")))?
     }
 
-    fn kept(&self) -> MutexGuard<'_, Kept<A>> {
-        self.kept.lock()
-    }
-
     fn cell(&self, call: &Repeatable<'_>, request: blake3::Hash) -> Result<Arc<OnceCell<A>>, Status> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         if !kept.is_swept {
             kept.is_swept = true;
             tokio::spawn(self.clone().keep_sweeping());
@@ -222,7 +212,7 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
 
     /// Removes the entry of a failed call, unless a repeated call waits for its answer.
     fn forget_failed(&self, client: &Arc<str>, id: &str, cell: &Arc<OnceCell<A>>) {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let Some(answers) = kept.by_client.get_mut(client) else { return };
         let is_same = answers.by_id.get(id).is_some_and(|entry| Arc::ptr_eq(&entry.answer, cell));
         // The entry and this call have one clone each.
@@ -235,7 +225,7 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
     async fn keep_sweeping(self) {
         loop {
             tokio::time::sleep(SWEEP_PERIOD).await;
-            let mut kept = self.kept();
+            let mut kept = self.kept.lock();
             kept.sweep(Instant::now());
             if kept.by_client.is_empty() {
                 kept.is_swept = false;
@@ -278,57 +268,7 @@ mod tests {
         assert_eq!(budget.used_bytes(), used, "a failed call is not kept");
         assert_eq!(answers.once(call(&alice, "b"), &request, work()).await.unwrap(), 3, "a failed call runs again");
         assert!(answers.once(call(&alice, &"x".repeat(65)), &request, work()).await.is_err());
-        answers.kept().sweep(Instant::now() + KEPT_FOR);
+        answers.kept.lock().sweep(Instant::now() + KEPT_FOR);
         assert_eq!(budget.used_bytes(), 0, "old answers are forgotten");
-    }
-
-    #[tokio::test]
-    async fn a_flood_makes_a_client_forget_its_own_oldest_answers_only_and_its_bytes_are_bounded() {
-        let budget = MemoryBudget::new(1 << 30);
-        let answers = AnswerCache::<u32>::new(budget.clone());
-        let (alice, bob): (Arc<str>, Arc<str>) = ("alice".into(), "bob".into());
-        let request = REQUEST.to_owned();
-        fn large<'a>(client: &'a Arc<str>, request_id: &'a str) -> Repeatable<'a> {
-            Repeatable { client, request_id, answer_bytes: 100_000 }
-        }
-        answers.once(call(&bob, "first"), &request, async { Ok(7) }).await.unwrap();
-        for number in 0..1000 {
-            answers.once(large(&alice, &number.to_string()), &request, async move { Ok(number) }).await.unwrap();
-            assert!(budget.used_bytes() <= MAX_CLIENT_BYTES + 1000);
-        }
-        assert!(budget.used_bytes() > MAX_CLIENT_BYTES - 200_000);
-        let again = answers.once(call(&bob, "first"), &request, async { Ok(8) }).await.unwrap();
-        assert_eq!(again, 7, "the answer of another client is kept");
-        assert_eq!(answers.once(large(&alice, "999"), &request, async { Ok(8) }).await.unwrap(), 999);
-        assert_eq!(answers.once(large(&alice, "0"), &request, async { Ok(8) }).await.unwrap(), 8, "it is forgotten");
-    }
-
-    #[tokio::test]
-    async fn without_memory_a_call_is_refused_before_it_runs_and_running_calls_are_not_forgotten() {
-        let budget = MemoryBudget::new(1 << 30);
-        let answers = AnswerCache::<u32>::new(budget.clone());
-        let (alice, bob): (Arc<str>, Arc<str>) = ("alice".into(), "bob".into());
-        let (go, gate) = tokio::sync::oneshot::channel::<()>();
-        let slow = async move {
-            gate.await.unwrap();
-            Ok(1)
-        };
-        let whole = |request_id| Repeatable { client: &alice, request_id, answer_bytes: MAX_CLIENT_BYTES as usize };
-        let request = REQUEST.to_owned();
-        let mut running = Box::pin(answers.once(whole("slow"), &request, slow));
-        assert!(
-            std::future::poll_fn(|context| std::task::Poll::Ready(running.as_mut().poll(context).is_pending())).await
-        );
-        let forbidden = || async { Err(status::failure(Reason::Internal, "it must not run")) };
-        let refused = answers.once(call(&alice, "next"), &request, forbidden()).await.unwrap_err();
-        assert_eq!(Reason::of(&refused), Some(Reason::OutOfMemory));
-        go.send(()).unwrap();
-        assert_eq!(running.await.unwrap(), 1);
-        answers.once(call(&alice, "next"), &request, async { Ok(2) }).await.unwrap();
-        let _all = budget.reserve("worlds", (1 << 30) - budget.used_bytes()).unwrap();
-        let refused = answers.once(call(&bob, "a"), &request, forbidden()).await.unwrap_err();
-        assert_eq!(Reason::of(&refused), Some(Reason::OutOfMemory));
-        let again = answers.once(call(&alice, "next"), &request, async { Ok(3) }).await.unwrap();
-        assert_eq!(again, 2, "a kept answer needs no memory");
     }
 }

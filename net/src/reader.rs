@@ -1,5 +1,6 @@
 //! A stream to one reader: at most one message waits for it, and a reader that reads nothing at all is cut off.
 
+use crate::serving::{Shutdown, shutting_down};
 use crate::status;
 use std::future::Future;
 use std::pin::Pin;
@@ -48,13 +49,16 @@ impl<T> Stream for ReaderStream<T> {
     }
 }
 
-/// Streams the messages of `source`. The stream ends with the source, with the status of `stopping`, when the reader
-/// leaves, or when the reader has read nothing for `patience`.
-pub fn stream<S: Source>(
-    source: S,
-    patience: Duration,
-    stopping: impl Future<Output = Status> + Send + 'static,
-) -> ReaderStream<S::Message> {
+/// Streams the messages of `source`. The stream ends with the source, when the reader leaves, when the reader has read
+/// nothing for `patience`, or at the `shutdown`, if there is one.
+pub fn stream<S: Source>(source: S, patience: Duration, shutdown: Option<&Shutdown>) -> ReaderStream<S::Message> {
+    let stopping = shutdown.map(Shutdown::wait);
+    let stopping = async move {
+        match stopping {
+            Some(stopping) => stopping.await,
+            None => std::future::pending().await,
+        }
+    };
     let (queue, messages) = mpsc::channel(QUEUE);
     let end = Arc::new(OnceLock::new());
     let stream = ReaderStream { messages, end: end.clone(), is_over: false };
@@ -71,13 +75,13 @@ async fn send_all<S: Source>(
     mut source: S,
     queue: &mpsc::Sender<S::Message>,
     patience: Duration,
-    stopping: impl Future<Output = Status>,
+    stopping: impl Future<Output = ()>,
 ) -> Result<(), Status> {
     tokio::pin!(stopping);
     loop {
         let next = tokio::select! {
             next = source.next() => next.transpose()?,
-            status = &mut stopping => return Err(status),
+            () = &mut stopping => return Err(shutting_down()),
             () = queue.closed() => return Ok(()),
         };
         let Some(messages) = next else { return Ok(()) };

@@ -62,9 +62,6 @@ pub struct Replicas(Vec<(String, Dialer)>);
 
 impl Replicas {
     /// Prepares connections to all `uris`.
-    ///
-    /// # Errors
-    /// If one of them is not a URI, or TLS cannot be set up.
     pub fn dial(credentials: &Credentials, uris: &[String]) -> Result<Self, LinkError> {
         let dialed = uris.iter().map(|uri| Ok((uri.clone(), credentials.dial(uri)?)));
         dialed.collect::<Result<_, LinkError>>().map(Self)

@@ -3,8 +3,11 @@
 
 use std::time::Duration;
 use surefoot_proto::reason::{DOMAIN, Reason};
-use tonic::Status;
+use tonic::{Response, Status};
 use tonic_types::{ErrorDetails, StatusExt};
+
+/// What a method of a service returns.
+pub type Answer<T> = Result<Response<T>, Status>;
 
 /// Message of tonic's status for a call that has exceeded its deadline.
 const TIMEOUT: &str = "Timeout expired";
@@ -81,22 +84,4 @@ pub fn with_reason(status: Status) -> Status {
 fn with_details(reason: Reason, message: String, mut details: ErrorDetails) -> Status {
     details.set_error_info(reason.name(), DOMAIN, []);
     Status::with_error_details(reason.code(), message, details)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use tonic::Code;
-
-    #[test]
-    fn a_call_that_was_given_up_and_one_that_took_too_long_differ() {
-        for (code, message, reason) in [
-            (Code::Cancelled, "the stream was reset", Reason::Cancelled),
-            (Code::Cancelled, TIMEOUT, Reason::DeadlineExceeded),
-            (Code::DeadlineExceeded, "", Reason::DeadlineExceeded),
-        ] {
-            let status = with_reason(Status::new(code, message));
-            assert_eq!((status.code(), Reason::of(&status)), (reason.code(), Some(reason)));
-        }
-    }
 }

@@ -64,7 +64,6 @@ pub(crate) struct BuildRunner {
 }
 
 impl BuildRunner {
-    /// Creates a runner that proves edges with `policy`.
     pub fn new(
         (config, policy): (PlannerConfig, Policy),
         stores: PlannerStores,
@@ -88,7 +87,6 @@ impl BuildRunner {
         }
     }
 
-    /// Returns the number of graphs built by this planner.
     pub fn built_count(&self) -> u64 {
         self.built.load(Ordering::Relaxed)
     }
@@ -99,9 +97,6 @@ impl BuildRunner {
     }
 
     /// Loads or builds the graph of a map without pieces.
-    ///
-    /// # Errors
-    /// If the job is cancelled, the graph cannot be built, or the shared store is unavailable.
     pub async fn build(self: Arc<Self>, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
         let slot = match self.build_slot.clone().try_acquire_owned() {
             Ok(slot) => slot,
@@ -125,9 +120,6 @@ impl BuildRunner {
 
     /// Makes the graph of an edited map from `base`, a graph of the same map with other pieces or with none. It does
     /// not wait for builds.
-    ///
-    /// # Errors
-    /// If the job is cancelled, or the graph cannot be made.
     pub async fn follow_edit(self: Arc<Self>, job: Arc<Job>, base: Arc<Hosted>) -> Result<Arc<Hosted>, PlannerError> {
         let permit = permit_for(&job, &self.updating).await?;
         let task = spawn_blocking(move || {
@@ -374,7 +366,6 @@ async fn wait_for_news(job: &Job, news: &mut watch::Receiver<()>) -> Result<(), 
 struct Interims<'a> {
     runner: &'a BuildRunner,
     wanted: &'a Wanted<'a>,
-    /// When the build started.
     started: Instant,
 }
 

@@ -8,9 +8,7 @@ use surefoot_planner::{BuildStats, NavGraph};
 pub struct Figures {
     /// Content hash of the map, 64 hexadecimal digits.
     pub map_hash: String,
-    /// Statistics of the build.
     pub stats: BuildStats,
-    /// Whether the graph came from the store.
     pub cached: bool,
     /// Figures of the graph as it is now.
     pub summary: Summary,
@@ -19,13 +17,10 @@ pub struct Figures {
 /// Figures of a graph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Summary {
-    /// Number of vertices.
     pub vertices: usize,
-    /// Number of edges.
     pub edges: usize,
     /// Number of edges that have not been tried, because the build is still running.
     pub expected_edges: usize,
-    /// Number of islands (strongly connected components).
     pub islands: u32,
     /// Share of ordered pairs of vertices with a path, in [0, 1].
     pub connected: f64,

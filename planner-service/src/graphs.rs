@@ -14,7 +14,6 @@ use surefoot_planner::GraphId;
 use surefoot_planner::store::LevelId;
 use tracing::warn;
 
-/// The graphs in memory.
 pub(crate) struct GraphCache {
     limit: usize,
     /// The most recently used last.
@@ -30,17 +29,14 @@ impl GraphCache {
         Self { limit, graphs: Mutex::default(), labelling: Mutex::default(), shutdown }
     }
 
-    /// Returns the number of graphs.
     pub fn len(&self) -> usize {
         self.graphs.lock().len()
     }
 
-    /// Returns all graphs, the most recently used first.
     pub fn all(&self) -> Vec<Arc<Hosted>> {
         self.graphs.lock().iter().rev().cloned().collect()
     }
 
-    /// Returns all graphs of a level.
     pub fn of_level(&self, level: &LevelId) -> Vec<Arc<Hosted>> {
         self.graphs.lock().iter().rev().filter(|hosted| hosted.level() == *level).cloned().collect()
     }

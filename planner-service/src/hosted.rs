@@ -39,9 +39,7 @@ pub enum Provenance {
 pub struct Hosted {
     /// Map, body and settings of the graph, and what editing and searching it needs.
     pub origin: Origin,
-    /// Statistics of the build.
     pub stats: BuildStats,
-    /// How the graph came into memory.
     pub provenance: Provenance,
     proved: NavGraph,
     view: RwLock<Arc<View>>,
@@ -55,13 +53,10 @@ pub struct Hosted {
     /// Held while a new view is made and while live evidence is stored, so that an older one never replaces a newer
     /// one.
     updating: Mutex<()>,
-    /// Whether an exchange of evidence is scheduled.
     pub exchange_is_due: AtomicBool,
-    /// Whether a refresh is scheduled.
     pub refresh_is_due: AtomicBool,
     /// Duration of the latest refresh, ms.
     pub refresh_took_ms: AtomicU64,
-    /// Whether hub labels are being prepared.
     pub is_labelling: AtomicBool,
     /// Notified whenever plans may change.
     changes: watch::Sender<()>,
@@ -181,17 +176,12 @@ impl Hosted {
         self.changes.send_replace(());
     }
 
-    /// Checks that the graph may be used for plans.
-    ///
-    /// If its layers could not be read, so that forbidden edges are unknown.
+    /// Checks that the graph may be used for plans. While its layers could not be read, forbidden edges are unknown.
     pub fn check_layers(&self) -> Result<(), PlannerError> {
         self.view().refusal.clone().map_or(Ok(()), Err)
     }
 
     /// Checks that a point lies in the map or within [`MARGIN_M`] of it; `field` names it.
-    ///
-    /// # Errors
-    /// If it does not.
     pub fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), PlannerError> {
         let extent = self.origin.extent;
         let (low, high) = (Vec3::splat(-MARGIN_M), extent + MARGIN_M);
@@ -383,9 +373,6 @@ impl Hosted {
 
     /// Calls `store` with the live evidence so far and the receipts of the calls that reported it. Calls do not
     /// overlap, so that the latest evidence is stored last.
-    ///
-    /// # Errors
-    /// Those of `store`.
     pub fn store_live<E>(&self, store: impl FnOnce(&LiveEvidence, &[Receipt]) -> Result<(), E>) -> Result<(), E> {
         let _updating = self.updating.lock();
         let (live, receipts) = {

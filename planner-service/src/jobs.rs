@@ -54,7 +54,7 @@ impl fmt::Display for BuildId {
     }
 }
 
-/// BuildPhase of a build.
+/// Phase of a build.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum BuildPhase {
     /// Waiting for another build to end.
@@ -82,17 +82,14 @@ impl BuildPhase {
     }
 }
 
-/// Result of a build.
 #[derive(Debug, Clone)]
 pub struct BuildResult {
-    /// The graph.
     pub graph: GraphId,
-    /// Figures of the graph when it became ready.
     pub figures: Figures,
 }
 
-#[derive(Debug, Clone)]
-struct State {
+#[derive(Debug)]
+pub(crate) struct State {
     /// All phases so far, the current one last.
     phases: Vec<BuildPhase>,
     /// Whether the build is posted to other planners, or need not be.
@@ -106,15 +103,10 @@ struct State {
 /// A build that is waiting, running or ended.
 #[derive(Debug)]
 pub struct Job {
-    /// Identifies the build.
     pub id: BuildId,
-    /// Source of the map.
     pub source: MapSource,
-    /// Body of the NPCs.
     pub body: CharacterProfile,
-    /// Settings of the build.
     pub settings: BuildSettings,
-    /// When the build was requested.
     pub started: SystemTime,
     /// Probes that are done and to be done, and the request to cancel.
     pub progress: Arc<Progress>,
@@ -182,13 +174,9 @@ impl Job {
         self.state.borrow().usable
     }
 
-    /// Returns a future that resolves at the next change of phase after this call.
-    pub fn changes(&self) -> impl Future<Output = ()> + Send + 'static {
-        let mut changes = self.state.subscribe();
-        async move {
-            // An error means that the job was dropped.
-            let _ = changes.changed().await;
-        }
+    /// Announces every change of phase after this call.
+    pub(crate) fn changes(&self) -> watch::Receiver<State> {
+        self.state.subscribe()
     }
 
     /// Resolves when the build is posted to other planners, or need not be.
@@ -213,11 +201,8 @@ impl Job {
     /// Resolves when the build has been cancelled.
     pub(crate) async fn cancelled(&self) {
         let mut changes = self.state.subscribe();
-        while !self.is_cancelled() {
-            if changes.changed().await.is_err() {
-                return;
-            }
-        }
+        // An error means that the job was dropped.
+        let _ = changes.wait_for(|_| self.is_cancelled()).await;
     }
 
     /// Whether the build has been cancelled. It may take a moment to stop.
@@ -248,8 +233,6 @@ impl Job {
     }
 
     /// Removes the requesters that `caller` may speak for. If none is left, the build is cancelled.
-    ///
-    /// If `caller` speaks for none of the requesters.
     pub(crate) fn withdraw(&self, caller: &Caller) -> Result<(), PlannerError> {
         let is_last = {
             let names = &mut self.requesters.lock().names;
@@ -343,9 +326,6 @@ impl Jobs {
     }
 
     /// Returns the open build of this graph, or adds one. The second value says whether the build is new.
-    ///
-    /// # Errors
-    /// If as many builds as `limits` allow are already running or waiting.
     pub(crate) fn find_or_add(
         &self,
         (source, body, settings): (MapSource, CharacterProfile, BuildSettings),
@@ -396,9 +376,6 @@ impl Jobs {
     }
 
     /// Returns a build by its id.
-    ///
-    /// # Errors
-    /// If `id` is empty, or there is no such build, or it ended too long ago.
     pub fn find(&self, id: &str) -> Result<Arc<Job>, PlannerError> {
         if id.is_empty() {
             return Err(PlannerError::NoBuildId);

@@ -26,9 +26,6 @@ pub(crate) struct LayerFiles {
 
 impl LayerFiles {
     /// Opens or creates the folder `layers` in `folder`.
-    ///
-    /// # Errors
-    /// If it cannot be created.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let folder = folder.join("layers");
         fs::create_dir_all(&folder).map_err(fail(&folder, "the folder of the layers cannot be created"))?;
@@ -36,9 +33,6 @@ impl LayerFiles {
     }
 
     /// Returns the layers of a level by name.
-    ///
-    /// # Errors
-    /// If the folder or a file cannot be read.
     pub fn read(&self, level: &LevelId) -> Result<LevelLayers, StoreError> {
         let folder = self.folder_of(level);
         let files = match list(&folder) {
@@ -69,10 +63,8 @@ impl LayerFiles {
         Ok(found)
     }
 
-    /// Stores a layer in place of the one with the same name; a layer without edits is removed.
-    ///
-    /// # Errors
-    /// If the folder cannot be written; the layers are then as before.
+    /// Stores a layer in place of the one with the same name; a layer without edits is removed. If that fails, the
+    /// layers are as before.
     pub fn put(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError> {
         let path = self.path_of(level, layer.name.as_bytes());
         if !layer.edits.is_empty() {
@@ -85,9 +77,6 @@ impl LayerFiles {
     }
 
     /// Adds an encoded layer as it is, unless there is a file of its name.
-    ///
-    /// # Errors
-    /// If the folder cannot be written.
     pub fn add(&self, level: &LevelId, name: &[u8], bytes: &[u8]) -> Result<(), StoreError> {
         let path = self.path_of(level, name);
         match path.try_exists() {

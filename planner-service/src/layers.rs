@@ -32,7 +32,6 @@ const MAX_ATTEMPTS: usize = 4;
 /// A change of one layer.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LayerChange {
-    /// Replaces the layer of the same name.
     Put(Layer),
     /// Appends edits to the layer of this name, which is created if it does not exist.
     Append(String, Vec<Edit>),
@@ -47,7 +46,6 @@ impl LayerChange {
         }
     }
 
-    /// Returns the new edits.
     fn edits(&self) -> &[Edit] {
         match self {
             LayerChange::Put(Layer { edits, .. }) | LayerChange::Append(_, edits) => edits,
@@ -202,10 +200,6 @@ impl LayerEditor {
     /// Changes a layer of a graph's level. If `if_revision` is given, the layers must have that revision. The change is
     /// abandoned if the caller drops the future, or the service shuts down, before it is stored. Returns the answer, as
     /// [`wire::changed`] encodes it; a repeated call gets its first answer.
-    ///
-    /// # Errors
-    /// If the layers are of another revision or change too often, the changed layer is invalid or too large, there is
-    /// no layer to remove edits from, the change cannot be stored, or the request id was used for another request.
     pub async fn change(
         self: &Arc<Self>,
         hosted: Arc<Hosted>,
@@ -287,9 +281,6 @@ impl LayerEditor {
 
     /// Prepares a graph with the layers of a level. Returns it with the guard of the level's `lock`, under which the
     /// layers stay as they are. If the layers cannot be read, the graph refuses plans.
-    ///
-    /// # Errors
-    /// If `prepare` was cancelled, or the shared store is unavailable.
     pub fn with_layers<'a>(
         &self,
         lock: &'a Mutex<()>,

@@ -1,8 +1,8 @@
 //! The planner service: builds, caches, edits and searches graphs for clients over gRPC.
 //!
-//! [`planner`] is the service without its transport; start reading there. [`grpc`] decodes requests, calls the planner
-//! and encodes responses. [`wire`] converts types. Only these two, `peers`, `layers` and `serve` use wire types.
-//! [`hosted`] is one graph in memory. [`store`] keeps graphs on disk, `layer_files` layers, and `receipts` the answers
+//! `planner` is the service without its transport; start reading there. `grpc` decodes requests, calls the planner
+//! and encodes responses. `wire` converts types. Only these two, `peers`, `layers` and `serve` use wire types.
+//! `hosted` is one graph in memory. [`store`] keeps graphs on disk, `layer_files` layers, and `receipts` the answers
 //! of calls that may be repeated. [`provers`] run the probes of builds. [`replicas`] is the interface of a store that
 //! several planners share. Building and searching are in the library `surefoot-planner`.
 
@@ -10,17 +10,17 @@ mod builds;
 mod config;
 mod error;
 mod failpoint;
-pub mod figures;
+mod figures;
 mod graphs;
-pub mod grpc;
-pub mod hosted;
-pub mod jobs;
+mod grpc;
+mod hosted;
+mod jobs;
 mod layer_files;
-pub mod layers;
+mod layers;
 mod maps;
-pub mod origin;
+mod origin;
 mod peers;
-pub mod planner;
+mod planner;
 mod probe_cache;
 pub mod provers;
 mod receipts;
@@ -30,11 +30,12 @@ mod revision;
 mod serve;
 pub mod store;
 mod stores;
-pub mod wire;
+mod wire;
 
 pub use config::PlannerConfig;
-pub use error::{Failure, PlannerError};
+pub use error::Failure;
 pub use failpoint::failpoint;
-pub use planner::Planner;
+pub use jobs::{BuildId, BuildPhase};
 pub use serve::serve;
 pub use stores::PlannerStores;
+pub use wire::{edits_from_wire, layer_from_wire, layer_to_wire, settings_from_wire};

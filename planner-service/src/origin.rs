@@ -14,13 +14,9 @@ pub const MARGIN_M: f32 = 50.0;
 /// Where a graph comes from, and what editing and searching it needs.
 #[derive(Debug, Clone)]
 pub struct Origin {
-    /// Identity of the graph.
     pub id: GraphId,
-    /// Source of the map.
     pub source: MapSource,
-    /// Body of the NPCs.
     pub body: CharacterProfile,
-    /// Settings of the build.
     pub settings: BuildSettings,
     /// Content hash of the map, 64 hexadecimal digits.
     pub map_hash: String,
@@ -28,7 +24,6 @@ pub struct Origin {
     pub extent: Vec3,
     /// Policy that proved the graph.
     pub policy: Policy,
-    /// Number of threads.
     pub thread_count: usize,
     /// Largest number of vertices at which the router gets hub labels at once.
     pub label_limit: usize,

@@ -107,9 +107,6 @@ pub(crate) struct Peers {
 
 impl Peers {
     /// Starts the build of a graph for `client`, or returns the build of the same graph that is already open.
-    ///
-    /// # Errors
-    /// If too many builds are running or waiting.
     pub fn start(self: &Arc<Self>, wanted: Wanted, client: &str) -> Result<Arc<Job>, PlannerError> {
         let (job, is_new) = self.jobs.find_or_add(wanted, client, &self.config)?;
         if is_new {
@@ -171,7 +168,6 @@ impl Peers {
         }
     }
 
-    /// Makes the graph of a job.
     async fn make(self: &Arc<Self>, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
         if let Some(hosted) = self.graphs.find_for_job(&job) {
             return Ok(hosted);
@@ -199,9 +195,6 @@ impl Peers {
     }
 
     /// Returns a graph and marks it as used. A graph of another planner is loaded.
-    ///
-    /// # Errors
-    /// If no planner has the graph, or the store is unavailable.
     pub async fn get_or_load(self: &Arc<Self>, id: GraphId) -> Result<Arc<Hosted>, PlannerError> {
         if let Some(found) = self.graphs.get(&id) {
             return Ok(found);
@@ -222,9 +215,6 @@ impl Peers {
 
     /// Withdraws the requests of a caller for a build. The build is cancelled if no other client waits for it, or the
     /// caller is an admin.
-    ///
-    /// # Errors
-    /// If the caller has not asked for the build, or the store is unavailable.
     pub async fn cancel(&self, job: &Job, caller: &Caller) -> Result<(), PlannerError> {
         if job.end().is_some() {
             return Ok(());
@@ -260,10 +250,6 @@ impl Peers {
         }
     }
 
-    /// Returns a build of any planner.
-    ///
-    /// # Errors
-    /// If there is no such build, it ended too long ago, or the store is unavailable.
     pub async fn find(self: &Arc<Self>, id: &str) -> Result<Arc<Job>, PlannerError> {
         let found = self.jobs.find(id);
         let (Err(PlannerError::UnknownBuild(_)), Some(wanted)) = (&found, BuildId::parse(id)) else { return found };

@@ -18,6 +18,7 @@ use crate::stores::PlannerStores;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use surefoot_net::levels::LevelStore;
+use surefoot_net::metrics::family;
 use surefoot_net::serving::Shutdown;
 use surefoot_planner::probe::{Outcome, Trial};
 use surefoot_planner::reachability::{self, Difference};
@@ -39,7 +40,6 @@ pub struct Planner {
     maps: Arc<RecentMaps>,
     /// Limits the number of probes on demand that run at a time.
     probing: Arc<Semaphore>,
-    /// Number of plans answered.
     plans: Arc<AtomicU64>,
 }
 
@@ -73,17 +73,14 @@ impl Planner {
         Self { graphs, layers, reports, peers: Arc::new(peers), policy, maps, probing, plans: Arc::default() }
     }
 
-    /// Returns the planner's limits and sizes.
     pub fn config(&self) -> &PlannerConfig {
         &self.peers.config
     }
 
-    /// Returns the maps that clients imported.
     pub fn levels(&self) -> &LevelStore {
         &self.peers.levels
     }
 
-    /// Returns the signal that is set when the service stops.
     pub fn shutdown(&self) -> &Shutdown {
         &self.peers.shutdown
     }
@@ -97,39 +94,21 @@ impl Planner {
     /// Returns the metrics in Prometheus text format.
     pub fn metrics(&self) -> String {
         let Standing { holds_lease, stale_publishes } = self.standing();
+        let lease = "Whether this process holds its lease, so that no other can have taken over its work.";
+        let stale = "Graphs that were not published because their claims had been lost.";
         let metrics = [
-            ("surefoot_plans_total", "counter", "Plans answered.", self.plans.load(Ordering::Relaxed)),
-            ("surefoot_graphs_in_memory", "gauge", "Graphs in memory.", self.graphs.len() as u64),
-            ("surefoot_builds", "gauge", "Builds that are running or waiting.", self.peers.jobs.open_count() as u64),
-            (
-                "surefoot_graphs_built_total",
-                "counter",
-                "Graphs built by this planner.",
-                self.peers.runner.built_count(),
-            ),
-            (
-                "surefoot_lease_held",
-                "gauge",
-                "Whether this process holds its lease, so that no other can have taken over its work.",
-                u64::from(holds_lease),
-            ),
-            (
-                "surefoot_stale_publishes_total",
-                "counter",
-                "Graphs that were not published because their claims had been lost.",
-                stale_publishes,
-            ),
+            ("plans_total", "counter", "Plans answered.", self.plans.load(Ordering::Relaxed)),
+            ("graphs_in_memory", "gauge", "Graphs in memory.", self.graphs.len() as u64),
+            ("builds", "gauge", "Builds that are running or waiting.", self.peers.jobs.open_count() as u64),
+            ("graphs_built_total", "counter", "Graphs built by this planner.", self.peers.runner.built_count()),
+            ("lease_held", "gauge", lease, u64::from(holds_lease)),
+            ("stale_publishes_total", "counter", stale, stale_publishes),
         ];
-        let line = |(name, kind, help, value): (&str, &str, &str, u64)| {
-            format!("# HELP {name} {help}\n# TYPE {name} {kind}\n{name} {value}\n")
-        };
-        metrics.map(line).concat() + &self.config().provers.metrics()
+        let metrics = metrics.map(|(name, kind, help, value)| family(name, kind, help, [("", value as f64)]));
+        metrics.concat() + &self.config().provers.metrics()
     }
 
     /// Checks that the service proves edges with the policy that a caller requires; an empty hash stands for any.
-    ///
-    /// # Errors
-    /// If it has another policy.
     pub fn check_policy(&self, hash: &str) -> Result<(), PlannerError> {
         let manifest = self.policy.manifest();
         if hash.is_empty() || hash == manifest.weights_hash {
@@ -143,9 +122,6 @@ impl Planner {
     }
 
     /// Returns a graph that may be used for plans, and marks it as used. A graph of another planner is loaded.
-    ///
-    /// # Errors
-    /// If the id is malformed, no planner has the graph, its layers could not be read, or the store is unavailable.
     pub async fn get_usable(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
         let hosted = self.get_or_load(graph_id).await?;
         hosted.check_layers()?;
@@ -153,9 +129,6 @@ impl Planner {
     }
 
     /// Like [`get_usable`](Self::get_usable), but also returns a graph whose layers could not be read.
-    ///
-    /// # Errors
-    /// If the id is malformed, no planner has the graph, or the store is unavailable.
     pub async fn get_or_load(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
         self.peers.get_or_load(GraphId::parse(graph_id).ok_or(PlannerError::BadGraphId)?).await
     }
@@ -172,10 +145,6 @@ impl Planner {
         hosted.plans_in(traffic, queries)
     }
 
-    /// Compares two graphs.
-    ///
-    /// # Errors
-    /// If the comparison panics.
     pub async fn compare(&self, before: Arc<Hosted>, after: Arc<Hosted>) -> Result<Difference, PlannerError> {
         let task = spawn_blocking(move || {
             before.with_graph(|before| after.with_graph(|after| reachability::compare(before, after)))
@@ -185,9 +154,6 @@ impl Planner {
 
     /// Runs the policy once between two vertices. Returns the outcome, and the positions of the feet at the start and
     /// after every tick, m.
-    ///
-    /// # Errors
-    /// If the graph has no such vertex, or the probe does not complete.
     pub async fn probe(
         &self,
         hosted: Arc<Hosted>,

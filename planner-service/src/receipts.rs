@@ -20,9 +20,7 @@ const BY_AGE: TableDefinition<'static, (&'static str, u64, &'static str), ()> = 
 /// The content of a layer once it is stored.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Expected {
-    /// The level.
     pub level: [u8; 32],
-    /// Name of the layer.
     pub layer: String,
     /// Hash of the encoded layer; `None` if it is removed.
     content: Option<[u8; 32]>,

@@ -100,7 +100,7 @@ pub enum News {
     Everything,
 }
 
-/// What planners that share a store agree on. Calls block.
+/// What planners that share a store agree on. Calls block, and fail while the store is unavailable.
 pub trait Replicas: Send + Sync {
     /// A number that identifies this planner among those that run at the same time.
     fn site(&self) -> u64;
@@ -116,61 +116,39 @@ pub trait Replicas: Send + Sync {
     }
 
     /// Claims the build of a graph for `build`, unless the graph is in the store or a living planner has claimed it.
-    ///
-    /// # Errors If the store is unavailable, or the lease of this planner has expired.
     fn claim(&self, graph: &GraphId, build: BuildId) -> Result<ClaimOutcome, StoreError>;
 
     /// Releases a claim.
     fn release(&self, graph: &GraphId);
 
     /// Stores a graph that this planner built, if its claim still holds. Returns whether it does.
-    ///
-    /// # Errors If the store is unavailable.
     fn publish(&self, graph: &GraphId, token: Token, recipe: &[u8], built: &Built) -> Result<bool, StoreError>;
 
     /// Returns the recipe of a graph; `None` if no planner has the graph.
-    ///
-    /// # Errors If the store is unavailable.
     fn recipe(&self, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError>;
 
     /// Stores the recipe of a graph that is not stored itself, since it follows quickly from another.
-    ///
-    /// # Errors If the store is unavailable.
     fn note_recipe(&self, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError>;
 
     /// Posts a build of this planner. Returns withdrawals through other planners.
-    ///
-    /// # Errors If the store is unavailable.
     fn post(&self, operation: &Operation) -> Result<Withdrawals, StoreError>;
 
     /// Returns a build of any planner.
-    ///
-    /// # Errors If the store is unavailable.
     fn operation(&self, id: BuildId) -> Result<Option<Operation>, StoreError>;
 
     /// Returns the builds of all planners that are running or waiting.
-    ///
-    /// # Errors If the store is unavailable.
     fn open_operations(&self) -> Result<Vec<Operation>, StoreError>;
 
     /// Notes withdrawals from a build for the planner that runs it.
-    ///
-    /// # Errors If the store is unavailable.
     fn withdraw(&self, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError>;
 
     /// Takes over a few builds whose planners have died.
-    ///
-    /// # Errors If the store is unavailable.
     fn adopt(&self) -> Result<Vec<Operation>, StoreError>;
 
     /// Adds reports to the live evidence of a graph. A report that was added before is ignored.
-    ///
-    /// # Errors If the store is unavailable.
     fn add_evidence(&self, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError>;
 
     /// Removes the live evidence that reporters of this name reported.
-    ///
-    /// # Errors If the store is unavailable.
     fn drop_evidence(&self, graph: &GraphId, name: &str) -> Result<(), StoreError>;
 
     /// Ends the lease, so that other planners take over at once.

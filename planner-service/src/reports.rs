@@ -47,9 +47,6 @@ impl Reports {
 
     /// Adds traversals to the live evidence of a graph, and schedules a new router. Returns the number of
     /// traversals along edges that the graph has. A repeated call gets its first answer.
-    ///
-    /// # Errors
-    /// If the request id was used for another request.
     pub async fn add(
         self: &Arc<Self>,
         hosted: Arc<Hosted>,
@@ -167,10 +164,8 @@ impl Reports {
         }
     }
 
-    /// Forgets the traversals that reporters of this name reported, in plans and in the store. Returns their number.
-    ///
-    /// # Errors
-    /// If the name is empty, or the store cannot be written; plans then ignore the traversals until a restart.
+    /// Forgets the traversals that reporters of this name reported, in plans and in the store. Returns their number. If
+    /// the store cannot be written, plans ignore the traversals until a restart.
     pub async fn drop_of(&self, hosted: Arc<Hosted>, name: String) -> Result<u64, PlannerError> {
         if name.is_empty() {
             return Err(PlannerError::NoReporter);

@@ -15,9 +15,6 @@ use tokio::sync::watch;
 const STANDING_EVERY: Duration = Duration::from_millis(250);
 
 /// Serves the planner on `endpoint` until `shutdown`, then cancels its builds and stores live evidence.
-///
-/// # Errors
-/// If the transport fails.
 pub async fn serve(
     endpoint: Endpoint,
     config: PlannerConfig,

@@ -58,7 +58,8 @@ impl From<DatabaseError> for Refusal {
         let text = error.to_string();
         match error {
             DatabaseError::DatabaseAlreadyOpen => Self::Other(
-                "another process has the file open: stop that process, or choose another cache folder".to_owned(),
+                "another process, such as `surefoot up`, has the file open: stop it, or pass --cache with another folder"
+                    .to_owned(),
             ),
             DatabaseError::UpgradeRequired(_) => Self::Other(format!(
                 "{text}: open it with the version of surefoot that wrote it, \
@@ -86,9 +87,6 @@ impl DiskStore {
     /// Opens or creates `graphs.redb` in `folder`, for graphs of about `limit_bytes` in total, and the folder `layers`
     /// beside it. A damaged cache file is renamed to `graphs.redb.damaged` (or `.damaged-2`, and so on) and replaced
     /// by an empty one. Layers that 0.1.0 stored in the cache file are moved to the folder.
-    ///
-    /// If the folder or a file cannot be created, read or renamed, another process has the cache file open, or its
-    /// format is unknown.
     pub fn open(folder: &Path, limit_bytes: u64) -> Result<Self, StoreError> {
         let path = folder.join("graphs.redb");
         let fail = |reason| StoreError { place: path.display().to_string(), reason, kind: StoreErrorKind::Refused };

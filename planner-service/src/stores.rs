@@ -26,9 +26,6 @@ impl<S: GraphStore + 'static> From<Box<S>> for PlannerStores {
 impl PlannerStores {
     /// Returns the answer that a call got when it was carried out; `None` if it has not been, or has no request id.
     /// Call this from a thread that may block.
-    ///
-    /// # Errors
-    /// If the request id was used for another request, or the store cannot be read.
     pub(crate) fn first_answer(&self, call: Option<&Call>) -> Result<Option<Vec<u8>>, PlannerError> {
         let Some(call) = call else { return Ok(None) };
         let found = self.store.receipt(&call.client, &call.id);

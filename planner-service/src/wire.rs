@@ -52,8 +52,6 @@ pub fn recipe((source, body, settings): (&MapSource, &CharacterProfile, &BuildSe
 }
 
 /// Decodes what [`recipe`] encoded.
-///
-/// # Errors If this planner's limits or levels do not allow the graph, or an incompatible version encoded the recipe.
 pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConfig) -> Result<Wanted, PlannerError> {
     let read = async {
         let request = wire::StartBuildRequest::decode(bytes)
@@ -63,9 +61,6 @@ pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConf
     read.await.map_err(|status: Status| PlannerError::RemoteBuildFailed(as_failure(&status)))
 }
 
-/// Reads the inputs of a graph from a request.
-///
-/// If the request is invalid, or names an unknown level.
 pub async fn wanted(
     request: &wire::StartBuildRequest,
     levels: &LevelStore,
@@ -94,9 +89,6 @@ fn as_failure(status: &Status) -> Failure {
     Failure { reason: reason.name().to_owned(), message: status.message().to_owned() }
 }
 
-/// Reads the predicted places of NPCs.
-///
-/// If there are too many crowds, or a place is missing or not finite.
 pub fn traffic_of(traffic: &wire::Traffic) -> Result<Traffic, Status> {
     if traffic.crowds.len() > MAX_CROWDS {
         let message = format!("{} crowds are too many: at most {MAX_CROWDS} are allowed", traffic.crowds.len());
@@ -110,9 +102,6 @@ pub fn traffic_of(traffic: &wire::Traffic) -> Result<Traffic, Status> {
 }
 
 /// Converts settings from the wire; absent values become defaults.
-///
-/// # Errors
-/// If an enum value is unknown or a number is out of range.
 pub fn settings_from_wire(
     settings: Option<&wire::BuildSettings>,
     config: &PlannerConfig,
@@ -146,7 +135,6 @@ pub fn revision_from_wire(revision: u64) -> Option<Revision> {
     NonZeroU64::new(revision).map(Revision)
 }
 
-/// Converts a revision to the wire.
 pub fn revision_to_wire(revision: Revision) -> u64 {
     revision.0.get()
 }
@@ -174,18 +162,12 @@ pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
 }
 
 /// Converts a layer from the wire. [`Layer::validate`] checks its name and numbers later.
-///
-/// # Errors
-/// If the layer, one of its edits or a position is missing, or a position is not finite.
 pub fn layer_from_wire(layer: Option<&wire::Layer>) -> Result<Layer, FieldError> {
     let layer = layer.ok_or(FieldError::Missing("layer"))?;
     Ok(Layer { name: layer.name.clone(), edits: edits_from_wire(&layer.edits)? })
 }
 
 /// Converts edits from the wire.
-///
-/// # Errors
-/// If an edit is empty, or a position is missing or not finite.
 pub fn edits_from_wire(edits: &[wire::Edit]) -> Result<Vec<Edit>, FieldError> {
     edits.iter().map(edit_from_wire).collect()
 }
@@ -234,7 +216,6 @@ fn edit_to_wire(edit: &Edit) -> wire::Edit {
     wire::Edit { edit: Some(edit) }
 }
 
-/// Converts unapplied edits to the wire.
 pub fn unapplied_to_wire(unapplied: &[Unapplied]) -> Vec<wire::UnappliedEdit> {
     unapplied
         .iter()
@@ -253,7 +234,6 @@ pub fn changed(figures: &Figures, unapplied: &[Unapplied], revision: Revision) -
     wire::PutLayerResponse { summary, unapplied, revision }.encode_to_vec()
 }
 
-/// Converts the figures of a graph to the wire.
 pub fn summary_to_wire(figures: &Figures) -> wire::GraphSummary {
     let Figures { map_hash, stats, cached, summary } = figures;
     wire::GraphSummary {
@@ -273,7 +253,6 @@ pub fn summary_to_wire(figures: &Figures) -> wire::GraphSummary {
     }
 }
 
-/// Converts a whole graph to the wire.
 pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
     let summary = Some(summary_to_wire(&hosted.figures()));
     hosted.with_edited(|GraphView { graph, forced, removed, revision }| wire::GetGraphResponse {
@@ -286,7 +265,6 @@ pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
     })
 }
 
-/// Converts a graph in memory to an entry of a listing.
 pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
     let (map, level) = source_to_wire(&hosted.origin.source);
     wire::ReadyGraph {
@@ -300,7 +278,6 @@ pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
     }
 }
 
-/// Converts the sums of one reporter.
 pub fn report_to_wire(report: Reported) -> wire::Report {
     let Reported { reporter: Reporter { name, is_trusted }, traversals, failures } = report;
     wire::Report { reporter: name, trusted: is_trusted, traversals, failures }
@@ -361,7 +338,6 @@ fn phase_to_wire(phase: BuildPhase) -> wire::BuildStage {
     }
 }
 
-/// Converts the difference of two graphs to the wire.
 pub fn difference_to_wire(found: Difference) -> wire::CompareGraphsResponse {
     let places = |places: Vec<Vec3>| places.into_iter().map(convert::to_wire).collect();
     wire::CompareGraphsResponse {

@@ -11,70 +11,28 @@ use tonic_types::{ErrorDetails, StatusExt};
 
 /// Why a field of a message is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum FieldError {
-    /// A required field is absent.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// The field is NaN or infinite.
     #[error("{0} is not finite")]
     NotFinite(&'static str),
-    /// A number of the map spec is out of range.
     #[error("map.{0}")]
     Spec(#[from] SpecError),
-    /// A number of a body is out of range.
     #[error("{0}")]
     Body(#[from] ProfileError),
-    /// No body has this name.
     #[error("body.preset is \"{found}\"; there are {names}", names = BODIES.map(|body| body.name).join(", "))]
-    UnknownBody {
-        /// The name.
-        found: String,
-    },
-    /// A number is out of range.
+    UnknownBody { found: String },
     #[error("{field} is {value}; it must be between {min} and {max}")]
-    Range {
-        /// Path of the field.
-        field: &'static str,
-        /// The value.
-        value: f64,
-        /// Smallest allowed value.
-        min: f64,
-        /// Largest allowed value.
-        max: f64,
-    },
-    /// A repeated field has too many items.
+    Range { field: &'static str, value: f64, min: f64, max: f64 },
     #[error("{field} has {found} {what}; at most {limit} are allowed")]
-    Count {
-        /// Path of the field.
-        field: &'static str,
-        /// What the items are, in the plural.
-        what: &'static str,
-        /// Number of items in the message.
-        found: usize,
-        /// Maximum number of items.
-        limit: usize,
-    },
-    /// An enum field has a value that the enum does not define.
+    Count { field: &'static str, what: &'static str, found: usize, limit: usize },
     #[error("{field} has the unknown value {value}")]
-    Unknown {
-        /// Path of the field.
-        field: &'static str,
-        /// The value.
-        value: i32,
-    },
-    /// Two flags are set that exclude each other.
+    Unknown { field: &'static str, value: i32 },
     #[error("{0} and {1} exclude each other")]
     Exclusive(&'static str, &'static str),
-    /// A packed array has the wrong length.
     #[error("{field} has {found} bytes, expected {expected}")]
-    Length {
-        /// Path of the field.
-        field: &'static str,
-        /// Length in the message.
-        found: usize,
-        /// Required length.
-        expected: usize,
-    },
+    Length { field: &'static str, found: usize, expected: usize },
 }
 
 impl FieldError {
@@ -105,9 +63,6 @@ impl From<FieldError> for tonic::Status {
 }
 
 /// Converts a required point from the wire.
-///
-/// # Errors
-/// If the point is absent or not finite. `field` is its path in the error.
 pub fn point(value: Option<&wire::Vec3>, field: &'static str) -> Result<Vec3, FieldError> {
     let &wire::Vec3 { x, y, z } = value.ok_or(FieldError::Missing(field))?;
     let point = Vec3::new(x, y, z);
@@ -120,43 +75,18 @@ pub fn to_wire(point: Vec3) -> wire::Vec3 {
 }
 
 /// Converts a required map spec from the wire; absent parts become defaults.
-///
-/// # Errors
-/// If the spec is absent or a number is out of range.
 pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
     let value = value.ok_or(FieldError::Missing("map"))?;
     let mut spec = RawMapSpec::new(value.seed);
-    if let Some(size) = &value.size {
-        spec.size = MapSize { width: size.width, height: size.height, depth: size.depth };
-    }
-    if let Some(features) = &value.features {
-        let &wire::Features {
-            plateaus,
-            buildings,
-            water,
-            lava,
-            pads,
-            zip_lines,
-            ravines,
-            caves,
-            teleporters,
-            jetpacks,
-        } = features;
-        spec.features =
-            Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
-    }
-    if let Some(&wire::MoverDensities { doors, lifts, platforms, floors, conveyors, crates }) = value.movers.as_ref() {
-        spec.movers = MoverDensities { doors, lifts, platforms, floors, conveyors, crates };
-    }
+    spec.size = value.size.map_or(spec.size, MapSize::from);
+    spec.features = value.features.map_or(spec.features, Features::from);
+    spec.movers = value.movers.map_or(spec.movers, MoverDensities::from);
     spec.repair = value.repair.unwrap_or(true);
     spec.kind = enum_or(value.kind, MapKind::Terrain, "map.kind")?;
     Ok(spec.try_into()?)
 }
 
 /// Converts a body from the wire; absent means the default body, absent fields those of its preset.
-///
-/// # Errors
-/// If there is no such preset, or a number is out of range.
 pub fn body(value: Option<&wire::Body>) -> Result<CharacterProfile, FieldError> {
     let Some(value) = value else { return Ok(CharacterProfile::default()) };
     let preset = match value.preset.as_str() {
@@ -220,41 +150,40 @@ pub fn body_to_wire(body: &CharacterProfile) -> wire::Body {
     }
 }
 
-/// Converts the extent of a map to the wire.
-pub fn map_size_to_wire(MapSize { width, height, depth }: MapSize) -> wire::MapSize {
-    wire::MapSize { width, height, depth }
+/// Converts a struct to and from the one on the wire that has the same fields.
+macro_rules! wire_struct {
+    ($name:ident: $($field:ident)+) => {
+        impl From<wire::$name> for $name {
+            fn from(wire::$name { $($field),+ }: wire::$name) -> Self {
+                Self { $($field),+ }
+            }
+        }
+
+        impl From<$name> for wire::$name {
+            fn from($name { $($field),+ }: $name) -> Self {
+                Self { $($field),+ }
+            }
+        }
+    };
 }
+
+wire_struct!(MapSize: width height depth);
+wire_struct!(Features: plateaus buildings water lava pads zip_lines ravines caves teleporters jetpacks);
+wire_struct!(MoverDensities: doors lifts platforms floors conveyors crates);
 
 /// Converts a map spec to the wire.
 pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
-    let Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks } =
-        spec.features;
-    let MoverDensities { doors, lifts, platforms, floors, conveyors, crates } = spec.movers;
     wire::MapSpec {
         seed: spec.seed,
-        size: Some(map_size_to_wire(spec.size)),
-        features: Some(wire::Features {
-            plateaus,
-            buildings,
-            water,
-            lava,
-            pads,
-            zip_lines,
-            ravines,
-            caves,
-            teleporters,
-            jetpacks,
-        }),
+        size: Some(spec.size.into()),
+        features: Some(spec.features.into()),
         kind: spec.kind.to_wire().into(),
-        movers: Some(wire::MoverDensities { doors, lifts, platforms, floors, conveyors, crates }),
+        movers: Some(spec.movers.into()),
         repair: Some(spec.repair),
     }
 }
 
 /// Returns `value` if it is between `min` and `max`.
-///
-/// # Errors
-/// If `value` is out of range or NaN. `field` is its path in the error.
 pub fn in_range(value: f64, min: f64, max: f64, field: &'static str) -> Result<f64, FieldError> {
     if (min..=max).contains(&value) { Ok(value) } else { Err(FieldError::Range { field, value, min, max }) }
 }
@@ -302,9 +231,6 @@ wire_enum!(MoverKind = wire::MoverKind: Door Lift Platform Floor Conveyor Crate)
 wire_enum!(PlayerContact = wire::PlayerContact: Block Push Ghost);
 
 /// Reads an enum; unspecified means `usual`.
-///
-/// # Errors
-/// If the number is unknown. `field` is its path in the error.
 pub fn enum_or<T: WireEnum>(number: i32, usual: T, field: &'static str) -> Result<T, FieldError> {
     match number {
         0 => Ok(usual),
@@ -348,9 +274,6 @@ pub fn pack_points(points: impl IntoIterator<Item = Vec3>) -> Vec<u8> {
 }
 
 /// Unpacks little-endian floats as points, three each.
-///
-/// # Errors
-/// If `bytes` are not exactly `count` points, or one is not finite. `field` is the path of the array in the error.
 pub fn unpack_points(bytes: &[u8], count: usize, field: &'static str) -> Result<Vec<Vec3>, FieldError> {
     let values = unpack(bytes, 3 * count, field)?;
     let points: Vec<Vec3> = values.as_chunks::<3>().0.iter().copied().map(Vec3::from_array).collect();
@@ -358,9 +281,6 @@ pub fn unpack_points(bytes: &[u8], count: usize, field: &'static str) -> Result<
 }
 
 /// Unpacks little-endian floats.
-///
-/// # Errors
-/// If `bytes` are not exactly `count` floats. `field` is the path of the array in the error.
 pub fn unpack(bytes: &[u8], count: usize, field: &'static str) -> Result<Vec<f32>, FieldError> {
     if bytes.len() != count * 4 {
         return Err(FieldError::Length { field, found: bytes.len(), expected: count * 4 });

@@ -11,9 +11,6 @@ const THICKNESS_M: f32 = 0.3;
 const DEPTH_M: f32 = 1.0;
 
 /// Reads pieces.
-///
-/// # Errors
-/// If there are more than a map can have, one has no shape, or a position is missing or not finite.
 pub fn pieces(list: &[wire::Piece], field: &'static str) -> Result<Vec<Piece>, FieldError> {
     if list.len() > MAX_PIECES {
         return Err(FieldError::Count { field, what: "pieces", found: list.len(), limit: MAX_PIECES });

@@ -122,10 +122,6 @@ pub fn traffic_to_wire(traffic: &Traffic) -> wire::Traffic {
 }
 
 /// Converts a query from the wire.
-///
-/// # Errors
-/// If a point is absent or not finite, a leg to avoid lacks an end, there are more than 64 such legs, the plan is to do
-/// without walking or something unknown, or the caution is not 0 to 1.
 pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
     let (found, limit) = (query.avoid.len(), MAX_AVOID);
     if found > limit {
@@ -186,10 +182,6 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
 }
 
 /// Converts a plan from the wire.
-///
-/// # Errors
-/// If the plan has no waypoints, its numbers of waypoints and legs differ, a leg lacks an end, or a point or duration
-/// is not finite, or a duration is negative.
 pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
         return Err(FieldError::Length {
@@ -262,9 +254,6 @@ pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
 }
 
 /// Converts a traversal from the wire.
-///
-/// # Errors
-/// If its number of decisions is above 10000, or the NPC both reached the vertex and died.
 pub fn traversal(traversal: &wire::Traversal) -> Result<Traversal, FieldError> {
     let &wire::Traversal { from, to, reached, decisions, died } = traversal;
     if decisions > MAX_DECISIONS {
@@ -287,29 +276,5 @@ pub fn traversal_to_wire(traversal: &Traversal) -> wire::Traversal {
         reached: traversal.end == TryEnd::Arrived,
         decisions: traversal.decisions,
         died: traversal.end == TryEnd::Died,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_leg_without_a_valid_duration_is_refused() {
-        let with_seconds = |seconds| wire::Plan {
-            waypoints: vec![world::Vec3::default()],
-            legs: vec![wire::Leg {
-                from: stop_to_wire(Stop::Start),
-                to: stop_to_wire(Stop::Goal),
-                seconds,
-                ..wire::Leg::default()
-            }],
-            ..wire::Plan::default()
-        };
-        assert!(plan(&with_seconds(3.5)).is_ok());
-        for seconds in [f32::NAN, f32::INFINITY, -1.0] {
-            let error = plan(&with_seconds(seconds)).unwrap_err();
-            assert!(matches!(error, FieldError::Range { field: "plan.legs.seconds", .. }), "{error}");
-        }
     }
 }

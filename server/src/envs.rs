@@ -1,7 +1,7 @@
 //! Environments of remote trainers: creating, stepping and closing them, and removing idle ones.
 
 use crate::quota::{Quota, QuotaError, Ticket};
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::{self, Arc, TryLockError};
 use std::time::{Duration, Instant, SystemTime};
@@ -11,6 +11,7 @@ use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env, Episodes, Route};
 use surefoot_world::navigable::NoGround;
 use surefoot_world::{Ability, Action, CharacterProfile, Vec3};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::interval;
 use tracing::info;
 
@@ -24,43 +25,30 @@ const NPC_BYTES: u64 = 8192;
 /// Why an environment cannot be created, stepped or closed.
 #[derive(Debug, thiserror::Error)]
 pub enum EnvError {
-    /// No environment has this id.
     #[error("environment {0} does not exist")]
     Unknown(EnvId),
-    /// The limit of environments is reached.
     #[error("there are already {0} environments, the most allowed (--max-envs): close one")]
     TooMany(usize),
-    /// The client has as many environments as allowed.
     #[error("{0}: close one")]
     Quota(QuotaError),
-    /// Two steps of one environment overlap.
     #[error("another step of environment {0} is running")]
     Busy(EnvId),
-    /// It belongs to another client.
     #[error("environment {0} belongs to another client")]
     NotOwner(EnvId),
-    /// There is no map for it.
     #[error(transparent)]
     Map(#[from] MapError),
-    /// There is no memory for its NPCs.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// A step of it has panicked.
     #[error("environment {0} has failed: close it and create another")]
     Failed(EnvId),
-    /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] NoGround),
-    /// The request names no map.
     #[error("map is missing")]
     NoMap,
-    /// The game refuses to create one.
     #[error("the game could not create an environment: {0}")]
     Host(String),
-    /// The game has ended it.
     #[error("{0}")]
     Gone(String),
-    /// A background task ended without a result.
     #[error("the environment failed: {0}")]
     Lost(#[from] tokio::task::JoinError),
 }
@@ -77,10 +65,8 @@ impl std::fmt::Display for EnvId {
 
 /// A game that runs environments in its own physics.
 pub trait Host: Send + Sync + std::fmt::Debug {
-    /// Creates an environment of the level that the game runs. Called on a blocking thread.
-    ///
-    /// # Errors
-    /// A sentence with the reason.
+    /// Creates an environment of the level that the game runs. Called on a blocking thread. The error is a sentence
+    /// with the reason.
     fn open(&self, body: &CharacterProfile, solid_npcs: bool, episodes: Episodes) -> Result<Env, String>;
 }
 
@@ -98,18 +84,15 @@ pub enum EnvBackend {
 pub struct EnvSettings {
     /// Source of the map; `None` for a game's own level.
     pub source: Option<BaseMap>,
-    /// Body of the NPCs.
     pub body: CharacterProfile,
     /// Whether the NPCs collide with and see each other.
     pub solid_npcs: bool,
-    /// The NPCs' episodes.
     pub episodes: Episodes,
 }
 
 /// State of an environment before its first step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstState {
-    /// The observation of each NPC.
     pub observations: Vec<f32>,
     /// Feet of the NPCs, m.
     pub positions: Vec<Vec3>,
@@ -118,7 +101,6 @@ pub struct FirstState {
 /// Result of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepResults {
-    /// The observation of each NPC.
     pub observations: Vec<f32>,
     /// One reward for each NPC.
     pub rewards: Vec<f32>,
@@ -140,6 +122,8 @@ struct Kept {
     used: Mutex<Instant>,
     /// Its place in its client's quota.
     ticket: Ticket,
+    /// Its place among all environments.
+    _place: OwnedSemaphorePermit,
     _memory: Option<(Arc<SharedMap>, Reservation)>,
 }
 
@@ -157,6 +141,7 @@ impl Kept {
 #[derive(Debug, Clone)]
 pub struct Envs {
     limit: usize,
+    places: Arc<Semaphore>,
     quota: Arc<Quota>,
     idle_limit: Duration,
     backend: EnvBackend,
@@ -167,8 +152,6 @@ pub struct Envs {
 #[derive(Debug, Default)]
 struct Inner {
     last_id: u64,
-    /// Environments that are being created.
-    pending: usize,
     by_id: BTreeMap<EnvId, Arc<Kept>>,
 }
 
@@ -182,20 +165,17 @@ impl Envs {
             EnvBackend::Game(_) => MemoryBudget::new(DEFAULT_MAX_MEMORY_BYTES),
         };
         let what = "environments, the most it may have (--max-envs-per-client)";
-        Self { limit, quota: Quota::new(limit_per_client, what), idle_limit, backend, memory, inner: Arc::default() }
+        let (places, quota) =
+            (Arc::new(Semaphore::new(limit.min(Semaphore::MAX_PERMITS))), Quota::new(limit_per_client, what));
+        Self { limit, places, quota, idle_limit, backend, memory, inner: Arc::default() }
     }
 
-    /// The memory budget of the service.
     pub fn memory(&self) -> &MemoryBudget {
         &self.memory
     }
 
-    fn inner(&self) -> MutexGuard<'_, Inner> {
-        self.inner.lock()
-    }
-
     fn find(&self, caller: &Caller, id: EnvId) -> Result<Arc<Kept>, EnvError> {
-        let kept = self.inner().by_id.get(&id).cloned().ok_or(EnvError::Unknown(id))?;
+        let kept = self.inner.lock().by_id.get(&id).cloned().ok_or(EnvError::Unknown(id))?;
         if !caller.may_change(kept.ticket.client()) {
             return Err(EnvError::NotOwner(id));
         }
@@ -203,25 +183,27 @@ impl Envs {
         Ok(kept)
     }
 
-    /// Returns the number of NPCs of an environment.
-    ///
-    /// # Errors
-    /// If there is none of that id, it belongs to another client, or it is being stepped.
     pub fn npc_count(&self, caller: &Caller, id: EnvId) -> Result<usize, EnvError> {
         let kept = self.find(caller, id)?;
         Ok(kept.lock(id)?.npc_count())
     }
 
     /// Creates an environment; returns its id and its first state.
-    ///
-    /// # Errors
-    /// If there are too many, or its map cannot be made.
     pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, FirstState), EnvError> {
-        let (reserved, ticket) = (self.reserve()?, self.quota.acquire(&caller.name).map_err(EnvError::Quota)?);
+        self.sweep();
+        let place = self.places.clone().try_acquire_owned().map_err(|_| EnvError::TooMany(self.limit))?;
+        let ticket = self.quota.acquire(&caller.name).map_err(EnvError::Quota)?;
         let (env, memory) = self.make(caller, settings).await?;
         let first = FirstState { observations: env.observations().to_vec(), positions: env.positions().collect() };
-        let kept = Kept { env: sync::Mutex::new(env), used: Mutex::new(Instant::now()), ticket, _memory: memory };
-        Ok((reserved.fill(kept), first))
+        let (env, used) = (sync::Mutex::new(env), Mutex::new(Instant::now()));
+        let kept = Arc::new(Kept { env, used, ticket, _place: place, _memory: memory });
+        // Microseconds: unique across restarts of the server.
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_micros() as u64;
+        let mut inner = self.inner.lock();
+        inner.last_id = now.max(inner.last_id + 1);
+        let id = EnvId(inner.last_id);
+        inner.by_id.insert(id, kept);
+        Ok((id, first))
     }
 
     /// Makes an environment, with its reservation if it runs here.
@@ -259,30 +241,14 @@ impl Envs {
     fn sweep(&self) {
         let is_idle = |_: &EnvId, kept: &mut Arc<Kept>| kept.used.lock().elapsed() >= self.idle_limit;
         // Maps are dropped without the lock.
-        let idle: Vec<_> = self.inner().by_id.extract_if(.., is_idle).collect();
+        let idle: Vec<_> = self.inner.lock().by_id.extract_if(.., is_idle).collect();
         for (id, kept) in idle {
             info!(env_id = id.0, client = kept.ticket.client(), "removed an idle environment");
         }
     }
 
-    /// Reserves a place for a new environment, after removing idle ones.
-    fn reserve(&self) -> Result<Reserved, EnvError> {
-        self.sweep();
-        let mut inner = self.inner();
-        if inner.by_id.len() + inner.pending >= self.limit {
-            return Err(EnvError::TooMany(self.limit));
-        }
-        inner.pending += 1;
-        Ok(Reserved { envs: self.clone() })
-    }
-
-    /// Steps each NPC by one decision; `actions` has one action for each NPC. `routes` apply after the step.
-    ///
-    /// # Errors
-    /// If there is none of that id, it belongs to another client, or it is being stepped.
-    ///
-    /// # Panics
-    /// If there is not one action for each NPC, or a route is of an NPC that does not exist.
+    /// Steps each NPC by one decision; `actions` has one action for each NPC. `routes` apply after the step. Panics if
+    /// there is not one action for each NPC, or a route is of an NPC that does not exist.
     pub async fn step(
         &self,
         caller: &Caller,
@@ -308,37 +274,10 @@ impl Envs {
         task.await?
     }
 
-    /// Closes an environment.
-    ///
-    /// # Errors
-    /// If there is none of that id, or it belongs to another client.
     pub fn close(&self, caller: &Caller, id: EnvId) -> Result<(), EnvError> {
         self.find(caller, id)?;
         // The map is dropped without the lock.
-        let closed = self.inner().by_id.remove(&id);
+        let closed = self.inner.lock().by_id.remove(&id);
         closed.map(drop).ok_or(EnvError::Unknown(id))
-    }
-}
-
-/// A place for an environment that is being created; dropping it gives the place back.
-struct Reserved {
-    envs: Envs,
-}
-
-impl Reserved {
-    fn fill(self, kept: Kept) -> EnvId {
-        let mut inner = self.envs.inner();
-        // Microseconds: unique across restarts of the server.
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_micros() as u64;
-        inner.last_id = now.max(inner.last_id + 1);
-        let id = EnvId(inner.last_id);
-        inner.by_id.insert(id, Arc::new(kept));
-        id
-    }
-}
-
-impl Drop for Reserved {
-    fn drop(&mut self) {
-        self.envs.inner().pending -= 1;
     }
 }

@@ -10,24 +10,18 @@ use surefoot_world::{CharacterProfile, Map, Tick};
 /// Description of a world at one moment.
 #[derive(Debug, Clone)]
 pub struct WorldSummary {
-    /// Id of the world.
     pub id: WorldId,
-    /// The map of the world.
     pub map: Arc<Map>,
-    /// How the world's time passes.
     pub mode: TimeMode,
-    /// Number of NPCs.
     pub npc_count: usize,
     /// Number of ticks stepped.
     pub tick: Tick,
     /// Bodies that its NPCs have or had, the default one first.
     pub bodies: Vec<CharacterProfile>,
-    /// Whether its NPCs collide with each other.
     pub solid_npcs: bool,
 }
 
 impl WorldSummary {
-    /// Describes a world.
     pub fn of(world: &HostedWorld) -> Self {
         Self {
             id: world.id(),
@@ -44,15 +38,10 @@ impl WorldSummary {
 /// Figures of a world.
 #[derive(Debug, Clone)]
 pub struct WorldFigures {
-    /// Description of the world.
     pub summary: WorldSummary,
-    /// Its NPCs by status.
     pub tally: Tally,
-    /// Readers of its snapshots.
     pub watchers: usize,
-    /// Calls that its thread has run.
     pub calls: u64,
-    /// Counters since the world began.
     pub counters: Counters,
     /// Times from when ticks were due until they were done.
     pub times: TickTimes,

@@ -3,7 +3,7 @@
 //! Answers of workers and calls of the server have a queue of their own. So a flood from one client cannot disconnect
 //! workers, and delays another client by at most one call.
 
-use parking_lot::{Condvar, Mutex, MutexGuard};
+use parking_lot::{Condvar, Mutex};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
@@ -11,10 +11,8 @@ use std::time::Instant;
 /// Why a world's thread does not accept a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum SimError {
-    /// Too many calls wait for it.
     #[error("too many calls are waiting for this world: try again")]
     Busy,
-    /// The world's thread has ended.
     #[error("the world has stopped")]
     Stopped,
 }
@@ -77,16 +75,9 @@ impl<T> Default for Inbox<T> {
 }
 
 impl<T> Inbox<T> {
-    fn queues(&self) -> MutexGuard<'_, Queues<T>> {
-        self.queues.lock()
-    }
-
     /// Adds an item at the end of a queue.
-    ///
-    /// # Errors
-    /// [`SimError::Busy`] if the queue is full, [`SimError::Stopped`] if the inbox is closed.
     pub fn push(&self, queue: &CallQueue, item: T) -> Result<(), SimError> {
-        let mut queues = self.queues();
+        let mut queues = self.queues.lock();
         if queues.is_closed {
             return Err(SimError::Stopped);
         }
@@ -112,7 +103,7 @@ impl<T> Inbox<T> {
 
     /// Takes the next item; waits for one until `limit`.
     pub fn pop(&self, limit: Instant) -> Popped<T> {
-        let mut queues = self.queues();
+        let mut queues = self.queues.lock();
         loop {
             if let Some(item) = queues.next() {
                 return Popped::Item(item);
@@ -130,13 +121,13 @@ impl<T> Inbox<T> {
 
     /// Refuses further items. Waiting ones can still be taken.
     pub fn close(&self) {
-        self.queues().is_closed = true;
+        self.queues.lock().is_closed = true;
         self.arrived.notify_one();
     }
 
     /// Refuses further items and drops those that wait.
     pub fn abandon(&self) {
-        let mut queues = self.queues();
+        let mut queues = self.queues.lock();
         queues.is_closed = true;
         let waiting = (std::mem::take(&mut queues.urgent), std::mem::take(&mut queues.clients));
         queues.turns.clear();

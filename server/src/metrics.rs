@@ -6,6 +6,7 @@ use crate::registry::WorkerLoad;
 use std::fmt::Write;
 use std::sync::Arc;
 use std::time::Duration;
+use surefoot_net::metrics::family;
 use surefoot_world::End;
 
 /// Upper bounds of the tick histogram, ms.
@@ -54,29 +55,15 @@ const OF_WORLDS: [Metric<WorldFigures>; 13] = [
     }),
 ];
 
-/// Prometheus text that is being written, one family of samples after another.
-#[derive(Default)]
-struct Text(String);
-
-impl Text {
-    fn family(&mut self, name: &str, kind: &str, help: &str, samples: impl IntoIterator<Item = (String, f64)>) {
-        // Writing to a string cannot fail.
-        let _ = writeln!(self.0, "# HELP surefoot_{name} {help}\n# TYPE surefoot_{name} {kind}");
-        for (labels, value) in samples {
-            let _ = writeln!(self.0, "surefoot_{name}{labels} {value}");
-        }
-    }
-
-    fn families<'a, T: 'a>(
-        &mut self,
-        metrics: &[Metric<T>],
-        all: impl Iterator<Item = &'a T> + Clone,
-        labels: impl Fn(&T) -> String,
-    ) {
-        for (name, kind, help, value) in metrics {
-            self.family(name, kind, help, all.clone().map(|it| (labels(it), value(it))));
-        }
-    }
+/// Renders metrics of `all`, whose samples have the same labels.
+fn families<'a, T: 'a>(
+    metrics: &[Metric<T>],
+    all: impl Iterator<Item = &'a T> + Clone,
+    labels: impl Fn(&T) -> String,
+) -> String {
+    let family =
+        |(name, kind, help, value): &Metric<T>| family(name, kind, help, all.clone().map(|it| (labels(it), value(it))));
+    metrics.iter().map(family).collect()
 }
 
 /// Figures of the process.
@@ -94,55 +81,55 @@ pub struct ProcessFigures {
     pub taken_over: u64,
 }
 
-/// Renders all figures.
 pub fn render(worlds: &[Arc<WorldFigures>], workers: &[WorkerLoad], process: ProcessFigures) -> String {
-    let mut text = Text::default();
-    text.family("workers", "gauge", "Connected NPC workers.", [(String::new(), workers.len() as f64)]);
     let policies = workers.iter().map(|worker| {
         let (name, policy) = (escaped(&worker.name), escaped(&worker.policy));
         (format!("{{worker=\"{}\",name=\"{name}\",policy=\"{policy}\"}}", worker.id.0), 1.0)
     });
-    text.family("worker_info", "gauge", "Connected NPC workers and their policies.", policies);
-    text.families(&OF_WORKERS, workers.iter(), |worker| {
-        format!("{{worker=\"{}\",name=\"{}\"}}", worker.id.0, escaped(&worker.name))
-    });
-    text.family("worlds", "gauge", "Running worlds.", [(String::new(), worlds.len() as f64)]);
-    text.families(&OF_PROCESS, [&process].into_iter(), |_| String::new());
+    let of_worker = |worker: &WorkerLoad| format!("{{worker=\"{}\",name=\"{}\"}}", worker.id.0, escaped(&worker.name));
     let by_state = worlds.iter().flat_map(|world| {
         let Tally { idle, seeking, down, .. } = world.tally;
         [("idle", idle), ("seeking", seeking), ("down", down)]
             .map(|(state, count)| (format!("{{world=\"{}\",state=\"{state}\"}}", world.summary.id), f64::from(count)))
     });
-    text.family("npcs", "gauge", "NPCs by status.", by_state);
-    let all = worlds.iter().map(|world| &**world);
-    text.families(&OF_WORLDS, all, |world| format!("{{world=\"{}\"}}", world.summary.id));
     let ends = worlds.iter().flat_map(|world| {
         let counts = End::ALL.iter().zip(world.counters.ends);
         counts.map(|(end, count)| (format!("{{world=\"{}\",end=\"{}\"}}", world.summary.id, end.name()), count as f64))
     });
-    text.family("attempts_total", "counter", "Attempts by outcome.", ends);
-    render_ticks(&mut text, worlds);
-    text.0
+    let of_world = |world: &WorldFigures| format!("{{world=\"{}\"}}", world.summary.id);
+    [
+        family("workers", "gauge", "Connected NPC workers.", [("", workers.len() as f64)]),
+        family("worker_info", "gauge", "Connected NPC workers and their policies.", policies),
+        families(&OF_WORKERS, workers.iter(), of_worker),
+        family("worlds", "gauge", "Running worlds.", [("", worlds.len() as f64)]),
+        families(&OF_PROCESS, [&process].into_iter(), |_| String::new()),
+        family("npcs", "gauge", "NPCs by status.", by_state),
+        families(&OF_WORLDS, worlds.iter().map(|world| &**world), of_world),
+        family("attempts_total", "counter", "Attempts by outcome.", ends),
+        tick_times(worlds),
+    ]
+    .concat()
 }
 
-fn render_ticks(text: &mut Text, worlds: &[Arc<WorldFigures>]) {
+fn tick_times(worlds: &[Arc<WorldFigures>]) -> String {
     let (name, help) = ("tick_seconds", "Time from when a tick was due until it was done.");
-    text.family(name, "histogram", help, []);
+    let mut text = family::<&str>(name, "histogram", help, []);
     for world in worlds {
         let mut line = |suffix: &str, labels: String, value: f64| {
-            let _ = writeln!(text.0, "surefoot_{name}_{suffix}{{world=\"{}\"{labels}}} {value}", world.summary.id);
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "surefoot_{name}_{suffix}{{world=\"{}\"{labels}}} {value}", world.summary.id);
         };
         for bound in BOUNDS_MS {
             let below = world.times.below(Duration::from_secs_f64(bound * 1.0e-3));
-            line("bucket", format!(",le=\"{}\"", bound * 1.0e-3), below as f64);
+            line("bucket", format!(",le=\"{}\"", bound / 1.0e3), below as f64);
         }
         line("bucket", ",le=\"+Inf\"".to_owned(), world.times.count() as f64);
         line("sum", String::new(), world.times.total().as_secs_f64());
         line("count", String::new(), world.times.count() as f64);
     }
+    text
 }
 
-/// Escapes the value of a label.
 fn escaped(value: &str) -> String {
     value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
 }

@@ -45,9 +45,6 @@ impl Observer {
     }
 
     /// Keeps the thread of a world busy for `time`, so that tests can show that other worlds are not affected.
-    ///
-    /// # Errors
-    /// If there is no such world, or its thread does not accept the call.
     pub async fn stall(&self, world: WorldId, time: Duration) -> Result<(), WorldsError> {
         let sim = self.worlds.handle(world)?.sim.for_client(&"stall".into());
         Ok(sim.call(move |_| std::thread::sleep(time)).await?)

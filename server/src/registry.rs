@@ -2,7 +2,7 @@
 
 use crate::ids::WorkerId;
 use crate::messages::{Hello, ToWorker};
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -86,13 +86,9 @@ impl Inner {
 }
 
 impl Registry {
-    fn inner(&self) -> MutexGuard<'_, Inner> {
-        self.inner.lock()
-    }
-
     /// Adds a worker.
     pub fn join(&self, hello: Hello, queue: Sender<ToWorker>) -> Joined {
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         inner.last_id += 1;
         let (id, cut) = (WorkerId(inner.last_id), Arc::new(Notify::new()));
         inner.workers.insert(id, Entry { hello, npc_count: 0, queue, cut: cut.clone(), distrusted_until: None });
@@ -101,12 +97,12 @@ impl Registry {
 
     /// Length of the observations that a worker expects; without others if it has left.
     pub fn observation_len(&self, id: WorkerId) -> usize {
-        observation_len(self.inner().workers.get(&id).is_some_and(|entry| entry.hello.sees_others))
+        observation_len(self.inner.lock().workers.get(&id).is_some_and(|entry| entry.hello.sees_others))
     }
 
     /// Changes the capacity of a worker, which keeps its NPCs. Returns whether the capacity grows.
     pub fn set_capacity(&self, id: WorkerId, capacity: u32) -> bool {
-        self.inner().workers.get_mut(&id).is_some_and(|entry| {
+        self.inner.lock().workers.get_mut(&id).is_some_and(|entry| {
             let before = std::mem::replace(&mut entry.hello.capacity, capacity);
             before < capacity
         })
@@ -114,13 +110,13 @@ impl Registry {
 
     /// Removes a worker.
     pub fn leave(&self, id: WorkerId) {
-        self.inner().workers.remove(&id);
+        self.inner.lock().workers.remove(&id);
     }
 
     /// Reserves a place for an NPC with the least loaded worker, by share of its capacity; `None` if no worker has
     /// room.
     pub fn assign(&self) -> Option<WorkerId> {
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         let (id, _) = inner.least_loaded()?;
         inner.workers.get_mut(&id)?.npc_count += 1;
         Some(id)
@@ -128,7 +124,7 @@ impl Registry {
 
     /// Moves the place of an NPC from `from` to another worker, if that worker is then not more loaded than `from`.
     pub fn move_to_less_loaded(&self, from: WorkerId) -> Option<WorkerId> {
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         let (to, share) = inner.least_loaded().filter(|(to, _)| !inner.workers[to].is_distrusted())?;
         let entry = inner.workers.get_mut(&from)?;
         if to == from || share > entry.share(entry.npc_count.saturating_sub(1)) {
@@ -141,14 +137,14 @@ impl Registry {
 
     /// Gives NPCs to `id` only if no other worker has room, for 30 s: it does not answer.
     pub fn distrust(&self, id: WorkerId) {
-        if let Some(entry) = self.inner().workers.get_mut(&id) {
+        if let Some(entry) = self.inner.lock().workers.get_mut(&id) {
             entry.distrusted_until = Some(Instant::now() + DISTRUST);
         }
     }
 
     /// Moves a place from a silent worker to one that answers and has room.
     pub fn move_from_silent(&self, silent: WorkerId) -> Option<WorkerId> {
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         let (next, _) = inner.least_loaded().filter(|(next, _)| !inner.workers[next].is_distrusted())?;
         inner.workers.get_mut(&next)?.npc_count += 1;
         if let Some(entry) = inner.workers.get_mut(&silent) {
@@ -159,21 +155,21 @@ impl Registry {
 
     /// Takes the place of an NPC again whose move from `id` is cancelled.
     pub fn retake(&self, id: WorkerId) {
-        if let Some(entry) = self.inner().workers.get_mut(&id) {
+        if let Some(entry) = self.inner.lock().workers.get_mut(&id) {
             entry.npc_count += 1;
         }
     }
 
     /// Returns a place of a worker.
     pub fn release(&self, id: WorkerId) {
-        if let Some(entry) = self.inner().workers.get_mut(&id) {
+        if let Some(entry) = self.inner.lock().workers.get_mut(&id) {
             entry.npc_count = entry.npc_count.saturating_sub(1);
         }
     }
 
     /// Queues observations. If the queue is full, they are dropped, and the decisions count as missed.
     pub fn try_observe(&self, id: WorkerId, message: ToWorker) {
-        let queue = self.inner().workers.get(&id).map(|entry| entry.queue.clone());
+        let queue = self.inner.lock().workers.get(&id).map(|entry| entry.queue.clone());
         if let Some(queue) = queue {
             // Also dropped if the worker has left.
             let _ = queue.try_send(message);
@@ -183,7 +179,7 @@ impl Registry {
     /// Queues a message that a worker must not miss. If the queue is full, the worker is disconnected, and its NPCs
     /// move to other workers.
     pub fn send_or_cut(&self, id: WorkerId, message: ToWorker) {
-        let inner = self.inner();
+        let inner = self.inner.lock();
         let Some(entry) = inner.workers.get(&id) else { return };
         if entry.queue.try_send(message).is_err() {
             warn!(worker = id.0, name = entry.hello.name, "worker does not read its messages; disconnected");
@@ -201,36 +197,6 @@ impl Registry {
             npc_count: entry.npc_count,
             queued: entry.queue.max_capacity() - entry.queue.capacity(),
         };
-        self.inner().workers.iter().map(load).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use tokio::sync::mpsc::channel;
-
-    fn npc_counts(registry: &Registry) -> Vec<u32> {
-        registry.load().iter().map(|worker| worker.npc_count).collect()
-    }
-
-    #[test]
-    fn a_worker_that_joins_takes_its_share_and_no_more() {
-        let registry = Registry::default();
-        let join = |capacity| registry.join(Hello::new("", "", capacity), channel(1).0).id;
-        let first = join(100);
-        let mut holders: Vec<WorkerId> = (0..90).map(|_| registry.assign().unwrap()).collect();
-        assert_eq!(npc_counts(&registry), [90]);
-        join(50);
-        let moved = holders
-            .iter_mut()
-            .filter_map(|holder| registry.move_to_less_loaded(*holder).map(|next| *holder = next))
-            .count();
-        assert_eq!(moved, 30, "a third of the capacity is new");
-        assert_eq!(npc_counts(&registry), [60, 30]);
-        assert!(holders.iter().all(|&holder| registry.move_to_less_loaded(holder).is_none()), "an even load stays");
-        registry.leave(first);
-        assert_eq!(npc_counts(&registry), [30]);
-        assert_eq!((0..40).filter(|_| registry.assign().is_some()).count(), 20, "a full worker gets no more");
+        self.inner.lock().workers.iter().map(load).collect()
     }
 }

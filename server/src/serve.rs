@@ -31,9 +31,6 @@ const LEAVE_LIMIT: Duration = Duration::from_secs(2);
 
 /// Serves worlds on `endpoint` until `shutdown`, then saves them. Saved worlds are restored in the background; until
 /// then health checks report NOT_SERVING.
-///
-/// # Errors
-/// If the transport fails, or the folder for saved worlds cannot be used.
 pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown) -> Result<(), ServerError> {
     serve_observed(endpoint, config, shutdown).1.await
 }
@@ -152,9 +149,6 @@ fn env_service(
 }
 
 /// Serves environments of a game on `endpoint` until `shutdown`, at most `limit` at a time.
-///
-/// # Errors
-/// If the transport fails.
 pub async fn serve_game(
     endpoint: Endpoint,
     host: Arc<dyn Host>,
@@ -176,9 +170,9 @@ pub enum ServerError {
     #[error(transparent)]
     Serve(#[from] ServeError),
     /// The folder for worlds cannot be used.
-    #[error("cannot save or restore worlds: {0}")]
+    #[error("cannot save or restore worlds")]
     Folder(#[from] SavedError),
     /// Worlds cannot be saved or restored.
-    #[error("cannot save or restore worlds: {0}")]
+    #[error("cannot save or restore worlds")]
     Saved(#[from] StoreError),
 }

@@ -71,9 +71,6 @@ pub struct Receipt {
 
 impl Receipt {
     /// Waits until the change is durable.
-    ///
-    /// # Errors
-    /// If the world ends first.
     pub async fn confirmed(mut self) -> Result<(), SimError> {
         let result = self.confirmed.wait_for(|latest| *latest >= self.sequence).await;
         result.map(drop).map_err(|_| SimError::Stopped)
@@ -85,14 +82,12 @@ impl Receipt {
 pub struct EventBatch {
     /// Sequence number before the first event. A reader with a smaller number has missed a batch.
     pub after: u64,
-    /// The events in order.
     pub events: Vec<NpcEvent>,
 }
 
 /// A world with the channels to its readers; owned by the world's thread.
 #[derive(Debug)]
 pub struct SimState {
-    /// The world that the thread steps.
     pub world: HostedWorld,
     /// Latest snapshot. Each overwrites the previous one, so slow readers cost nothing.
     pub snapshots: watch::Sender<Arc<Snapshot>>,
@@ -102,7 +97,6 @@ pub struct SimState {
     published: u64,
     /// Sequence number of the latest event that readers may see, for callers that wait for a receipt.
     latest_event: watch::Sender<u64>,
-    /// Latest figures of the world.
     figures: watch::Sender<Arc<WorldFigures>>,
     /// Calls that the thread has run.
     calls: u64,
@@ -136,9 +130,6 @@ impl Drop for OpenInbox {
 
 impl SimHandle {
     /// Starts the thread of a world. `failed` is called if the world panics.
-    ///
-    /// # Errors
-    /// If the system refuses a thread.
     pub fn start(
         name: String,
         world: HostedWorld,
@@ -168,17 +159,11 @@ impl SimHandle {
     }
 
     /// Runs `call` on the thread between two ticks, without waiting for it.
-    ///
-    /// # Errors
-    /// If too many calls are waiting, or the thread has ended.
     pub fn cast(&self, call: impl FnOnce(&mut SimState) + Send + 'static) -> Result<(), SimError> {
         self.inbox.0.push(&self.queue, Box::new(call))
     }
 
     /// Runs `call` on the thread between two ticks and returns its result.
-    ///
-    /// # Errors
-    /// Those of [`SimHandle::cast`].
     pub async fn call<R: Send + 'static>(
         &self,
         call: impl FnOnce(&mut SimState) -> R + Send + 'static,
@@ -192,9 +177,7 @@ impl SimHandle {
     }
 
     /// Like [`SimHandle::call`], if the thread begins the call within `limit`. Otherwise the call is not run at all.
-    ///
-    /// # Errors
-    /// [`SimError::Busy`] if the call was not run, and those of [`SimHandle::cast`].
+    /// [`SimError::Busy`] means that the call was not run.
     pub async fn call_within<R: Send + 'static>(
         &self,
         limit: Duration,

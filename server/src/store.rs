@@ -7,11 +7,8 @@ use crate::hosted::{Journal, SavedError, SavedLog, StateFolder, WorldSave};
 use crate::ids::WorldId;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::pin::Pin;
 use std::time::Duration;
-
-/// A call of a store.
-pub type StoreCall<'a, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 'a>>;
+pub use tonic::async_trait;
 
 /// Why a store does not carry out a call.
 #[derive(Debug, thiserror::Error)]
@@ -66,24 +63,26 @@ pub struct ServerInfo {
 }
 
 /// A store of worlds.
+#[async_trait]
 pub trait WorldStore: fmt::Debug + Send + Sync {
     /// The worlds that this server restores at its start, in ascending order.
-    fn list(&self) -> StoreCall<'_, Vec<WorldId>>;
+    async fn list(&self) -> Result<Vec<WorldId>, StoreError>;
 
     /// Reads a world.
-    fn read(&self, id: WorldId) -> StoreCall<'_, LoadedWorld>;
+    async fn read(&self, id: WorldId) -> Result<LoadedWorld, StoreError>;
 
     /// Replaces the save of a world by one that was made in `lease_epoch`, atomically. It is durable when this returns.
-    fn write(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> StoreCall<'_, ()>;
+    async fn write(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> Result<(), StoreError>;
 
     /// Deletes the save of a world.
-    fn forget(&self, id: WorldId) -> StoreCall<'_, ()>;
+    async fn forget(&self, id: WorldId) -> Result<(), StoreError>;
 
     /// The part that the servers of a fleet share; `None` if this server is alone.
     fn shared(&self) -> Option<&dyn SharedStore>;
 }
 
 /// The part of a store that the servers of a fleet share.
+#[async_trait]
 pub trait SharedStore: fmt::Debug + Send + Sync {
     /// Time after which a silent server loses its worlds.
     fn lease(&self) -> Duration;
@@ -95,68 +94,64 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     fn holds_lease(&self) -> bool;
 
     /// Extends the lease.
-    ///
-    /// # Errors
-    /// [`StoreError::Expired`] if it has expired.
-    fn renew(&self) -> StoreCall<'_, ()>;
+    async fn renew(&self) -> Result<(), StoreError>;
 
     /// Gives up all worlds, and joins as a new server without worlds: the next lease epoch begins.
-    fn rejoin(&self) -> StoreCall<'_, ()>;
+    async fn rejoin(&self) -> Result<(), StoreError>;
 
     /// Ends the lease, so that other servers take over at once.
-    fn leave(&self) -> StoreCall<'_, ()>;
+    async fn leave(&self) -> Result<(), StoreError>;
 
     /// Resolves when a server may have left.
-    fn changed(&self) -> Pin<Box<dyn Future<Output = ()> + Send + '_>>;
+    async fn changed(&self);
 
     /// Returns a new id of at least `earliest`, which no world of the fleet has had.
-    fn new_id(&self, earliest: WorldId) -> StoreCall<'_, WorldId>;
+    async fn new_id(&self, earliest: WorldId) -> Result<WorldId, StoreError>;
 
     /// Takes over this server's share of the worlds without a living server, up to `max_worlds` in all. Also returns
     /// worlds that the store already assigns to this server, such as after a claim whose answer was lost. Worlds in
     /// `held` are left out: the server runs or restores them, or waits after a failure. Calls with an earlier claim to
     /// a world, such as a save, fail.
-    fn claim<'a>(&'a self, max_worlds: usize, held: &'a [WorldId]) -> StoreCall<'a, Vec<WorldId>>;
+    async fn claim(&self, max_worlds: usize, held: &[WorldId]) -> Result<Vec<WorldId>, StoreError>;
 
     /// Gives up a world that this server cannot run, so that another server takes it over.
-    fn hand_back(&self, id: WorldId) -> StoreCall<'_, ()>;
+    async fn hand_back(&self, id: WorldId) -> Result<(), StoreError>;
 
     /// Appends journals that were made in `lease_epoch`. Returns whether each was appended; if not, another server has
     /// the world. Worlds that were never saved are left out. If the lease epoch has ended, all are left out.
-    fn append_journals<'a>(
-        &'a self,
+    async fn append_journals(
+        &self,
         lease_epoch: LeaseEpoch,
-        journals: &'a [(WorldId, Journal)],
-    ) -> StoreCall<'a, BTreeMap<WorldId, bool>>;
+        journals: &[(WorldId, Journal)],
+    ) -> Result<BTreeMap<WorldId, bool>, StoreError>;
 
     /// The server that has a world; `None` if there is no such world.
-    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<ServerInfo>>;
+    async fn locate(&self, id: WorldId) -> Result<Option<ServerInfo>, StoreError>;
 
     /// All servers that hold their lease.
-    fn servers(&self) -> StoreCall<'_, Vec<ServerInfo>>;
+    async fn servers(&self) -> Result<Vec<ServerInfo>, StoreError>;
 }
 
+#[async_trait]
 impl WorldStore for StateFolder {
-    fn list(&self) -> StoreCall<'_, Vec<WorldId>> {
-        Box::pin(async { Ok(self.files()?.into_keys().collect()) })
+    async fn list(&self) -> Result<Vec<WorldId>, StoreError> {
+        Ok(self.files()?.into_keys().collect())
     }
 
-    fn read(&self, id: WorldId) -> StoreCall<'_, LoadedWorld> {
+    async fn read(&self, id: WorldId) -> Result<LoadedWorld, StoreError> {
         let path = self.file_of(id);
-        Box::pin(async move {
-            let world = on_disk(move || WorldSave::read(&path)).await?;
-            Ok(LoadedWorld { world, since: None })
-        })
+        let world = on_disk(move || WorldSave::read(&path)).await?;
+        Ok(LoadedWorld { world, since: None })
     }
 
-    fn write(&self, _: LeaseEpoch, world: WorldSave, _: SavedLog) -> StoreCall<'_, ()> {
+    async fn write(&self, _: LeaseEpoch, world: WorldSave, _: SavedLog) -> Result<(), StoreError> {
         let folder = self.clone();
-        Box::pin(on_disk(move || folder.replace(&world)))
+        on_disk(move || folder.replace(&world)).await
     }
 
-    fn forget(&self, id: WorldId) -> StoreCall<'_, ()> {
+    async fn forget(&self, id: WorldId) -> Result<(), StoreError> {
         let folder = self.clone();
-        Box::pin(on_disk(move || folder.remove(id)))
+        on_disk(move || folder.remove(id)).await
     }
 
     fn shared(&self) -> Option<&dyn SharedStore> {

@@ -86,32 +86,3 @@ impl TickTimes {
         times
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_duration_lies_below_the_bound_of_its_bucket_and_not_below_the_one_before() {
-        for us in [0.0, 9.9, 10.1, 11.9, 12.0, 999.0, 16_667.0, 40_000.0, 600_000.0] {
-            let took = Duration::from_secs_f64(us * 1.0e-6);
-            let mut times = TickTimes::default();
-            times.note(took);
-            let idx = times.counts().iter().position(|count| *count == 1).unwrap();
-            assert!(took < TickTimes::bound(idx), "{us} us in bucket {idx}");
-            assert!(idx == 0 || took >= TickTimes::bound(idx - 1), "{us} us in bucket {idx}");
-        }
-    }
-
-    #[test]
-    fn quantiles_are_at_most_a_bucket_too_high() {
-        let mut times = TickTimes::default();
-        (1..=1000).for_each(|us| times.note(Duration::from_micros(us * 10)));
-        for (share, exact) in [(0.5, 5000.0), (0.99, 9900.0)] {
-            let found = times.quantile_us(share);
-            assert!((exact..exact * 1.2).contains(&found), "{share}: {found}");
-        }
-        assert_eq!(times.count(), 1000);
-        assert_eq!(TickTimes::default().quantile_us(0.99), 0.0);
-    }
-}

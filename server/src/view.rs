@@ -10,14 +10,11 @@ use surefoot_world::{MoverState, Player, PlayerSlot, Tick, Vec3};
 /// An axis-aligned box; no coordinate of `low` exceeds that of `high`.
 #[derive(Debug, Clone, Copy)]
 pub struct Region {
-    /// Lowest corner, m.
     pub low: Vec3,
-    /// Highest corner, m.
     pub high: Vec3,
 }
 
 impl Region {
-    /// Returns the lowest and the highest corner, m.
     pub fn corners(&self) -> [Vec3; 2] {
         [self.low, self.high]
     }
@@ -31,7 +28,6 @@ impl Region {
 /// The part of a snapshot for one reader.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shown {
-    /// Tick of the snapshot.
     pub tick: Tick,
     /// Time of the server's clock at the snapshot.
     pub time: SystemTime,
@@ -45,9 +41,7 @@ pub struct Shown {
     pub gone: Vec<NpcId>,
     /// State and pose of movers by index: all of them, or those that have changed since the previous snapshot.
     pub movers: Vec<(usize, MoverState, MoverStop)>,
-    /// All players.
     pub players: Vec<(PlayerSlot, Player)>,
-    /// Revision of the map.
     pub map_revision: u64,
 }
 

@@ -27,9 +27,6 @@ wire_enum!(NpcStatus = wire::NpcStatus: Idle Seeking Down);
 wire_enum!(Support = wire::Support: Air Ground Steep Water ZipLine);
 
 /// Reads a region; absent means everywhere.
-///
-/// # Errors
-/// If a corner is missing or not finite, or a coordinate of the low corner is greater than the high one.
 pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {
     let Some(region) = region else { return Ok(None) };
     let low = convert::point(region.low.as_ref(), "region.low")?;
@@ -43,9 +40,6 @@ pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldErro
 }
 
 /// Checks that the number in `field` is finite.
-///
-/// # Errors
-/// If it is infinite or NaN.
 pub fn finite(value: f32, field: &'static str) -> Result<f32, FieldError> {
     if value.is_finite() { Ok(value) } else { Err(FieldError::NotFinite(field)) }
 }
@@ -57,7 +51,6 @@ pub(super) fn each_once(mut npcs: Vec<u64>, field: &'static str) -> Result<(), S
     Err(status::invalid(field, format!("{field} names npc {} twice", pair[0])))
 }
 
-/// Converts a world.
 pub fn world_to_wire(world: &WorldSummary) -> wire::World {
     wire::World {
         world_id: world.id.0,
@@ -73,7 +66,6 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
     }
 }
 
-/// Converts the state of an NPC.
 pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
     wire::Npc {
         npc_id: npc.id.0,
@@ -94,7 +86,6 @@ pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
     }
 }
 
-/// Converts the changes of an NPC.
 fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
     /// The new value, if it differs from the old one.
     fn changed<T: PartialEq>(old: T, new: T) -> Option<T> {
@@ -168,7 +159,6 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
     wire::NpcEvent { sequence: event.sequence, npc_id: event.npc.0, event: Some(kind) }
 }
 
-/// Converts the statistics of a world.
 pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     let WorldStats { counters, times, without_worker } = stats;
     let [reached, fell, burnt, drowned, no_progress, unreachable] = counters.ends;
@@ -194,7 +184,6 @@ pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     }
 }
 
-/// Converts the part of a snapshot for a reader.
 pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
     wire::WatchWorldResponse {
         tick: shown.tick.0,
@@ -209,7 +198,6 @@ pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
     }
 }
 
-/// Converts the plan of an NPC.
 pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
     let leg = |leg: &PlanLeg| wire::PlanLeg {
         ability: leg.ability.to_wire().into(),
@@ -223,7 +211,6 @@ pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
     }
 }
 
-/// Converts an ended attempt.
 pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
     wire::AttemptEnded {
         attempt: ended.attempt,
@@ -233,7 +220,6 @@ pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
     }
 }
 
-/// Converts the rays of an NPC.
 pub fn rays_to_wire(sight: &Sight) -> Vec<wire::Ray> {
     let surface = |seen: Option<Seen>| match seen {
         None => wire::Surface::Unspecified,

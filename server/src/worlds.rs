@@ -41,52 +41,36 @@ const SAMPLES_AT_A_TIME: usize = 2;
 /// Why the server cannot carry out a request.
 #[derive(Debug, thiserror::Error)]
 pub enum WorldsError {
-    /// No world has this id.
     #[error("world {0} does not exist")]
     UnknownWorld(WorldId),
-    /// The server has as many worlds as allowed.
     #[error("there are already {0} worlds, the most allowed (--max-worlds)")]
     TooManyWorlds(usize),
-    /// The system cannot create a thread for another world.
     #[error("cannot create a thread for another world: {0}")]
     NoThread(std::io::Error),
-    /// The client has as many worlds as allowed.
     #[error("{0}")]
     WorldQuota(QuotaError),
-    /// The client has as many NPCs as allowed.
     #[error("{0}")]
     NpcQuota(QuotaError),
-    /// The world belongs to another client.
     #[error("world {0} belongs to another client")]
     NotOwner(WorldId),
-    /// The world refuses the call.
     #[error(transparent)]
     Npc(#[from] NpcError),
-    /// The world's thread does not accept the call.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// An item of a batch is invalid: the field and the reason.
     #[error("{1}")]
     BadItem(String, String),
-    /// The map cannot be made.
     #[error(transparent)]
     Map(#[from] MapError),
-    /// The map cannot be edited.
     #[error(transparent)]
     Edit(#[from] EditError),
-    /// The store cannot be changed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// Another server of the fleet has the world.
     #[error("world {0} runs on {1}")]
     Elsewhere(WorldId, String),
-    /// The server may have lost its worlds to other servers.
     #[error("world {0} is moving to another server: call LocateWorld, and retry")]
     Moving(WorldId),
-    /// A change was applied, but may not be durable.
     #[error("world {0}: the change was applied but is not durable: the database does not answer")]
     Unconfirmed(WorldId),
-    /// Work in the background ended without a result.
     #[error("{0} failed: {1}")]
     Lost(&'static str, tokio::task::JoinError),
 }
@@ -94,15 +78,11 @@ pub enum WorldsError {
 /// A running world: the handle to its thread, and its constant properties.
 #[derive(Debug, Clone)]
 pub struct WorldHandle {
-    /// Handle to the world's thread.
     pub sim: SimHandle,
-    /// The map of the world.
     pub shown: ShownMap,
-    /// How the world's time passes.
     pub mode: TimeMode,
     /// When within a period its ticks are due, in [0, 1).
     phase: f64,
-    /// Default body of its NPCs.
     pub body: CharacterProfile,
     /// The world's place in its client's quota.
     ticket: Arc<Ticket>,
@@ -244,9 +224,6 @@ impl Worlds {
     }
 
     /// Creates a world for `client` and starts it.
-    ///
-    /// # Errors
-    /// If there are too many, or its map cannot be made.
     pub async fn create(
         &self,
         caller: &Caller,
@@ -345,9 +322,6 @@ impl Worlds {
     }
 
     /// Returns the handle of a running world.
-    ///
-    /// # Errors
-    /// If no world has this id, or this server may have lost it to another.
     pub fn handle(&self, id: WorldId) -> Result<WorldHandle, WorldsError> {
         if self.shared_store().is_some_and(|shared| !shared.holds_lease()) {
             return Err(WorldsError::Moving(id));
@@ -357,27 +331,18 @@ impl Worlds {
     }
 
     /// A running world, whose thread queues the calls as those of the caller.
-    ///
-    /// # Errors
-    /// If there is none of that id.
     pub fn handle_for(&self, caller: &Caller, id: WorldId) -> Result<WorldHandle, WorldsError> {
         let handle = self.handle(id)?;
         Ok(WorldHandle { sim: handle.sim.for_client(&caller.name), ..handle })
     }
 
     /// A running world to which the caller may add: its own, or, for designers, any.
-    ///
-    /// # Errors
-    /// If there is none of that id, or it belongs to another client.
     pub fn handle_to_change(&self, caller: &Caller, id: WorldId) -> Result<WorldHandle, WorldsError> {
         let handle = self.handle_for(caller, id)?;
         if caller.may_add_to(handle.ticket.client()) { Ok(handle) } else { Err(WorldsError::NotOwner(id)) }
     }
 
     /// One world.
-    ///
-    /// # Errors
-    /// If there is none of that id, or its thread does not answer.
     pub async fn describe(&self, caller: &Caller, id: WorldId) -> Result<WorldSummary, WorldsError> {
         Ok(self.handle_for(caller, id)?.sim.call(|state| WorldSummary::of(&state.world)).await?)
     }
@@ -392,11 +357,8 @@ impl Worlds {
         self.inner.worlds.read().keys().copied().collect()
     }
 
-    /// Ends a world and deletes its save, even if its thread is stuck. A save that is being written ends first.
-    ///
-    /// # Errors
-    /// If there is none of that id, or it belongs to another client. Also if the save cannot be deleted; then the world
-    /// continues.
+    /// Ends a world and deletes its save, even if its thread is stuck. A save that is being written ends first. If its
+    /// save cannot be deleted, the world continues.
     pub async fn drop_world(&self, caller: &Caller, id: WorldId) -> Result<(), WorldsError> {
         let handle = self.handle(id)?;
         if !caller.may_change(handle.ticket.client()) {

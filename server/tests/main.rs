@@ -2,5 +2,6 @@
 
 mod hosted;
 mod journal;
+mod shares;
 mod simulation;
 mod stuck;

@@ -7,8 +7,7 @@ use surefoot_net::levels::BaseMap;
 use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_server::hosted::TimeMode;
 use surefoot_server::store::StoreError;
-use surefoot_server::worlds::{WorldSettings, Worlds};
-use surefoot_server::{ServerConfig, WorldId};
+use surefoot_server::{ServerConfig, WorldId, WorldSettings, Worlds};
 use surefoot_world::{CharacterProfile, MapSpec};
 
 /// Far longer than any step takes, so that a hang fails the test instead of blocking it.

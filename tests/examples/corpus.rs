@@ -20,7 +20,7 @@ use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{Format, export};
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::{BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
-use surefoot_planner_service::wire as planner_wire;
+use surefoot_planner_service::layer_to_wire;
 use surefoot_policy::{Manifest, Parameter, Weights};
 use surefoot_proto::plans::{plan_to_wire, settings_to_wire};
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
@@ -157,7 +157,7 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     let leg = plan::LegEnds { from: stop(0), to: stop(1) };
     let query =
         plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(19.0, 1.0, 9.0), avoid: vec![leg], ..Default::default() };
-    let on_wire = planner_wire::layer_to_wire(&layer());
+    let on_wire = layer_to_wire(&layer());
     let traversals = vec![plan::Traversal { from: 0, to: 1, reached: true, decisions: 9, died: false }];
     let settings = Some(settings_to_wire(&BuildSettings::default()));
     vec![

@@ -9,7 +9,7 @@ use surefoot_fleet::blobs::Blobs;
 use surefoot_fleet::database::Database;
 use surefoot_fleet::planners::FleetPlanner;
 use surefoot_planner::GraphId;
-use surefoot_planner_service::jobs::BuildId;
+use surefoot_planner_service::BuildId;
 use surefoot_planner_service::replicas::ClaimOutcome;
 use surefoot_processes::wait_until;
 

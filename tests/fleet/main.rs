@@ -11,6 +11,7 @@ mod services;
 
 mod harness;
 mod healing;
+mod jobs;
 mod planners;
 mod repeats;
 mod requesters;

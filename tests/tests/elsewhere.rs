@@ -9,7 +9,7 @@ use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::directory_service_client::DirectoryServiceClient;
 use surefoot_server::hosted::{Journal, SavedLog, WorldSave};
-use surefoot_server::store::{LeaseEpoch, LoadedWorld, ServerInfo, SharedStore, StoreCall, StoreError, WorldStore};
+use surefoot_server::store::{LeaseEpoch, LoadedWorld, ServerInfo, SharedStore, StoreError, WorldStore, async_trait};
 use surefoot_server::{NpcId, ServerConfig, WorldId};
 use tonic::Status;
 
@@ -24,28 +24,25 @@ const UNANSWERED: WorldId = WorldId(4);
 #[derive(Debug)]
 struct Fleet;
 
-fn broken<T: Send + 'static>() -> StoreCall<'static, T> {
-    Box::pin(async { Err(StoreError::Unavailable(SECRET.to_owned())) })
+fn broken<T>() -> Result<T, StoreError> {
+    Err(StoreError::Unavailable(SECRET.to_owned()))
 }
 
-fn done<'a, T: Send + 'a>(result: T) -> StoreCall<'a, T> {
-    Box::pin(async move { Ok(result) })
-}
-
+#[async_trait]
 impl WorldStore for Fleet {
-    fn list(&self) -> StoreCall<'_, Vec<WorldId>> {
-        done(Vec::new())
+    async fn list(&self) -> Result<Vec<WorldId>, StoreError> {
+        Ok(Vec::new())
     }
 
-    fn read(&self, _: WorldId) -> StoreCall<'_, LoadedWorld> {
+    async fn read(&self, _: WorldId) -> Result<LoadedWorld, StoreError> {
         broken()
     }
 
-    fn write(&self, _: LeaseEpoch, _: WorldSave, _: SavedLog) -> StoreCall<'_, ()> {
-        done(())
+    async fn write(&self, _: LeaseEpoch, _: WorldSave, _: SavedLog) -> Result<(), StoreError> {
+        Ok(())
     }
 
-    fn forget(&self, _: WorldId) -> StoreCall<'_, ()> {
+    async fn forget(&self, _: WorldId) -> Result<(), StoreError> {
         broken()
     }
 
@@ -54,6 +51,7 @@ impl WorldStore for Fleet {
     }
 }
 
+#[async_trait]
 impl SharedStore for Fleet {
     fn lease(&self) -> Duration {
         Duration::from_secs(5)
@@ -67,55 +65,55 @@ impl SharedStore for Fleet {
         true
     }
 
-    fn renew(&self) -> StoreCall<'_, ()> {
-        done(())
+    async fn renew(&self) -> Result<(), StoreError> {
+        Ok(())
     }
 
-    fn rejoin(&self) -> StoreCall<'_, ()> {
-        done(())
+    async fn rejoin(&self) -> Result<(), StoreError> {
+        Ok(())
     }
 
-    fn leave(&self) -> StoreCall<'_, ()> {
-        done(())
+    async fn leave(&self) -> Result<(), StoreError> {
+        Ok(())
     }
 
-    fn changed(&self) -> std::pin::Pin<Box<dyn Future<Output = ()> + Send + '_>> {
-        Box::pin(std::future::pending())
+    async fn changed(&self) {
+        std::future::pending().await
     }
 
-    fn new_id(&self, earliest: WorldId) -> StoreCall<'_, WorldId> {
-        done(earliest)
+    async fn new_id(&self, earliest: WorldId) -> Result<WorldId, StoreError> {
+        Ok(earliest)
     }
 
-    fn claim<'a>(&'a self, _: usize, _: &'a [WorldId]) -> StoreCall<'a, Vec<WorldId>> {
-        done(Vec::new())
+    async fn claim(&self, _: usize, _: &[WorldId]) -> Result<Vec<WorldId>, StoreError> {
+        Ok(Vec::new())
     }
 
-    fn hand_back(&self, _: WorldId) -> StoreCall<'_, ()> {
-        done(())
+    async fn hand_back(&self, _: WorldId) -> Result<(), StoreError> {
+        Ok(())
     }
 
-    fn append_journals<'a>(
-        &'a self,
+    async fn append_journals(
+        &self,
         _: LeaseEpoch,
-        journals: &'a [(WorldId, Journal)],
-    ) -> StoreCall<'a, BTreeMap<WorldId, bool>> {
-        done(journals.iter().map(|(id, _)| (*id, true)).collect())
+        journals: &[(WorldId, Journal)],
+    ) -> Result<BTreeMap<WorldId, bool>, StoreError> {
+        Ok(journals.iter().map(|(id, _)| (*id, true)).collect())
     }
 
-    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<ServerInfo>> {
+    async fn locate(&self, id: WorldId) -> Result<Option<ServerInfo>, StoreError> {
         let place = |is_alive| {
             Some(ServerInfo { address: "http://other:7600".to_owned(), is_here: false, is_alive, world_count: 1 })
         };
         match id {
-            ELSEWHERE => done(place(true)),
-            MOVING => done(place(false)),
+            ELSEWHERE => Ok(place(true)),
+            MOVING => Ok(place(false)),
             UNANSWERED => broken(),
-            _ => done(None),
+            _ => Ok(None),
         }
     }
 
-    fn servers(&self) -> StoreCall<'_, Vec<ServerInfo>> {
+    async fn servers(&self) -> Result<Vec<ServerInfo>, StoreError> {
         broken()
     }
 }

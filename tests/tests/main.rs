@@ -28,6 +28,7 @@ mod planning;
 mod replicas;
 mod round_trips;
 mod security;
+mod shared;
 mod studio;
 mod trust;
 mod untrusted;

@@ -14,8 +14,8 @@ use surefoot_planner::{
     BuildSettings, Built, Edge, EdgeKey, Leg, LegKey, NavGraph, Need, Needs, NoPath, Placement, Plan, Probing,
     RawBuildSettings, Ride, Stop, VertexId, store as cache,
 };
-use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
-use surefoot_proto::convert;
+use surefoot_planner_service::{PlannerConfig, layer_from_wire, layer_to_wire, settings_from_wire};
+use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::plans::{self, plan_to_wire, settings_to_wire};
 use surefoot_world::map::{
     Building, Cave, Features, Jetpack, Liquid, MapKind, MapSize, MoverDensities, Outline, Pad, Placed, Plateau, Pool,
@@ -324,16 +324,27 @@ proptest! {
     fn layers_come_back_from_the_cache_and_from_the_wire(layer in layer()) {
         prop_assert_eq!(layer.validate(), Ok(()));
         prop_assert_eq!(&cache::decode_layer(&cache::encode_layer(&layer)).unwrap(), &layer);
-        let on_wire = planner_wire::layer_to_wire(&layer);
-        prop_assert_eq!(planner_wire::layer_from_wire(Some(&on_wire)).unwrap(), layer);
+        let on_wire = layer_to_wire(&layer);
+        prop_assert_eq!(layer_from_wire(Some(&on_wire)).unwrap(), layer);
     }
 
     #[test]
     fn settings_plans_and_specs_come_back_from_the_wire(settings in settings(), plan in plan(), spec in spec()) {
         let on_wire = settings_to_wire(&settings);
-        prop_assert_eq!(planner_wire::settings_from_wire(Some(&on_wire), &PlannerConfig::default()).unwrap(), settings);
+        prop_assert_eq!(settings_from_wire(Some(&on_wire), &PlannerConfig::default()).unwrap(), settings);
         prop_assert_eq!(plans::plan(&plan_to_wire(&plan)).unwrap(), plan);
         prop_assert_eq!(convert::map_spec(Some(&convert::map_spec_to_wire(&spec))).unwrap(), spec);
+    }
+
+    #[test]
+    fn a_leg_without_a_valid_duration_is_refused(
+        plan in plan(),
+        seconds in prop::sample::select(vec![f32::NAN, f32::INFINITY, -1.0]),
+    ) {
+        let mut on_wire = plan_to_wire(&plan);
+        on_wire.legs[0].seconds = seconds;
+        let error = plans::plan(&on_wire).unwrap_err();
+        prop_assert!(matches!(error, FieldError::Range { field: "plan.legs.seconds", .. }), "{error}");
     }
 
     #[test]

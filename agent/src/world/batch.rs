@@ -50,9 +50,6 @@ pub(super) struct Batch {
 
 impl Batch {
     /// Decodes a batch with observations of `observation_len` values.
-    ///
-    /// # Errors
-    /// If the numbers of values do not fit.
     pub fn decode(batch: wire::ObservationBatch, observation_len: usize) -> Result<Self, Malformed> {
         let count = batch.npc_ids.len();
         let malformed = |_| Malformed;

@@ -120,9 +120,6 @@ impl RehearsalGround {
     }
 
     /// Runs rehearsals on a blocking thread; none if NPCs cannot rehearse.
-    ///
-    /// # Errors
-    /// If a rehearsal panicked.
     pub async fn run(
         &mut self,
         starts: Vec<RehearsalStart>,

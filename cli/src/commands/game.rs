@@ -26,9 +26,6 @@ impl WorldArgs {
 
 /// Connects to the environments of the game at `uri`. For a game that speaks the batch protocol, a bridge in this
 /// process serves them as long as the connection lives.
-///
-/// # Errors
-/// If the game does not answer.
 pub fn connect(uri: &str, credentials: &Credentials) -> Result<Game, GameError> {
     if !is_batch_address(uri) {
         return Game::connect(uri, credentials);

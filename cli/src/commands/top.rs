@@ -1,6 +1,7 @@
 //! `surefoot top`: figures of a running server in the terminal.
 
 use super::endpoint::CredentialArgs;
+use super::up::{attempts, percent};
 use crate::terminal::is_interactive;
 use anyhow::Context;
 use std::fmt::Write;
@@ -117,10 +118,6 @@ fn row(text: &mut String, sample: &Sample, old: Option<&Sample>, span: Duration)
     let times = |stats: &WorldStats| TickTimes::from_counts(&stats.tick_histogram);
     let recent = times(stats).since(&times(&past));
     let count = |status: NpcStatus| sample.npcs.iter().filter(|npc| npc.status() == status).count();
-    let ends = |stats: &WorldStats| {
-        stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress + stats.unreachable
-    };
-    let percent = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
     // Writing to a string cannot fail.
     let _ = writeln!(
         text,
@@ -138,6 +135,6 @@ fn row(text: &mut String, sample: &Sample, old: Option<&Sample>, span: Duration)
         since(|stats| stats.ticks_dropped),
         rate(since(|stats| stats.decisions_answered)),
         percent(since(|stats| stats.decisions_missed), since(|stats| stats.decisions_requested)),
-        percent(stats.reached, ends(stats)),
+        percent(stats.reached, attempts(stats)),
     );
 }

@@ -183,11 +183,16 @@ fn start_services(args: &Args, setup: &Setup, shutdown: &Shutdown, parts: &mut P
     let (server_uri, planner_uri) = (server.uri(), plans.uri());
     let policy = load_policy(args.model.as_deref())?;
     let store = args.cache.open()?;
-    eprintln!("world server  {server_uri}  (gRPC, Connect, GET /metrics)");
+    eprintln!("world server  {server_uri}  (gRPC, JSON, GET /metrics)");
     eprintln!("planner       {planner_uri}");
     match surefoot_studio::missing() {
-        None => eprintln!("Studio        {server_uri}/"),
+        None => eprintln!("Studio        {server_uri}/  open it in a browser: NPCs, their plans, and the graph"),
         Some(reason) => eprintln!("Studio        not in this build: {reason}"),
+    }
+    if let Ok(program) = std::env::current_exe() {
+        let program = program.display();
+        eprintln!("type next     {program} up --maps level.glb      NPCs in a level of yours (after Ctrl-C)");
+        eprintln!("              {program} graph reach level.glb    what no character can reach in it");
     }
     let (limits, stop) = (args.limits.config(), shutdown.clone());
     // The planner proves and the workers rehearse on the server's maps, so that no map is generated or held twice.
@@ -324,11 +329,12 @@ fn stats(watching: &watch::Receiver<WatchStatsResponse>) -> WorldStats {
     watching.borrow().stats.clone().unwrap_or_default()
 }
 
-fn attempts(stats: &WorldStats) -> u64 {
+/// Number of attempts that have ended.
+pub(super) fn attempts(stats: &WorldStats) -> u64 {
     stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress + stats.unreachable
 }
 
-fn percent(part: u64, whole: u64) -> f64 {
+pub(super) fn percent(part: u64, whole: u64) -> f64 {
     100.0 * part as f64 / whole.max(1) as f64
 }
 

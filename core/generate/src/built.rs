@@ -57,6 +57,36 @@ impl Platform {
     }
 }
 
+/// Square tiles that fit into a map.
+#[derive(Debug, Clone, Copy)]
+struct Tiles {
+    /// Side of a tile, m.
+    pitch: f32,
+    /// Numbers of columns and rows.
+    counts: [usize; 2],
+    /// Corner of the first tile, m.
+    corner: [f32; 2],
+}
+
+impl Tiles {
+    /// Column and row of each tile, row by row.
+    fn all(self) -> impl Iterator<Item = [usize; 2]> {
+        (0..self.counts[1]).flat_map(move |row| (0..self.counts[0]).map(move |column| [column, row]))
+    }
+
+    /// Middle of a tile at height 0, m.
+    fn middle(self, tile: [usize; 2]) -> Vec3 {
+        let [x, z] = [0, 1].map(|axis| self.corner[axis] + (tile[axis] as f32 + 0.5) * self.pitch);
+        Vec3::new(x, 0.0, z)
+    }
+
+    /// Index of the tile so many columns and rows from another in the order of [`all`](Self::all), if there is one.
+    fn beside(self, tile: [usize; 2], steps: [isize; 2]) -> Option<usize> {
+        let at = |axis: usize| tile[axis].checked_add_signed(steps[axis]).filter(|it| *it < self.counts[axis]);
+        Some(at(1)? * self.counts[0] + at(0)?)
+    }
+}
+
 struct Builder {
     rng: ChaCha8Rng,
     size: Vec3,
@@ -117,53 +147,44 @@ impl Builder {
         self.add(block, middle, yaw);
     }
 
-    /// Cells of `pitch` metres that fit into the map, as the number along x and z and the corner of the first.
-    fn cells(&self, pitch: f32, most: usize) -> ([usize; 2], [f32; 2]) {
-        let count = |side: f32| (((side - 2.0 * RIM_M) / pitch) as usize).clamp(1, most);
-        let counts = [count(self.size.x), count(self.size.z)];
-        let corner = |side: f32, count: usize| 0.5 * (side - count as f32 * pitch);
-        (counts, [corner(self.size.x, counts[0]), corner(self.size.z, counts[1])])
+    /// The tiles of `pitch` metres that fit into the map, at most `most` along each side.
+    fn tiles(&self, pitch: f32, most: usize) -> Tiles {
+        let sides = [self.size.x, self.size.z];
+        let counts = sides.map(|side| (((side - 2.0 * RIM_M) / pitch) as usize).clamp(1, most));
+        Tiles { pitch, counts, corner: [0, 1].map(|axis| 0.5 * (sides[axis] - counts[axis] as f32 * pitch)) }
     }
 
     // --- islands ---
 
     /// Platforms over a void, joined by bridges, beams, stepping stones, or jumps.
     fn islands(&mut self) {
-        let pitch = 15.0 * self.scale;
-        let ([columns, rows], [x0, z0]) = self.cells(pitch, 64);
+        let tiles = self.tiles(15.0 * self.scale, 64);
+        let islands: Vec<_> = tiles.all().map(|tile| self.island(tiles.middle(tile), tiles.pitch)).collect();
+        for (tile, island) in tiles.all().zip(&islands) {
+            let Some(here) = island else { continue };
+            let neighbours = [[1, 0], [0, 1]].into_iter().filter_map(|steps| tiles.beside(tile, steps));
+            neighbours.filter_map(|there| islands[there]).for_each(|there| self.join(here, &there));
+        }
+    }
+
+    /// Adds a platform near the middle of a tile, or leaves the tile empty.
+    fn island(&mut self, middle: Vec3, pitch: f32) -> Option<Platform> {
+        let mut jitter = || self.rng.random_range(-0.18..0.18f32) * pitch;
+        let (x, z) = (middle.x + jitter(), middle.z + jitter());
+        if self.chance(0.08) {
+            return None;
+        }
         let range = (0.3 * self.size.y).min(MAX_RELIEF_M);
-        let mut platforms = vec![None; columns * rows];
-        for row in 0..rows {
-            for column in 0..columns {
-                let mut jitter = || self.rng.random_range(-0.18..0.18f32) * pitch;
-                let x = x0 + (column as f32 + 0.5) * pitch + jitter();
-                let z = z0 + (row as f32 + 0.5) * pitch + jitter();
-                if self.chance(0.08) {
-                    continue;
-                }
-                let y = self.base() + self.relief(x, z, range) + self.rng.random_range(-1.5..1.5f32);
-                let half = [self.length(1.5, 4.6), self.length(1.5, 4.6)];
-                let platform = Platform { top: Vec3::new(x, y, z), half, yaw: self.rng.random_range(0.0..TAU) };
-                let thickness = self.length(0.5, 4.0);
-                self.add_platform(platform, thickness);
-                if self.chance(0.2) {
-                    let (side, height) = (self.length(0.4, 1.2), self.length(0.5, 2.5));
-                    self.add_box(platform.top - Vec3::Y * 0.1, [side, side], height);
-                }
-                platforms[row * columns + column] = Some(platform);
-            }
+        let y = self.base() + self.relief(x, z, range) + self.rng.random_range(-1.5..1.5f32);
+        let half = [self.length(1.5, 4.6), self.length(1.5, 4.6)];
+        let platform = Platform { top: Vec3::new(x, y, z), half, yaw: self.rng.random_range(0.0..TAU) };
+        let thickness = self.length(0.5, 4.0);
+        self.add_platform(platform, thickness);
+        if self.chance(0.2) {
+            let (side, height) = (self.length(0.4, 1.2), self.length(0.5, 2.5));
+            self.add_box(platform.top - Vec3::Y * 0.1, [side, side], height);
         }
-        for row in 0..rows {
-            for column in 0..columns {
-                let at = |column: usize, row: usize| {
-                    (column < columns && row < rows).then(|| platforms[row * columns + column]).flatten()
-                };
-                let Some(here) = at(column, row) else { continue };
-                for there in [at(column + 1, row), at(column, row + 1)].into_iter().flatten() {
-                    self.join(&here, &there);
-                }
-            }
-        }
+        Some(platform)
     }
 
     /// Joins two platforms by something, or leaves the gap.
@@ -200,26 +221,19 @@ impl Builder {
 
     /// Towers with ledges that wind up around them, joined by planks high up.
     fn towers(&mut self) {
-        let pitch = 30.0 * self.scale.max(1.0);
-        let ([columns, rows], [x0, z0]) = self.cells(pitch, 12);
+        let tiles = self.tiles(30.0 * self.scale.max(1.0), 12);
         let mut ledges: Vec<Vec<Platform>> = Vec::new();
-        for row in 0..rows {
-            for column in 0..columns {
-                let foot = Vec3::new(
-                    x0 + (column as f32 + 0.5) * pitch,
-                    self.base() + self.rng.random_range(-4.0..4.0f32),
-                    z0 + (row as f32 + 0.5) * pitch,
-                );
-                let tower = self.tower(foot);
-                let neighbours = [(column > 0).then(|| ledges.len() - 1), ledges.len().checked_sub(columns)];
-                neighbours.into_iter().flatten().for_each(|other| self.span(&tower, &ledges[other]));
-                ledges.push(tower);
-            }
+        for tile in tiles.all() {
+            let tower = self.tower(tiles.middle(tile));
+            let neighbours = [[-1, 0], [0, -1]].into_iter().filter_map(|steps| tiles.beside(tile, steps));
+            neighbours.for_each(|other| self.span(&tower, &ledges[other]));
+            ledges.push(tower);
         }
     }
 
     /// Adds one tower and returns its ledges, its foot first.
-    fn tower(&mut self, foot: Vec3) -> Vec<Platform> {
+    fn tower(&mut self, middle: Vec3) -> Vec<Platform> {
+        let foot = middle.with_y(self.base() + self.rng.random_range(-4.0..4.0f32));
         let core = self.length(1.6, 3.6);
         let ground = Platform { top: foot, half: [core + self.length(2.0, 5.0); 2], yaw: 0.0 };
         let thickness = self.length(1.0, 4.0);
@@ -282,54 +296,48 @@ impl Builder {
 
     /// Tiles at a few levels with ramps between them, pits, crates and pillars, partly walled.
     fn arena(&mut self) {
-        let pitch = 9.0 * self.scale;
-        let ([columns, rows], [x0, z0]) = self.cells(pitch, 30);
-        let storey = 2.2 * self.scale.min(1.6);
-        let mut levels = vec![None; columns * rows];
-        for row in 0..rows {
-            for column in 0..columns {
-                let (x, z) = (x0 + (column as f32 + 0.5) * pitch, z0 + (row as f32 + 0.5) * pitch);
-                if self.chance(0.09) {
-                    continue;
-                }
-                let level = (self.relief(1.6 * x, 1.6 * z, 3.9)).floor();
-                let top = Vec3::new(x, self.base() + level * storey, z);
-                levels[row * columns + column] = Some(top);
-                // A hair of overlap, so that tiles of one level are joined.
-                let half = 0.5 * pitch + 0.01;
-                self.add_box(top - Vec3::Y * (3.0 + level * storey), [half, half], 3.0 + level * storey);
-                self.furnish(top, 0.35 * pitch);
+        let tiles = self.tiles(9.0 * self.scale, 30);
+        let tops: Vec<_> = tiles.all().map(|tile| self.arena_tile(tiles.middle(tile), tiles.pitch)).collect();
+        for (tile, top) in tiles.all().zip(&tops) {
+            let Some(here) = *top else { continue };
+            for [columns, rows] in [[1, 0], [0, 1], [-1, 0], [0, -1]] {
+                let at = |far: isize| tiles.beside(tile, [far * columns, far * rows]).map(|idx| tops[idx]);
+                self.arena_side(here, [at(1), at(2)], Vec3::new(columns as f32, 0.0, rows as f32), tiles.pitch);
             }
         }
-        for row in 0..rows {
-            for column in 0..columns {
-                let Some(here) = levels[row * columns + column] else { continue };
-                for (dx, dz) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
-                    let (x, z) = (column as i32 + dx, row as i32 + dz);
-                    let is_inside = (0..columns as i32).contains(&x) && (0..rows as i32).contains(&z);
-                    let there = is_inside.then(|| levels[z as usize * columns + x as usize]);
-                    let way = Vec3::new(dx as f32, 0.0, dz as f32);
-                    match there {
-                        Some(Some(there)) => self.ramp_up(here, there, way, pitch),
-                        Some(None) if self.chance(0.25) => {
-                            // A bridge over the pit, if there is ground beyond.
-                            let (x, z) = (column as i32 + 2 * dx, row as i32 + 2 * dz);
-                            let is_inside = (0..columns as i32).contains(&x) && (0..rows as i32).contains(&z);
-                            let beyond = is_inside.then(|| levels[z as usize * columns + x as usize]).flatten();
-                            if let Some(beyond) = beyond {
-                                let width = self.length(0.7, 2.5);
-                                self.add_plank(here + way * 0.49 * pitch, beyond - way * 0.49 * pitch, width, 0.4);
-                            }
-                        }
-                        None if self.chance(0.5) => {
-                            let half = if dx == 0 { [0.5 * pitch, 0.15] } else { [0.15, 0.5 * pitch] };
-                            let height = self.length(0.5, 3.0);
-                            self.add_box(here + way * (0.5 * pitch - 0.15) - Vec3::Y * 0.1, half, height);
-                        }
-                        _ => {}
-                    }
+    }
+
+    /// Adds a tile of an arena and returns the middle of its top, or leaves a pit.
+    fn arena_tile(&mut self, middle: Vec3, pitch: f32) -> Option<Vec3> {
+        if self.chance(0.09) {
+            return None;
+        }
+        let rise = self.relief(1.6 * middle.x, 1.6 * middle.z, 3.9).floor() * (2.2 * self.scale.min(1.6));
+        let top = middle.with_y(self.base() + rise);
+        // A hair of overlap, so that tiles of one level are joined.
+        let half = 0.5 * pitch + 0.01;
+        self.add_box(top - Vec3::Y * (3.0 + rise), [half, half], 3.0 + rise);
+        self.furnish(top, 0.35 * pitch);
+        Some(top)
+    }
+
+    /// Adds a ramp, a bridge over a pit, or a wall at the border to one side of a tile, now and then. `ahead` are the
+    /// tops of the next two tiles on that side: `None` beyond the border, and `Some(None)` for a pit.
+    fn arena_side(&mut self, here: Vec3, ahead: [Option<Option<Vec3>>; 2], way: Vec3, pitch: f32) {
+        match ahead {
+            [Some(Some(there)), _] => self.ramp_up(here, there, way, pitch),
+            [Some(None), beyond] if self.chance(0.25) => {
+                if let Some(beyond) = beyond.flatten() {
+                    let width = self.length(0.7, 2.5);
+                    self.add_plank(here + way * 0.49 * pitch, beyond - way * 0.49 * pitch, width, 0.4);
                 }
             }
+            [None, _] if self.chance(0.5) => {
+                let half = if way.x == 0.0 { [0.5 * pitch, 0.15] } else { [0.15, 0.5 * pitch] };
+                let height = self.length(0.5, 3.0);
+                self.add_box(here + way * (0.5 * pitch - 0.15) - Vec3::Y * 0.1, half, height);
+            }
+            _ => {}
         }
     }
 
@@ -360,36 +368,31 @@ impl Builder {
 
     /// Rooms on several storeys with doorways, ramps and shafts.
     fn interior(&mut self) {
-        let (pitch, storey) = (7.0 * self.scale, 3.2 * self.scale);
-        let ([columns, rows], [x0, z0]) = self.cells(pitch, 16);
+        let (tiles, storey, slab) = (self.tiles(7.0 * self.scale, 16), 3.2 * self.scale, 0.25 * self.scale);
+        let pitch = tiles.pitch;
         let most = ((0.6 * self.size.y / storey) as usize).clamp(1, 4);
         let storeys = self.rng.random_range(1..=most);
-        let (slab, wall) = (0.25 * self.scale, 0.15 * self.scale);
-        // Flights of stairs by cell, of the storey below and of this one.
-        let mut wells = vec![false; columns * rows];
+        // Whether stairs lead up from each room, of the storey below and of this one.
+        let mut wells = vec![false; tiles.all().count()];
         for level in 0..=storeys {
-            let floor = self.base() + level as f32 * storey;
-            let is_roof = level == storeys;
-            let below = std::mem::replace(&mut wells, vec![false; columns * rows]);
-            for row in 0..rows {
-                for column in 0..columns {
-                    let cell = row * columns + column;
-                    let middle = Vec3::new(x0 + (column as f32 + 0.5) * pitch, floor, z0 + (row as f32 + 0.5) * pitch);
-                    let is_shaft = level > 0 && self.chance(0.03);
-                    if !below[cell] && !is_shaft {
-                        self.add_box(middle - Vec3::Y * slab, [0.5 * pitch + 0.01; 2], slab);
-                    }
-                    if is_roof {
-                        continue;
-                    }
-                    if !below[cell] && !is_shaft && self.chance(0.12) {
-                        wells[cell] = true;
-                        self.add_stairs(middle, pitch, storey);
-                    } else if !below[cell] && self.chance(0.4) {
-                        self.furnish(middle, 0.3 * pitch);
-                    }
-                    self.add_walls(middle, pitch, storey - slab, wall, [column, row], [columns, rows]);
+            let below = std::mem::take(&mut wells);
+            wells.resize(below.len(), false);
+            for (tile, (is_open, well)) in tiles.all().zip(below.into_iter().zip(&mut wells)) {
+                let middle = tiles.middle(tile).with_y(self.base() + level as f32 * storey);
+                let is_shaft = level > 0 && self.chance(0.03);
+                if !is_open && !is_shaft {
+                    self.add_box(middle - Vec3::Y * slab, [0.5 * pitch + 0.01; 2], slab);
                 }
+                if level == storeys {
+                    continue;
+                }
+                if !is_open && !is_shaft && self.chance(0.12) {
+                    *well = true;
+                    self.add_stairs(middle, pitch, storey);
+                } else if !is_open && self.chance(0.4) {
+                    self.furnish(middle, 0.3 * pitch);
+                }
+                self.add_walls(middle, storey - slab, tiles, tile);
             }
         }
     }
@@ -414,12 +417,13 @@ impl Builder {
     }
 
     /// Adds the walls on two sides of a room, and on the others where the house ends.
-    fn add_walls(&mut self, middle: Vec3, pitch: f32, height: f32, wall: f32, cell: [usize; 2], counts: [usize; 2]) {
-        let outer = |axis: usize| cell[axis] + 1 == counts[axis];
+    fn add_walls(&mut self, middle: Vec3, height: f32, tiles: Tiles, tile: [usize; 2]) {
+        let (side, wall) = (0.5 * tiles.pitch, 0.15 * self.scale);
+        let outer = |axis: usize| tile[axis] + 1 == tiles.counts[axis];
         // One way on from every room makes all of a storey's rooms one maze (a binary tree maze).
         let way_on = usize::from(outer(0) || !outer(1) && self.chance(0.5));
         for (axis, sign, is_outer) in [(0, 1.0, outer(0)), (1, 1.0, outer(1)), (0, -1.0, true), (1, -1.0, true)] {
-            if sign < 0.0 && cell[axis] > 0 {
+            if sign < 0.0 && tile[axis] > 0 {
                 continue;
             }
             let kind: u32 = self.rng.random_range(0..20);
@@ -429,9 +433,8 @@ impl Builder {
                 continue;
             }
             let way = if axis == 0 { Vec3::X } else { Vec3::Z };
-            let centre = middle + way * (sign * 0.5 * pitch);
+            let centre = middle + way * (sign * 0.5 * tiles.pitch);
             let yaw = if axis == 0 { FRAC_PI_2 } else { 0.0 };
-            let side = 0.5 * pitch;
             let mut blocks = Vec::with_capacity(3);
             if kind < closed && (is_outer || axis != way_on) {
                 blocks.push((-side, side, -0.05));

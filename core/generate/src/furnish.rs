@@ -12,7 +12,7 @@ use std::ops::Range;
 use surefoot_world::character::{CharacterProfile, MoveScratch};
 use surefoot_world::float::turned;
 use surefoot_world::map::mover::{MAX_MOVERS, cuboid};
-use surefoot_world::map::{Map, MapSpec, Mover, MoverKind, MoverStop};
+use surefoot_world::map::{Device, Map, MapSpec, Mover, MoverKind, MoverStop};
 use surefoot_world::mesh::Surface;
 use surefoot_world::navigable::{self, DOWN};
 use surefoot_world::{StopIdx, Vec3};
@@ -70,7 +70,7 @@ pub(crate) fn movers(map: &Map, spec: &MapSpec) -> Vec<Mover> {
         profile: CharacterProfile::default(),
         rng,
         scratch: MoveScratch::default(),
-        taken: devices(map),
+        taken: map.placed().devices().flat_map(Device::ends).collect(),
         movers: Vec::new(),
     };
     let wanted = &spec.movers;
@@ -91,15 +91,6 @@ pub(crate) fn movers(map: &Map, spec: &MapSpec) -> Vec<Mover> {
     furnisher.movers
 }
 
-/// Where the devices of a map are.
-fn devices(map: &Map) -> Vec<Vec3> {
-    let placed = map.placed();
-    let pads = placed.pads.iter().map(|pad| pad.centre);
-    let lines = placed.zip_lines.iter().flat_map(|line| [line.from, line.to]);
-    let teleporters = placed.teleporters.iter().flat_map(|teleporter| [teleporter.from, teleporter.to]);
-    pads.chain(lines).chain(teleporters).chain(placed.jetpacks.iter().map(|jetpack| jetpack.centre)).collect()
-}
-
 /// Makes a mover beside a place where a body stands, if the place suits it.
 type Site<'a> = fn(&mut Furnisher<'a>, Vec3) -> Option<Mover>;
 
@@ -118,20 +109,15 @@ impl<'a> Furnisher<'a> {
         for _ in 0..TRIES {
             let taken = &self.taken;
             let is_apart = |point: Vec3| taken.iter().all(|it| it.distance_squared(point) > APART_M * APART_M);
-            match navigable::sample_where(self.map, &self.profile, &mut self.rng, &mut self.scratch, is_apart) {
-                Err(_) => return,
-                Ok(None) => {}
-                Ok(Some(feet)) => {
-                    if let Some(mover) = site(self, feet) {
-                        self.taken.extend((0..mover.stops.len()).map(|stop| {
-                            let (low, high) = mover.bounds_at(stop);
-                            (low + high) * 0.5
-                        }));
-                        self.movers.push(Mover { name, ..mover });
-                        return;
-                    }
-                }
-            }
+            let drawn = navigable::sample_where(self.map, &self.profile, &mut self.rng, &mut self.scratch, is_apart);
+            let Ok(feet) = drawn else { return };
+            let Some(mover) = feet.and_then(|feet| site(self, feet)) else { continue };
+            self.taken.extend((0..mover.stops.len()).map(|stop| {
+                let (low, high) = mover.bounds_at(stop);
+                (low + high) * 0.5
+            }));
+            self.movers.push(Mover { name, ..mover });
+            return;
         }
     }
 

@@ -7,7 +7,9 @@ use rand::rngs::ChaCha8Rng;
 use surefoot_world::Vec3;
 use surefoot_world::character::{CharacterProfile, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
-use surefoot_world::map::{CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, MapSpec, Pad, Placed, Teleporter, ZipLine};
+use surefoot_world::map::{
+    CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, Device, DeviceKind, MapSpec, Pad, Placed, ZipLine,
+};
 use surefoot_world::reach::ground::{Cell, Ground};
 use surefoot_world::reach::leap::{self, Leap};
 use surefoot_world::reach::{Link, Means, Reach, links};
@@ -131,10 +133,7 @@ impl Repair<'_> {
             let cells = &self.ground().cells()[self.ground().column(column + dx, row + dz)];
             cells.iter().any(|cell| (cell.feet.y - feet.y).abs() < 0.55)
         });
-        let discs = self.placed.pads.iter().map(|pad| pad.centre);
-        let discs = discs.chain(self.placed.zip_lines.iter().flat_map(|line| [line.from, line.to]));
-        let discs = discs.chain(self.placed.teleporters.iter().flat_map(|teleporter| [teleporter.from, teleporter.to]));
-        let mut discs = discs.chain(self.placed.jetpacks.iter().map(|jetpack| jetpack.centre));
+        let mut discs = self.placed.devices().flat_map(Device::ends);
         is_level && discs.all(|disc| disc.distance(feet) > 2.0 * DISC_RADIUS_M + 1.0)
     }
 
@@ -142,14 +141,6 @@ impl Repair<'_> {
     fn link(&mut self, takeoffs: &[u32], landing: Vec3, means: Means) {
         let landing = self.ground().index_at(landing).expect("a cell's place is on the ground") as u32;
         let links: Vec<Link> = links::between(self.ground(), takeoffs, landing, means).collect();
-        self.reach.links.extend(links);
-    }
-
-    /// Links the islands beside one end of a teleporter to those beside the other end.
-    fn link_all(&mut self, from: Vec3, to: Vec3) {
-        let (near, far) = (links::cells_beside(self.ground(), from), links::cells_beside(self.ground(), to));
-        let links: Vec<Link> =
-            far.iter().flat_map(|&cell| links::between(self.ground(), &near, cell, Means::Teleporter)).collect();
         self.reach.links.extend(links);
     }
 
@@ -205,12 +196,10 @@ impl Repair<'_> {
                 if !is_far || from.island == to.island || !self.is_site(from.feet) || !self.is_site(to.feet) {
                     continue;
                 }
-                let two_way = nth % 2 == 1;
-                self.placed.teleporters.push(Teleporter { from: from.feet, to: to.feet, two_way });
-                self.link_all(from.feet, to.feet);
-                if two_way {
-                    self.link_all(to.feet, from.feet);
-                }
+                let one_way = Device::new(DeviceKind::Teleporter, from.feet);
+                let teleporter = Device { to: Some(to.feet), two_way: nth % 2 == 1, ..one_way };
+                self.placed.add(teleporter);
+                self.reach.links.extend(links::by_teleporter(&self.reach.ground, teleporter));
                 break;
             }
         }

@@ -128,57 +128,48 @@ impl Lattice {
 
     /// Extracts the iso-surface as triangles with outward normals (counter-clockwise seen from the air).
     pub(crate) fn surface(&self) -> Vec<[Vec3; 3]> {
-        let cells = self.counts.map(|count| count - 1);
-        let (layer, row) = (cells[0] * cells[1], cells[0]);
-        const NONE: u32 = u32::MAX;
-        let mut vertices: Vec<Vec3> = Vec::new();
+        let [columns, rows, layers] = self.counts.map(|count| count - 1);
         let mut triangles = Vec::new();
         // Two layers of cells suffice: a quad around an edge joins cells of this layer and the previous one.
-        let mut previous = vec![NONE; layer];
-        let mut current = vec![NONE; layer];
-        for z in 0..cells[2] {
-            current.fill(NONE);
-            for y in 0..cells[1] {
-                for x in 0..cells[0] {
-                    if let Some(vertex) = self.cell_vertex(x, y, z) {
-                        current[y * row + x] = vertices.len() as u32;
-                        vertices.push(vertex);
-                    }
+        let mut previous = vec![None; columns * rows];
+        let mut current = previous.clone();
+        for z in 0..layers {
+            for y in 0..rows {
+                for x in 0..columns {
+                    current[y * columns + x] = self.cell_vertex(x, y, z);
                 }
             }
-            for y in 0..cells[1] {
-                for x in 0..cells[0] {
-                    let here = self.values[self.idx(x, y, z)];
-                    let at = |cells: &[u32], x: usize, y: usize| vertices[cells[y * row + x] as usize];
-                    // Edge along x: shared by the cells around it in y and z.
-                    if y > 0 && z > 0 {
-                        let quad = || {
-                            [at(&previous, x, y - 1), at(&current, x, y - 1), at(&current, x, y), at(&previous, x, y)]
-                        };
-                        push_quad(&mut triangles, here, self.values[self.idx(x + 1, y, z)], quad, true);
-                    }
-                    if x > 0 && z > 0 {
-                        let quad = || {
-                            [at(&previous, x - 1, y), at(&current, x - 1, y), at(&current, x, y), at(&previous, x, y)]
-                        };
-                        push_quad(&mut triangles, here, self.values[self.idx(x, y + 1, z)], quad, false);
-                    }
-                    if x > 0 && y > 0 {
-                        let quad = || {
-                            [
-                                at(&current, x - 1, y - 1),
-                                at(&current, x, y - 1),
-                                at(&current, x, y),
-                                at(&current, x - 1, y),
-                            ]
-                        };
-                        push_quad(&mut triangles, here, self.values[self.idx(x, y, z + 1)], quad, false);
-                    }
+            for y in 0..rows {
+                for x in 0..columns {
+                    self.push_quads([x, y, z], [&previous, &current], &mut triangles);
                 }
             }
             std::mem::swap(&mut previous, &mut current);
         }
         triangles
+    }
+
+    /// Pushes the quads around the edges that lead from a lattice point along each axis. `layers` are the vertices of
+    /// the cells below and above the point along z.
+    fn push_quads(&self, [x, y, z]: [usize; 3], layers: [&[Option<Vec3>]; 2], triangles: &mut Vec<[Vec3; 3]>) {
+        let [previous, current] = layers;
+        let at = |layer: &[Option<Vec3>], x: usize, y: usize| {
+            layer[y * (self.counts[0] - 1) + x].expect("the surface passes through all cells around an edge it crosses")
+        };
+        let value = |x: usize, y: usize, z: usize| self.values[self.idx(x, y, z)];
+        let here = value(x, y, z);
+        if y > 0 && z > 0 {
+            let quad = || [at(previous, x, y - 1), at(current, x, y - 1), at(current, x, y), at(previous, x, y)];
+            push_quad(triangles, here, value(x + 1, y, z), quad, true);
+        }
+        if x > 0 && z > 0 {
+            let quad = || [at(previous, x - 1, y), at(current, x - 1, y), at(current, x, y), at(previous, x, y)];
+            push_quad(triangles, here, value(x, y + 1, z), quad, false);
+        }
+        if x > 0 && y > 0 {
+            let quad = || [at(current, x - 1, y - 1), at(current, x, y - 1), at(current, x, y), at(current, x - 1, y)];
+            push_quad(triangles, here, value(x, y, z + 1), quad, false);
+        }
     }
 
     /// The mean of the edge crossings of one cell, m; `None` if the surface does not pass through the cell.

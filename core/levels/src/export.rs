@@ -3,30 +3,37 @@
 //! The scene has one mesh node `ground`, one node for each pool and device with the names that `named` knows, and empty
 //! nodes that mark buildings, plateaus, ravines and caves. Its extras keep the map's size.
 
-use crate::named::{PAD_EXTRA_M, PAD_GRAVITY};
+use crate::file::numbered;
+use crate::found::{PAD_EXTRA_M, PAD_GRAVITY};
+use gltf::Glb;
+use gltf::binary::Header;
+use gltf::json::accessor::{Accessor, ComponentType, GenericComponentType, Type};
+use gltf::json::buffer::{Buffer, Target, View};
+use gltf::json::material::{
+    AlphaMode, EmissiveFactor, Material, PbrBaseColorFactor, PbrMetallicRoughness, StrengthFactor,
+};
+use gltf::json::mesh::{Mesh, Mode, Primitive, Semantic};
+use gltf::json::validation::Checked::Valid;
+use gltf::json::{Extras, Index, Node, Root, Scene};
+use serde_json::value::to_raw_value;
 use serde_json::{Value, json};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::f32::consts::TAU;
-use surefoot_world::Vec3;
-use surefoot_world::map::{DISC_RADIUS_M, Liquid, Map, MapSize, MoverKind, Outline};
+use surefoot_world::map::{DISC_RADIUS_M, DeviceKind, Map, MapSize, MoverKind, Outline};
 use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Aabb, Vec3};
 
 /// Number of corners of a device's disc.
 const DISC_SIDES: usize = 16;
 /// Height of a device's disc, m.
 const DISC_HEIGHT_M: f32 = 0.12;
-/// Component types and buffer targets of glTF.
-const UNSIGNED_INT: u32 = 5125;
-const FLOAT: u32 = 5126;
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// Encodes the map as a `.glb` file.
 pub fn export_glb(map: &Map) -> Vec<u8> {
     let mut scene = SceneWriter::default();
     let solids = map.mesh().triangles().iter().filter(|triangle| triangle.surface().is_solid());
     if let Some(ground) = scene.add_mesh("ground", Surface::Ground, solids.map(Triangle::corners)) {
-        scene.nodes.push(json!({ "name": "ground", "mesh": ground }));
+        scene.root.push(Node { name: Some("ground".to_owned()), mesh: Some(ground), ..Node::default() });
     }
     add_pools(&mut scene, map);
     add_devices(&mut scene, map);
@@ -37,52 +44,38 @@ pub fn export_glb(map: &Map) -> Vec<u8> {
 
 /// Adds each pool as a box from its surface to its depth.
 fn add_pools(scene: &mut SceneWriter, map: &Map) {
-    let mut counts = [0, 0];
+    let mut counts = [0; Surface::ALL.len()];
     for pool in &map.placed().pools {
-        let (name, count) = match pool.liquid {
-            Liquid::Water => ("water", &mut counts[0]),
-            Liquid::Lava => ("lava", &mut counts[1]),
-        };
-        let mesh = scene.shared_mesh(name, pool.liquid.into(), box_below_origin);
+        let surface = Surface::from(pool.liquid);
+        let name = format!("{}_{}", surface.name(), counts[surface as usize]);
+        counts[surface as usize] += 1;
+        let mesh = scene.shared_mesh(surface, box_below_origin);
         let (half_x, half_z) = pool.outline.half_extents();
-        let mut node = json!({
-            "name": format!("{name}_{count}"),
-            "mesh": mesh,
-            "translation": numbers(pool.centre),
-            "scale": numbers(Vec3::new(2.0 * half_x, pool.depth, 2.0 * half_z)),
-        });
-        if let Outline::Round { radius } = pool.outline {
-            node["extras"] = json!({ "outline": "round", "radius": f64::from(radius) });
-        }
-        *count += 1;
-        scene.nodes.push(node);
+        let extras = match pool.outline {
+            Outline::Round { radius } => json!({ "outline": "round", "radius": radius }),
+            Outline::Rectangle { .. } => Value::Null,
+        };
+        let scale = Some([2.0 * half_x, pool.depth, 2.0 * half_z]);
+        scene.root.push(Node { scale, ..node(name, pool.centre, Some(mesh), extras) });
     }
 }
 
 fn add_devices(scene: &mut SceneWriter, map: &Map) {
-    let placed = map.placed();
-    for (idx, pad) in placed.pads.iter().enumerate() {
-        let speed = f64::from(pad.speed);
-        let height = speed * speed / (2.0 * PAD_GRAVITY) - PAD_EXTRA_M;
-        scene.add_disc(format!("pad_{idx}"), Surface::Pad, pad.centre, json!({ "height": height }));
-    }
-    for (idx, line) in placed.zip_lines.iter().enumerate() {
-        scene.add_disc(format!("zip_line_{idx}:from"), Surface::ZipLine, line.from, Value::Null);
-        scene.add_empty(format!("zip_line_{idx}:to"), line.to, Value::Null);
-    }
-    for (idx, teleporter) in placed.teleporters.iter().enumerate() {
-        let extras = json!({ "two_way": teleporter.two_way });
-        scene.add_disc(format!("teleporter_{idx}:from"), Surface::Teleporter, teleporter.from, extras);
-        let to = format!("teleporter_{idx}:to");
-        if teleporter.two_way {
-            scene.add_disc(to, Surface::Teleporter, teleporter.to, Value::Null);
-        } else {
-            scene.add_empty(to, teleporter.to, Value::Null);
+    for device in map.placed().devices() {
+        let (name, power) = (format!("{}_{}", device.kind.name(), device.idx), f64::from(device.power));
+        let extras = match device.kind {
+            DeviceKind::Pad => json!({ "height": power * power / (2.0 * PAD_GRAVITY) - PAD_EXTRA_M }),
+            DeviceKind::ZipLine => Value::Null,
+            DeviceKind::Teleporter => json!({ "two_way": device.two_way }),
+            DeviceKind::Jetpack => json!({ "fuel": power }),
+        };
+        let end = if device.to.is_some() { ":from" } else { "" };
+        scene.add_disc(format!("{name}{end}"), device.kind, device.from, extras);
+        match device.to {
+            Some(to) if device.two_way => scene.add_disc(format!("{name}:to"), device.kind, to, Value::Null),
+            Some(to) => scene.add_empty(format!("{name}:to"), to, Value::Null),
+            None => {}
         }
-    }
-    for (idx, jetpack) in placed.jetpacks.iter().enumerate() {
-        let extras = json!({ "fuel": f64::from(jetpack.fuel) });
-        scene.add_disc(format!("jetpack_{idx}"), Surface::Jetpack, jetpack.centre, extras);
     }
 }
 
@@ -94,21 +87,18 @@ fn add_movers(scene: &mut SceneWriter, map: &Map) {
         let further = &mover.stops[1..];
         let mut extras = json!({
             "mover": mover.kind.name(),
-            "seconds": f64::from(mover.travel_s),
-            "dwell": f64::from(mover.dwell_s),
+            "seconds": mover.travel_s,
+            "dwell": mover.dwell_s,
             "loop": mover.cycles,
             "open": mover.start.0 > 0,
-            "velocity": numbers(mover.belt),
+            "velocity": mover.belt.to_array(),
         });
         if let Some(turned) = further.first().filter(|stop| stop.yaw != 0.0) {
-            extras["hinge"] = json!(f64::from(turned.yaw.to_degrees()));
+            extras["hinge"] = json!(turned.yaw.to_degrees());
         } else if mover.kind != MoverKind::Floor {
-            extras["path"] = further.iter().map(|stop| numbers(stop.offset)).collect();
+            extras["path"] = further.iter().map(|stop| json!(stop.offset.to_array())).collect();
         }
-        scene.add_empty(mover.name.clone(), mover.pivot, extras);
-        if let Some(node) = scene.nodes.last_mut() {
-            node["mesh"] = json!(mesh);
-        }
+        scene.root.push(node(mover.name.clone(), mover.pivot, Some(mesh), extras));
     }
 }
 
@@ -129,12 +119,12 @@ fn add_landmarks(scene: &mut SceneWriter, map: &Map) {
         scene.add_empty(format!("plateau_{idx}"), plateau.top, json!({ "radius": plateau.radius }));
     }
     for (idx, ravine) in placed.ravines.iter().enumerate() {
-        let path: Vec<Value> = ravine.path.iter().map(|&point| numbers(point)).collect();
+        let path: Vec<[f32; 3]> = ravine.path.iter().map(|point| point.to_array()).collect();
         let start = ravine.path.first().copied().unwrap_or_default();
         scene.add_empty(format!("ravine_{idx}"), start, json!({ "path": path, "width": ravine.width }));
     }
     for (idx, cave) in placed.caves.iter().enumerate() {
-        scene.add_empty(format!("cave_{idx}"), cave.from, json!({ "to": numbers(cave.to), "radius": cave.radius }));
+        scene.add_empty(format!("cave_{idx}"), cave.from, json!({ "to": cave.to.to_array(), "radius": cave.radius }));
     }
 }
 
@@ -170,70 +160,55 @@ fn prism(rim: &[Vec3], bottom: f32, top: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Coordinates as JSON numbers, widened to `f64` so that they print with all digits and read back with the same bits.
-fn numbers(point: Vec3) -> Value {
-    json!(point.to_array().map(f64::from))
+/// A node at a place, with these extras unless they are null.
+fn node(name: String, at: Vec3, mesh: Option<Index<Mesh>>, extras: Value) -> Node {
+    Node { name: Some(name), translation: Some(at.to_array()), mesh, extras: raw(extras), ..Node::default() }
+}
+
+/// Numbers of 32 bits are widened in a [`Value`], so they print with all digits and read back with the same bits.
+fn raw(extras: Value) -> Extras {
+    (!extras.is_null()).then(|| to_raw_value(&extras).expect("plain data"))
 }
 
 /// Collects a glTF document and its binary data.
 #[derive(Default)]
 struct SceneWriter {
-    nodes: Vec<Value>,
-    meshes: Vec<Value>,
-    accessors: Vec<Value>,
-    views: Vec<Value>,
+    root: Root,
     binary: Vec<u8>,
-    shared: HashMap<&'static str, usize>,
+    shared: HashMap<&'static str, Index<Mesh>>,
 }
 
 impl SceneWriter {
     /// Adds an indexed mesh, with corners welded where their bits are equal; `None` if there are no triangles.
-    fn add_mesh(&mut self, name: &str, surface: Surface, triangles: impl Iterator<Item = [Vec3; 3]>) -> Option<usize> {
-        let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
-        let (mut positions, mut indices) = (Vec::new(), Vec::new());
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in triangles.flatten() {
-            let next = numbers.len() as u32;
-            let number = *numbers.entry(corner.to_array().map(f32::to_bits)).or_insert_with(|| {
-                positions.extend(corner.to_array().into_iter().flat_map(f32::to_le_bytes));
-                (low, high) = (low.min(corner), high.max(corner));
-                next
-            });
-            indices.extend(number.to_le_bytes());
-        }
-        let index_count = indices.len() / 4;
-        if index_count == 0 {
-            return None;
-        }
-        let position = json!({
-            "bufferView": self.add_view(&positions, ARRAY_BUFFER),
-            "componentType": FLOAT,
-            "count": numbers.len(),
-            "type": "VEC3",
-            "min": self::numbers(low),
-            "max": self::numbers(high),
-        });
-        let index = json!({
-            "bufferView": self.add_view(&indices, ELEMENT_ARRAY_BUFFER),
-            "componentType": UNSIGNED_INT,
-            "count": index_count,
-            "type": "SCALAR",
-        });
-        let first = self.accessors.len();
-        self.accessors.extend([position, index]);
-        self.meshes.push(json!({
-            "name": name,
-            "primitives": [{
-                "attributes": { "POSITION": first },
-                "indices": first + 1,
-                "material": surface as usize,
-            }],
-        }));
-        Some(self.meshes.len() - 1)
+    fn add_mesh(
+        &mut self,
+        name: &str,
+        surface: Surface,
+        triangles: impl Iterator<Item = [Vec3; 3]>,
+    ) -> Option<Index<Mesh>> {
+        let (vertices, corners) = numbered(triangles.flatten());
+        let Aabb { low, high } = Aabb::around(vertices.iter().copied())?;
+        let positions: Vec<u8> = vertices.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes).collect();
+        let indices: Vec<u8> = corners.into_iter().flat_map(u32::to_le_bytes).collect();
+        let (min, max) = (Some(json!(low.to_array())), Some(json!(high.to_array())));
+        let positions = Accessor { min, max, ..self.add_view(&positions, Target::ArrayBuffer) };
+        let indices = self.add_view(&indices, Target::ElementArrayBuffer);
+        let primitive = Primitive {
+            attributes: BTreeMap::from([(Valid(Semantic::Positions), self.root.push(positions))]),
+            extensions: None,
+            extras: None,
+            indices: Some(self.root.push(indices)),
+            material: Some(Index::new(surface as u32)),
+            mode: Valid(Mode::Triangles),
+            targets: None,
+        };
+        let (name, primitives) = (Some(name.to_owned()), vec![primitive]);
+        Some(self.root.push(Mesh { extensions: None, extras: None, name, primitives, weights: None }))
     }
 
     /// Returns a mesh that several nodes share, and adds it when it is first needed.
-    fn shared_mesh(&mut self, name: &'static str, surface: Surface, make: impl Fn() -> Vec<[Vec3; 3]>) -> usize {
+    fn shared_mesh(&mut self, surface: Surface, make: impl Fn() -> Vec<[Vec3; 3]>) -> Index<Mesh> {
+        let name = surface.name();
         if let Some(&mesh) = self.shared.get(name) {
             return mesh;
         }
@@ -242,92 +217,70 @@ impl SceneWriter {
         mesh
     }
 
-    /// Adds a buffer view. All values are four bytes wide, so every view begins at a multiple of four.
-    fn add_view(&mut self, bytes: &[u8], target: u32) -> usize {
-        self.views.push(json!({
-            "buffer": 0,
-            "byteOffset": self.binary.len(),
-            "byteLength": bytes.len(),
-            "target": target,
-        }));
+    /// Adds a buffer view of positions or indices, and returns an accessor of all that it holds. All values are four
+    /// bytes wide, so every view begins at a multiple of four.
+    fn add_view(&mut self, bytes: &[u8], target: Target) -> Accessor {
+        let (component, kind) = match target {
+            Target::ArrayBuffer => (ComponentType::F32, Type::Vec3),
+            Target::ElementArrayBuffer => (ComponentType::U32, Type::Scalar),
+        };
+        let view = self.root.push(View {
+            buffer: Index::new(0),
+            byte_length: bytes.len().into(),
+            byte_offset: Some(self.binary.len().into()),
+            byte_stride: None,
+            name: None,
+            target: Some(Valid(target)),
+            extensions: None,
+            extras: None,
+        });
         self.binary.extend(bytes);
-        self.views.len() - 1
+        Accessor {
+            buffer_view: Some(view),
+            byte_offset: None,
+            count: (bytes.len() / (component.size() * kind.multiplicity())).into(),
+            component_type: Valid(GenericComponentType(component)),
+            extensions: None,
+            extras: None,
+            type_: Valid(kind),
+            min: None,
+            max: None,
+            name: None,
+            normalized: false,
+            sparse: None,
+        }
     }
 
-    fn add_disc(&mut self, name: String, surface: Surface, centre: Vec3, extras: Value) {
-        let mesh = self.shared_mesh(material_name(surface), surface, disc);
-        self.add_empty(name, centre, extras);
-        if let Some(node) = self.nodes.last_mut() {
-            node["mesh"] = json!(mesh);
-        }
+    fn add_disc(&mut self, name: String, kind: DeviceKind, centre: Vec3, extras: Value) {
+        let mesh = self.shared_mesh(kind.surface(), disc);
+        self.root.push(node(name, centre, Some(mesh), extras));
     }
 
     fn add_empty(&mut self, name: String, at: Vec3, extras: Value) {
-        let mut node = json!({ "name": name, "translation": numbers(at) });
-        if !extras.is_null() {
-            node["extras"] = extras;
-        }
-        self.nodes.push(node);
+        self.root.push(node(name, at, None, extras));
     }
 
-    /// Writes the header, the JSON chunk padded with spaces, and the binary chunk padded with zeros (glTF 2.0, section
-    /// 4.4).
     fn finish(self, MapSize { width, height, depth }: MapSize) -> Vec<u8> {
-        let mut document = json!({
-            "asset": { "version": "2.0", "generator": "Surefoot" },
-            "scene": 0,
-            "scenes": [{ "name": "map", "extras": { "surefoot": { "size": [width, height, depth] } } }],
-            "materials": Surface::ALL.map(material),
+        let Self { mut root, binary, .. } = self;
+        let nodes = (0..root.nodes.len() as u32).map(Index::new).collect();
+        let extras = raw(json!({ "surefoot": { "size": [width, height, depth] } }));
+        root.scene = Some(root.push(Scene { extensions: None, extras, name: Some("map".to_owned()), nodes }));
+        root.asset.generator = Some("Surefoot".to_owned());
+        root.materials = Surface::ALL.iter().copied().map(material).collect();
+        // glTF does not allow empty buffers.
+        let bin = (!binary.is_empty()).then(|| {
+            let byte_length = binary.len().into();
+            root.push(Buffer { byte_length, name: None, uri: None, extensions: None, extras: None });
+            binary.into()
         });
-        let lists = [
-            ("nodes", self.nodes),
-            ("meshes", self.meshes),
-            ("accessors", self.accessors),
-            ("bufferViews", self.views),
-        ];
-        // glTF does not allow empty lists.
-        for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
-            if name == "nodes" {
-                document["scenes"][0]["nodes"] = json!((0..list.len()).collect::<Vec<_>>());
-            }
-            document[name] = Value::Array(list);
-        }
-        let mut binary = self.binary;
-        if !binary.is_empty() {
-            document["buffers"] = json!([{ "byteLength": binary.len() }]);
-        }
-        let mut json = document.to_string().into_bytes();
-        json.resize(json.len().next_multiple_of(4), b' ');
-        binary.resize(binary.len().next_multiple_of(4), 0);
-
-        let chunks: [(&[u8; 4], Vec<u8>); 2] = [(b"JSON", json), (b"BIN\0", binary)];
-        let mut bytes = Vec::new();
-        bytes.extend(b"glTF");
-        bytes.extend(2u32.to_le_bytes());
-        let len: usize = chunks.iter().filter(|(_, chunk)| !chunk.is_empty()).map(|(_, chunk)| 8 + chunk.len()).sum();
-        bytes.extend((12 + len as u32).to_le_bytes());
-        for (kind, chunk) in chunks.into_iter().filter(|(_, chunk)| !chunk.is_empty()) {
-            bytes.extend((chunk.len() as u32).to_le_bytes());
-            bytes.extend(kind);
-            bytes.extend(chunk);
-        }
-        bytes
+        let json = root.to_vec().expect("plain data").into();
+        // The writer computes the length itself.
+        let header = Header { magic: *b"glTF", version: 2, length: 0 };
+        Glb { header, json, bin }.to_vec().expect("memory takes all bytes")
     }
 }
 
-fn material_name(surface: Surface) -> &'static str {
-    match surface {
-        Surface::Ground => "ground",
-        Surface::Water => "water",
-        Surface::Lava => "lava",
-        Surface::Pad => "pad",
-        Surface::ZipLine => "zip_line",
-        Surface::Teleporter => "teleporter",
-        Surface::Jetpack => "jetpack",
-    }
-}
-
-fn material(surface: Surface) -> Value {
+fn material(surface: Surface) -> Material {
     let (colour, glow) = match surface {
         Surface::Ground => ([0.36, 0.33, 0.27, 1.0], [0.0, 0.0, 0.0]),
         Surface::Water => ([0.08, 0.30, 0.55, 0.6], [0.0, 0.0, 0.0]),
@@ -337,13 +290,16 @@ fn material(surface: Surface) -> Value {
         Surface::Teleporter => ([0.55, 0.20, 0.80, 1.0], [0.1, 0.0, 0.2]),
         Surface::Jetpack => ([0.85, 0.85, 0.90, 1.0], [0.0, 0.0, 0.0]),
     };
-    let mut material = json!({
-        "name": material_name(surface),
-        "pbrMetallicRoughness": { "baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": 0.9 },
-        "emissiveFactor": glow,
-    });
-    if surface == Surface::Water {
-        material["alphaMode"] = json!("BLEND");
+    Material {
+        name: Some(surface.name().to_owned()),
+        alpha_mode: Valid(if surface == Surface::Water { AlphaMode::Blend } else { AlphaMode::Opaque }),
+        pbr_metallic_roughness: PbrMetallicRoughness {
+            base_color_factor: PbrBaseColorFactor(colour),
+            metallic_factor: StrengthFactor(0.0),
+            roughness_factor: StrengthFactor(0.9),
+            ..PbrMetallicRoughness::default()
+        },
+        emissive_factor: EmissiveFactor(glow),
+        ..Material::default()
     }
-    material
 }

@@ -15,26 +15,17 @@ use std::collections::HashMap;
 use surefoot_world::Vec3;
 use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use surefoot_world::map::{
-    CollisionMap, Features, Map, MapHash, MapKind, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed,
-    RawMapSpec, SpecError,
+    CollisionMap, Features, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec,
+    SpecError,
 };
 use surefoot_world::mesh::{Surface, Triangle};
 
 /// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
 const VERSION: u32 = 5;
-/// Format whose specs have neither movers nor a choice of repair.
-const VERSION_WITHOUT_DENSITIES: u32 = 4;
-/// Format of maps without pieces.
-const VERSION_WITHOUT_PIECES: u32 = 3;
-/// Format of maps without movers.
-const VERSION_WITHOUT_MOVERS: u32 = 2;
-/// Format whose specs have no kind.
-const VERSION_WITHOUT_KIND: u32 = 1;
-/// Seed, size and features of a spec in that format.
-type SpecWithoutKind = (u64, MapSize, Features);
-/// The same and the kind, in the formats up to that without densities.
-type SpecWithoutMovers = (u64, MapSize, Features, MapKind);
+/// The only other format that is read: release 0.2.0 (commit b43d94c) wrote it. Its specs have no kind, movers and
+/// choice of repair, and its maps neither movers nor pieces. No release wrote formats 2 to 4.
+const VERSION_OF_0_2: u32 = 1;
 const HEADER_LEN: usize = MAGIC.len() + 4 + 8 + blake3::OUT_LEN;
 const VERTEX_LEN: usize = 12;
 const CORNERS_LEN: usize = 12;
@@ -153,26 +144,16 @@ pub fn encode(map: &Map) -> Vec<u8> {
     let (triangles, placed) = map.without_pieces();
     let description = (map.spec(), map.size(), placed, map.movers(), map.pieces());
     let description = postcard::to_stdvec(&description).expect("plain data");
-    let mut numbers = HashMap::with_capacity(triangles.len());
-    let mut vertices = Vec::with_capacity(triangles.len() * VERTEX_LEN);
-    let mut corners = Vec::with_capacity(triangles.len() * CORNERS_LEN);
-    for corner in triangles.iter().flat_map(Triangle::corners) {
-        let bits = corner.to_array().map(f32::to_bits);
-        let next = numbers.len() as u32;
-        let number = *numbers.entry(bits).or_insert_with(|| {
-            bits.iter().for_each(|value| vertices.extend(value.to_le_bytes()));
-            next
-        });
-        corners.extend(number.to_le_bytes());
-    }
-    let mut payload = Vec::with_capacity(64 + description.len() + vertices.len() + corners.len() + triangles.len());
+    let (vertices, corners) = numbered(triangles.iter().flat_map(Triangle::corners));
+    let geometry_len = vertices.len() * VERTEX_LEN + triangles.len() * (CORNERS_LEN + 1);
+    let mut payload = Vec::with_capacity(64 + description.len() + geometry_len);
     payload.extend(map.hash().0);
     payload.extend((description.len() as u32).to_le_bytes());
     payload.extend(description);
-    payload.extend((numbers.len() as u32).to_le_bytes());
+    payload.extend((vertices.len() as u32).to_le_bytes());
     payload.extend((triangles.len() as u32).to_le_bytes());
-    payload.extend(vertices);
-    payload.extend(corners);
+    vertices.iter().for_each(|vertex| payload.extend(vertex.to_array().map(f32::to_le_bytes).as_flattened()));
+    corners.iter().for_each(|corner| payload.extend(corner.to_le_bytes()));
     payload.extend(triangles.iter().map(|triangle| triangle.surface() as u8));
 
     let mut bytes = Vec::with_capacity(HEADER_LEN + payload.len());
@@ -182,6 +163,19 @@ pub fn encode(map: &Map) -> Vec<u8> {
     bytes.extend(blake3::hash(&payload).as_bytes());
     bytes.extend(payload);
     bytes
+}
+
+/// The vertices of triangles, and the number of the vertex at each corner. Corners with equal bits share a vertex.
+pub(super) fn numbered(corners: impl Iterator<Item = Vec3>) -> (Vec<Vec3>, Vec<u32>) {
+    let (mut vertices, mut numbers) = (Vec::new(), HashMap::new());
+    let number = |corner: Vec3| {
+        *numbers.entry(corner.to_array().map(f32::to_bits)).or_insert_with(|| {
+            vertices.push(corner);
+            vertices.len() as u32 - 1
+        })
+    };
+    let corners = corners.map(number).collect();
+    (vertices, corners)
 }
 
 /// Decodes a map that [`encode`] wrote; the map has the same hash.
@@ -219,7 +213,7 @@ fn checked_payload(bytes: &[u8]) -> Result<(u32, &[u8]), FileError> {
     let mut header = Reader(&bytes[MAGIC.len()..]);
     let too_short = |_| FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
     let found = header.number().map_err(too_short)?;
-    if !(VERSION_WITHOUT_KIND..=VERSION).contains(&found) {
+    if ![VERSION_OF_0_2, VERSION].contains(&found) {
         return Err(FileError::Version { found });
     }
     let payload_len = u64::from_le_bytes(*header.array().map_err(too_short)?);
@@ -245,25 +239,14 @@ struct Description {
 }
 
 fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError> {
-    type WithoutKind = (Option<SpecWithoutKind>, MapSize, Placed);
-    type WithoutMovers = (Option<SpecWithoutMovers>, MapSize, Placed);
-    type WithoutPieces = (Option<SpecWithoutMovers>, MapSize, Placed, Vec<Mover>);
-    type WithoutDensities = (Option<SpecWithoutMovers>, MapSize, Placed, Vec<Mover>, Vec<Piece>);
+    type Of02 = (Option<(u64, MapSize, Features)>, MapSize, Placed);
     type Present = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>);
-    let complete = |spec: Option<SpecWithoutMovers>| {
-        spec.map(|(seed, size, features, kind)| RawMapSpec { size, features, kind, ..RawMapSpec::new(seed) })
+    let complete = |((spec, size, placed), rest): (Of02, _)| -> (Present, _) {
+        let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
+        ((spec, size, placed, Vec::new(), Vec::new()), rest)
     };
-    let read: Result<(Present, &[u8]), postcard::Error> = match version {
-        VERSION_WITHOUT_KIND => postcard::take_from_bytes::<WithoutKind>(bytes).map(|((spec, size, placed), rest)| {
-            let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
-            ((spec, size, placed, Vec::new(), Vec::new()), rest)
-        }),
-        VERSION_WITHOUT_MOVERS => postcard::take_from_bytes::<WithoutMovers>(bytes)
-            .map(|((spec, size, placed), rest)| ((complete(spec), size, placed, Vec::new(), Vec::new()), rest)),
-        VERSION_WITHOUT_PIECES => postcard::take_from_bytes::<WithoutPieces>(bytes)
-            .map(|((spec, size, placed, movers), rest)| ((complete(spec), size, placed, movers, Vec::new()), rest)),
-        VERSION_WITHOUT_DENSITIES => postcard::take_from_bytes::<WithoutDensities>(bytes)
-            .map(|((spec, size, placed, movers, pieces), rest)| ((complete(spec), size, placed, movers, pieces), rest)),
+    let read = match version {
+        VERSION_OF_0_2 => postcard::take_from_bytes::<Of02>(bytes).map(complete),
         _ => postcard::take_from_bytes::<Present>(bytes),
     };
     let ((spec, size, placed, movers, pieces), rest) =
@@ -314,17 +297,8 @@ fn check_placed(placed: &Placed) -> Result<(), FileError> {
         let (half_x, half_z) = pool.outline.half_extents();
         check_numbers("pool", idx, pool.centre.to_array().into_iter().chain([half_x, half_z, pool.depth]))?;
     }
-    for (idx, pad) in placed.pads.iter().enumerate() {
-        check_numbers("pad", idx, pad.centre.to_array().into_iter().chain([pad.speed]))?;
-    }
-    for (idx, line) in placed.zip_lines.iter().enumerate() {
-        check_numbers("zip line", idx, [line.from, line.to].into_iter().flat_map(|point| point.to_array()))?;
-    }
-    for (idx, teleporter) in placed.teleporters.iter().enumerate() {
-        check_numbers("teleporter", idx, [teleporter.from, teleporter.to].into_iter().flat_map(|p| p.to_array()))?;
-    }
-    for (idx, jetpack) in placed.jetpacks.iter().enumerate() {
-        check_numbers("jetpack", idx, jetpack.centre.to_array().into_iter().chain([jetpack.fuel]))?;
+    for device in placed.devices() {
+        check_numbers(device.kind.name(), device.idx as usize, device.numbers())?;
     }
     for (idx, building) in placed.buildings.iter().enumerate() {
         let measures = [building.half[0], building.half[1], building.yaw, building.height];

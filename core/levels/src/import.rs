@@ -1,20 +1,22 @@
 //! Imports a level made in another tool as a [`Map`].
 //!
-//! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`), its features (`named`), its place and size on
-//! the map, and the oddities of its geometry (`inspect`).
+//! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`), its features (`named`, `sidecar`), its place and
+//! size on the map, and the oddities of its geometry (`inspect`).
 
 use crate::faults::{ImportError, Warning};
 use crate::file::{FileError, decode};
+use crate::found::Found;
 use crate::inspect::{self, EdgeCounts};
 use crate::load::{check_load, is_allowed};
-use crate::named::{self, Found, Sidecar};
+use crate::named;
 use crate::scene::{Frame, ImportOptions, Scene, node_label};
+use crate::sidecar::Sidecar;
 use crate::sides::{self, Turned};
 use crate::{gltf_in, obj_in};
-use surefoot_world::Vec3;
 use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use surefoot_world::map::{Map, MapSize};
 use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Aabb, Vec3};
 
 /// Space left around a level, m.
 const MARGIN_M: f32 = 2.0;
@@ -94,7 +96,7 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let mut found = Found::default();
     let sidecar = sidecar.map_or_else(|| Ok(Sidecar::default()), Sidecar::parse)?;
     let is_solid = named::collect_from_nodes(&scene.nodes, &sidecar, frame, &mut found)?;
-    named::collect_from_sidecar(sidecar, frame, &mut found)?;
+    sidecar.collect(frame, &mut found)?;
     let mut meshes: Vec<&mut Vec<[Vec3; 3]>> =
         scene.nodes.iter_mut().zip(is_solid).filter(|(_, solid)| *solid).map(|(node, _)| &mut node.triangles).collect();
     let former = scene.former_size.filter(|_| *options == ImportOptions::default());
@@ -128,24 +130,20 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let movers = found.take_movers(place.shift);
     let placed = found.place(place.shift, place.size).map_err(outside)?;
     check_load(place.size, &triangles, &placed)?;
-    if open.is_empty() {
-        let map = Map::from_parts(place.size, triangles, placed).with_movers(movers)?;
-        return Ok(Imported { map, origin: place.shift, warnings });
+    let spare = (!open.is_empty()).then(|| (triangles.clone(), placed.clone()));
+    let mut map = Map::from_parts(place.size, triangles, placed);
+    if let Some((mut triangles, placed)) = spare {
+        let backs = open.iter().filter_map(|surface| surface.backs(place.shift, map.mesh()));
+        let plates: Vec<Triangle> =
+            backs.flat_map(|backs| backs.iter().filter_map(moved).collect::<Vec<_>>()).collect();
+        if !plates.is_empty() {
+            warnings.push(Warning::Plates { count: plates.len() });
+            triangles.extend(plates);
+            check_load(place.size, &triangles, &placed)?;
+            map = Map::from_parts(place.size, triangles, placed);
+        }
     }
-    let map = Map::from_parts(place.size, triangles.clone(), placed.clone());
-    let plates: Vec<Triangle> = open
-        .iter()
-        .filter_map(|surface| surface.backs(place.shift, map.mesh()))
-        .flat_map(|backs| backs.iter().filter_map(moved).collect::<Vec<_>>())
-        .collect();
-    if plates.is_empty() {
-        return Ok(Imported { map: map.with_movers(movers)?, origin: place.shift, warnings });
-    }
-    warnings.push(Warning::Plates { count: plates.len() });
-    let triangles: Vec<Triangle> = triangles.into_iter().chain(plates).collect();
-    check_load(place.size, &triangles, &placed)?;
-    let map = Map::from_parts(place.size, triangles, placed).with_movers(movers)?;
-    Ok(Imported { map, origin: place.shift, warnings })
+    Ok(Imported { map: map.with_movers(movers)?, origin: place.shift, warnings })
 }
 
 /// The irregular edges of a level as it was modelled.
@@ -207,13 +205,8 @@ struct Place {
 
 impl Place {
     fn new(solids: &[[Vec3; 3]], found: &Found, former: Option<MapSize>) -> Result<Self, ImportError> {
-        if solids.is_empty() {
-            return Err(ImportError::Empty);
-        }
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in solids.iter().flatten() {
-            (low, high) = (low.min(*corner), high.max(*corner));
-        }
+        let bounds = Aabb::around(solids.iter().flatten().copied()).ok_or(ImportError::Empty)?;
+        let Aabb { mut low, mut high } = bounds;
         if let Some(size) = former.filter(|&size| is_allowed(size)) {
             let extent = size.extent();
             let slack = Vec3::splat(STICK_OUT_M);

@@ -4,15 +4,17 @@
 //! [`import_obj`]) and the export as glTF ([`export_glb`]). Knows no file names: callers read and write files. All
 //! input is untrusted; whatever it holds, the result is a map or an error that says what to change.
 //!
-//! Start reading at `import`: its pipeline calls `gltf_in` or `obj_in` (bytes to a scene of named nodes), `named`
-//! (nodes and the sidecar to pools and devices) and `inspect` (oddities of the geometry). `faults` has the errors and
+//! Start reading at `import`: its pipeline calls `gltf_in` or `obj_in` (bytes to a scene of named nodes), `named` and
+//! `sidecar` (their pools, devices and movers) and `inspect` (oddities of the geometry). `faults` has the errors and
 //! warnings.
 
+mod accessors;
 mod animated;
 mod export;
 mod extras;
 mod faults;
 mod file;
+mod found;
 mod gltf_in;
 mod import;
 mod inspect;
@@ -21,7 +23,9 @@ mod meshopt;
 mod moving;
 mod named;
 mod obj_in;
+mod pairs;
 mod scene;
+mod sidecar;
 mod sides;
 
 pub use export::export_glb;

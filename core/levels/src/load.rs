@@ -40,8 +40,7 @@ pub(super) fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed)
     };
     // Only large triangles count: the others touch a few cells each, and their number is limited.
     let large = triangles.iter().filter_map(|triangle| {
-        let [a, b, c] = triangle.corners();
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let (low, high) = triangle.bounds();
         ((high - low).max_element() > 4.0 * INDEX_CELL_M).then_some((low, high))
     });
     let touched = large.map(|(low, high)| -> f64 {
@@ -50,11 +49,7 @@ pub(super) fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed)
     if touched.sum::<f64>() > MAX_TOUCHED_CELLS {
         return Err(Overload::Triangles);
     }
-    let count = placed.pools.len()
-        + placed.pads.len()
-        + placed.zip_lines.len()
-        + placed.teleporters.len()
-        + placed.jetpacks.len();
+    let count = placed.pools.len() + placed.devices().count();
     if count > MAX_FEATURES {
         return Err(Overload::Features { count });
     }

@@ -12,14 +12,14 @@ use crate::animated::{Animation, Journey};
 use crate::extras::Extras;
 use crate::faults::ImportError;
 use crate::inspect;
-use crate::scene::{Bounds, Frame, Node};
+use crate::scene::{Frame, Node};
 use crate::sides;
 use serde::Deserialize;
 use std::collections::HashMap;
 use surefoot_world::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
 use surefoot_world::map::{Mover, MoverKind, MoverStop, mover};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{StopIdx, Vec3};
+use surefoot_world::{Aabb, StopIdx, Vec3};
 
 /// Usual speed of lifts and platforms, m/s, and usual duration of a door's or a floor's change, s.
 const TRAVEL_SPEED: f64 = 2.0;
@@ -56,7 +56,7 @@ pub(super) enum Sign {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Whole {
     /// The box around it, m; `None` if it has no triangles.
-    pub(super) bounds: Option<Bounds>,
+    pub(super) bounds: Option<Aabb>,
     pub(super) triangle_count: usize,
 }
 
@@ -64,18 +64,17 @@ impl Whole {
     /// Whether it may be a lift or platform only because it is animated: whole levels and detailed props stay where
     /// they are.
     fn is_small(&self) -> bool {
-        let is_near = |bounds: Bounds| (bounds.high - bounds.low).max_element() <= LARGEST_M;
+        let is_near = |bounds: Aabb| (bounds.high - bounds.low).max_element() <= LARGEST_M;
         self.bounds.is_some_and(is_near) && self.triangle_count <= MOST_TRIANGLES
     }
 }
 
-/// Whether a node is a mover or belongs to one; `paths` are the places of all nodes' paths.
+/// Whether a node is a mover or belongs to one; `paths` are those of all nodes.
 pub(super) fn sign(
     node: &Node,
     extras: &Extras<'_>,
     paths: &Paths,
     whole: &Whole,
-    frame: Frame,
 ) -> Result<Option<Sign>, ImportError> {
     let name = node.name.to_lowercase();
     if path_of(&name).is_some() {
@@ -88,8 +87,8 @@ pub(super) fn sign(
         return Ok(None);
     }
     let starts = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
-    let journey = whole.bounds.and_then(|_| journey(node, frame));
-    let has_path = extras.has("path") || paths.0.contains_key(&name) || journey.is_some();
+    let journey = whole.bounds.and_then(|_| journey(node, paths.frame));
+    let has_path = extras.has("path") || paths.places.contains_key(&name) || journey.is_some();
     Ok(match () {
         () if starts(&["door"]) && !NOT_DOORS.iter().any(|part| name.contains(part)) => Some(MoverKind::Door),
         () if starts(&["lift", "elevator"]) && has_path => Some(MoverKind::Lift),
@@ -111,7 +110,7 @@ fn journey(node: &Node, frame: Frame) -> Option<Journey> {
 }
 
 fn kind_named(extras: &Extras<'_>, name: &str) -> Result<MoverKind, ImportError> {
-    let found = MoverKind::ALL.into_iter().find(|kind| kind.name() == name);
+    let found = MoverKind::ALL.iter().copied().find(|kind| kind.name() == name);
     found.ok_or_else(|| extras.refuse("mover", name, "must be door, lift, platform, floor, conveyor, crate or false"))
 }
 
@@ -123,9 +122,13 @@ fn path_of(name: &str) -> Option<(String, u32)> {
     Some((stem.to_owned(), number))
 }
 
-/// The places of paths by the name of their mover, each with its number.
-#[derive(Default)]
-pub(super) struct Paths(HashMap<String, Vec<(u32, Place)>>);
+/// The paths that the nodes of a level mark.
+pub(super) struct Paths {
+    /// The frame of the level, in which extras and animations are.
+    frame: Frame,
+    /// The places of each mover by its name, each with its number.
+    places: HashMap<String, Vec<(u32, Place)>>,
+}
 
 /// A place on a path.
 #[derive(Clone, Copy)]
@@ -137,26 +140,25 @@ enum Place {
 }
 
 impl Paths {
-    /// The places that the nodes of a level mark.
-    pub(super) fn of(nodes: &[Node]) -> Self {
-        let mut paths = Self::default();
+    pub(super) fn of(nodes: &[Node], frame: Frame) -> Self {
+        let mut places: HashMap<String, Vec<(u32, Place)>> = HashMap::new();
         for node in nodes {
             if let Some((stem, number)) = path_of(&node.name.to_lowercase()) {
-                let bounds = Bounds::of(node.triangles.iter().flatten().copied());
+                let bounds = Aabb::around(node.triangles.iter().flatten().copied());
                 let place = bounds.map_or(Place::Origin(node.origin), |bounds| Place::Bottom(bounds.bottom()));
-                paths.0.entry(stem).or_default().push((number, place));
+                places.entry(stem).or_default().push((number, place));
             }
         }
-        paths.0.values_mut().for_each(|places| places.sort_by_key(|(number, _)| *number));
-        paths
+        places.values_mut().for_each(|places| places.sort_by_key(|(number, _)| *number));
+        Self { frame, places }
     }
 
     /// Shifts from where a mover was modelled to its further stops, m.
-    fn offsets(&self, node: &Node, bounds: Bounds) -> Vec<Vec3> {
+    fn offsets(&self, node: &Node, bounds: Aabb) -> Vec<Vec3> {
         let slack = Vec3::ONE;
         let origin = node.origin;
         let lies_there = origin.cmpge(bounds.low - slack).all() && origin.cmple(bounds.high + slack).all();
-        let places = self.0.get(&node.name.to_lowercase()).map_or(&[][..], Vec::as_slice);
+        let places = self.places.get(&node.name.to_lowercase()).map_or(&[][..], Vec::as_slice);
         let offset = |(_, place): &(u32, Place)| match place {
             Place::Origin(at) if lies_there => *at - origin,
             Place::Origin(at) | Place::Bottom(at) => *at - bounds.bottom(),
@@ -169,8 +171,10 @@ impl Paths {
 struct Motion {
     /// Shifts to the stops after the first, m.
     path: Vec<Vec3>,
-    /// Angle of a hinge, degrees, and where it is if the level says so, m.
+    /// Angle of a hinge, degrees.
     hinge: Option<f64>,
+    /// Where its origin and its hinge are, if the level says so, m.
+    origin: Option<Vec3>,
     pivot: Option<Vec3>,
     /// Duration of each journey, s, or speed, m/s.
     seconds: Option<f64>,
@@ -181,20 +185,38 @@ struct Motion {
     start: StopIdx,
 }
 
-/// How the animation of a node moves a mover.
-enum Animated {
-    /// A door turns by this angle, rad, within this time, s.
-    Swing(f32, f32),
-    Journey(Journey),
+/// What the animation of a node says of how a mover moves.
+#[derive(Default)]
+struct Animated {
+    /// Shift to the first stop, m.
+    begin: Option<Vec3>,
+    /// Shifts from there to the others, m.
+    path: Vec<Vec3>,
+    /// Angle by which a door turns, degrees.
+    swing: Option<f64>,
+    travel_s: Option<f32>,
+    dwell_s: Option<f32>,
 }
 
-fn animated(kind: MoverKind, node: &Node, frame: Frame) -> Option<Animated> {
-    let swing = node.animation.as_ref().and_then(Animation::swing);
-    match kind {
-        MoverKind::Door if swing.is_some() => swing.map(|(turn, seconds)| Animated::Swing(turn, seconds)),
-        MoverKind::Door => journey(node, frame).map(|journey| Animated::Journey(journey.without_stops_between())),
-        MoverKind::Lift | MoverKind::Platform => journey(node, frame).map(Animated::Journey),
-        MoverKind::Floor | MoverKind::Conveyor | MoverKind::Crate => None,
+impl Animated {
+    fn of(kind: MoverKind, node: &Node, frame: Frame, bounds: Aabb) -> Self {
+        let swing = node.animation.as_ref().and_then(Animation::swing);
+        let journey = match (kind, swing) {
+            (MoverKind::Door, Some((turn, seconds))) => {
+                let arm = (bounds.high - bounds.low).length();
+                let travel_s = seconds.max(turn.abs() * arm / MAX_MOVER_SPEED).min(LONGEST_S);
+                return Self { swing: Some(turn.to_degrees().into()), travel_s: Some(travel_s), ..Self::default() };
+            }
+            (MoverKind::Door, None) => journey(node, frame).map(Journey::without_stops_between),
+            (MoverKind::Lift | MoverKind::Platform, _) => journey(node, frame),
+            (MoverKind::Floor | MoverKind::Conveyor | MoverKind::Crate, _) => None,
+        };
+        let Some(Journey { begin, path, travel_s, dwell_s }) = journey else { return Self::default() };
+        let legs = std::iter::once(Vec3::ZERO).chain(path.iter().copied()).zip(&path);
+        let longest = legs.map(|(from, to)| from.distance(*to)).fold(0.0, f32::max);
+        let travel_s = travel_s.max(longest / MAX_MOVER_SPEED).min(LONGEST_S);
+        let dwell_s = dwell_s.min(LONGEST_S);
+        Self { begin: Some(begin), path, swing: None, travel_s: Some(travel_s), dwell_s: Some(dwell_s) }
     }
 }
 
@@ -203,47 +225,34 @@ pub(super) fn from_node(
     kind: MoverKind,
     node: &Node,
     extras: &Extras<'_>,
-    frame: Frame,
     paths: &Paths,
     mut triangles: Vec<[Vec3; 3]>,
 ) -> Result<Option<Mover>, ImportError> {
-    let Some(bounds) = Bounds::of(triangles.iter().flatten().copied()) else { return Ok(None) };
+    let frame = paths.frame;
+    let Some(bounds) = Aabb::around(triangles.iter().flatten().copied()) else { return Ok(None) };
     let metres = |vector: Vec3| frame.to_metres(vector);
     let mut path = extras.vectors("path")?.into_iter().map(metres).collect::<Vec<_>>();
     path.extend(extras.vector("slide")?.map(metres));
     path.extend(paths.offsets(node, bounds));
-    let animation = if path.is_empty() { animated(kind, node, frame) } else { None };
-    let mut timing = (None, None);
-    let mut swing = None;
-    match animation {
-        Some(Animated::Swing(turn, seconds)) => {
-            swing = Some(f64::from(turn.to_degrees()));
-            let arm = (bounds.high - bounds.low).length();
-            timing.0 = Some(seconds.max(turn.abs() * arm / MAX_MOVER_SPEED).min(LONGEST_S));
-        }
-        Some(Animated::Journey(journey)) => {
-            triangles.iter_mut().flatten().for_each(|corner| *corner += journey.begin);
-            let legs = std::iter::once(Vec3::ZERO).chain(journey.path.iter().copied()).zip(&journey.path);
-            let longest = legs.map(|(from, to)| from.distance(*to)).fold(0.0, f32::max);
-            let travel_s = journey.travel_s.max(longest / MAX_MOVER_SPEED).min(LONGEST_S);
-            timing = (Some(travel_s), Some(journey.dwell_s.min(LONGEST_S)));
-            path = journey.path;
-        }
-        None => {}
+    let animated = if path.is_empty() { Animated::of(kind, node, frame, bounds) } else { Animated::default() };
+    path.extend(animated.path);
+    if let Some(begin) = animated.begin {
+        triangles.iter_mut().flatten().for_each(|corner| *corner += begin);
     }
-    let bounds = Bounds::of(triangles.iter().flatten().copied()).unwrap_or(bounds);
+    let bounds = Aabb::around(triangles.iter().flatten().copied()).unwrap_or(bounds);
     let motion = Motion {
         path,
-        hinge: extras.number("hinge")?.or(swing),
-        pivot: swing.map(|_| node.origin),
-        seconds: extras.number("seconds")?.or(timing.0.map(f64::from)),
+        hinge: extras.number("hinge")?.or(animated.swing),
+        origin: Some(node.origin),
+        pivot: animated.swing.map(|_| node.origin),
+        seconds: extras.number("seconds")?.or(animated.travel_s.map(f64::from)),
         speed: extras.number("speed")?,
-        dwell: extras.number("dwell")?.or(timing.1.map(f64::from)),
+        dwell: extras.number("dwell")?.or(animated.dwell_s.map(f64::from)),
         cycles: extras.flag("loop")?,
         velocity: extras.vector("velocity")?.map(metres),
         start: StopIdx(u8::from(extras.flag("open")? == Some(true))),
     };
-    Ok(Some(assemble(node.name.clone(), kind, solid(triangles), bounds, Some(node.origin), motion)))
+    Ok(Some(assemble(node.name.clone(), kind, solid(triangles), bounds, motion)))
 }
 
 /// The name of a mover that is animated, which files do not keep short and unique: that of its node, with the number of
@@ -266,14 +275,7 @@ fn solid(mut triangles: Vec<[Vec3; 3]>) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-fn assemble(
-    name: String,
-    kind: MoverKind,
-    triangles: Vec<[Vec3; 3]>,
-    bounds: Bounds,
-    origin: Option<Vec3>,
-    motion: Motion,
-) -> Mover {
+fn assemble(name: String, kind: MoverKind, triangles: Vec<[Vec3; 3]>, bounds: Aabb, motion: Motion) -> Mover {
     let here = MoverStop { offset: Vec3::ZERO, yaw: 0.0, is_there: true };
     let along = |offset: Vec3| MoverStop { offset, ..here };
     let mut stops = vec![here];
@@ -282,7 +284,7 @@ fn assemble(
     match kind {
         MoverKind::Door => {
             let leaf = Leaf::new(bounds);
-            let hinge = leaf.hinge(origin);
+            let hinge = leaf.hinge(motion.origin);
             if motion.hinge.is_some() || (stops.len() == 1 && hinge.is_some()) {
                 pivot = motion.pivot.or(hinge).unwrap_or_else(|| leaf.end());
                 let angle = motion.hinge.unwrap_or(HINGE_DEG) as f32;
@@ -315,14 +317,14 @@ fn assemble(
 
 /// A door seen from above.
 struct Leaf {
-    bounds: Bounds,
+    bounds: Aabb,
     /// Direction of its width.
     along: Vec3,
     width: f32,
 }
 
 impl Leaf {
-    fn new(bounds: Bounds) -> Self {
+    fn new(bounds: Aabb) -> Self {
         let size = bounds.high - bounds.low;
         let along = if size.x >= size.z { Vec3::X } else { Vec3::Z };
         Self { bounds, along, width: size.x.max(size.z) }
@@ -369,12 +371,13 @@ impl MoverEntry {
     pub(super) fn mover(self, frame: Frame) -> Option<Mover> {
         let metres = |point: [f32; 3]| frame.to_metres(point.into());
         let (one, other) = (metres(self.min), metres(self.max));
-        let bounds = Bounds { low: one.min(other), high: one.max(other) };
+        let bounds = Aabb::at(one).union(Aabb::at(other));
         // Also false for NaN.
         let has_volume = (bounds.high - bounds.low).min_element() > 0.0;
         let motion = Motion {
             path: self.path.into_iter().map(metres).collect(),
             hinge: self.hinge,
+            origin: None,
             pivot: None,
             seconds: self.seconds,
             speed: self.speed,
@@ -383,7 +386,7 @@ impl MoverEntry {
             velocity: self.velocity.map(metres),
             start: StopIdx(u8::from(self.open)),
         };
-        has_volume.then(|| assemble(self.name, self.kind, mover::cuboid(bounds.low, bounds.high), bounds, None, motion))
+        has_volume.then(|| assemble(self.name, self.kind, mover::cuboid(bounds.low, bounds.high), bounds, motion))
     }
 }
 

@@ -84,34 +84,6 @@ impl Frame {
     }
 }
 
-/// A box, m.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Bounds {
-    pub(super) low: Vec3,
-    pub(super) high: Vec3,
-}
-
-impl Bounds {
-    /// The box around points; `None` without points.
-    pub(super) fn of(points: impl IntoIterator<Item = Vec3>) -> Option<Self> {
-        points.into_iter().fold(None, |bounds: Option<Self>, point| {
-            let Self { low, high } = bounds.unwrap_or(Self { low: point, high: point });
-            Some(Self { low: low.min(point), high: high.max(point) })
-        })
-    }
-
-    /// The box around both.
-    pub(super) fn union(self, other: Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    /// The middle of its bottom.
-    pub(super) fn bottom(self) -> Vec3 {
-        let middle = (self.low + self.high) * 0.5;
-        Vec3::new(middle.x, self.low.y, middle.z)
-    }
-}
-
 /// Label of a node in messages.
 pub(super) fn node_label(name: &str, idx: usize) -> String {
     if name.is_empty() { format!("node {idx}") } else { format!("node `{name}`") }

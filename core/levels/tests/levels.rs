@@ -100,7 +100,7 @@ impl Saved {
     fn new(size: MapSize, placed: &Placed) -> Self {
         Self {
             magic: b"SFMAP\r\n\x1a",
-            version: 2,
+            version: 1,
             description: postcard::to_stdvec(&(None::<MapSpec>, size, placed)).expect("plain data"),
             vertex_count: 3,
             triangle_count: 1,
@@ -131,35 +131,24 @@ impl Saved {
 }
 
 #[test]
-fn maps_of_the_formats_without_kinds_movers_pieces_and_densities_are_read() {
+fn maps_of_release_0_2_are_read() {
     let spec = MapSpec::with_side(3, 50).unwrap();
     let map = surefoot_generate::generate(&spec);
-    let mut bytes = surefoot_levels::encode(&map);
-    // The densities of movers and the choice of repair are the last 25 bytes of the spec, which comes first in the
-    // description, and the kind is the one before.
-    let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len() - 25;
-    let (header, payload) = bytes.split_at_mut(8 + 4 + 8 + 32);
-    let mut payload = payload.to_vec();
-    let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap()) - 25;
-    let mut read_as = |version: u32, payload: &[u8]| {
-        header[8..12].copy_from_slice(&version.to_le_bytes());
-        header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
-        header[20..].copy_from_slice(blake3::hash(payload).as_bytes());
-        let read = surefoot_levels::decode(&[&*header, payload].concat()).unwrap();
-        assert_eq!((read.hash(), read.spec()), (map.hash(), Some(&spec)));
-    };
-    payload.drain(36 + spec_len..36 + spec_len + 25);
-    payload[32..36].copy_from_slice(&description_len.to_le_bytes());
-    read_as(4, &payload);
-    // The pieces are its last byte, and the movers the one before: there are none.
-    for (version, dropped) in [(3, 1), (2, 2)] {
-        assert_eq!(payload.remove(36 + (description_len - dropped) as usize), 0);
-        payload[32..36].copy_from_slice(&(description_len - dropped).to_le_bytes());
-        read_as(version, &payload);
-    }
-    assert_eq!(payload.remove(36 + spec_len - 1), 0);
-    payload[32..36].copy_from_slice(&(description_len - 3).to_le_bytes());
-    read_as(1, &payload);
+    let bytes = surefoot_levels::encode(&map);
+    let (header, payload) = bytes.split_at(8 + 4 + 8 + 32);
+    let (mut header, mut payload) = (header.to_vec(), payload.to_vec());
+    // The spec comes first in the description. Its last 26 bytes are the kind, the densities of movers and the choice
+    // of repair. The last two bytes of the description are the movers and the pieces, of which there are none.
+    let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len();
+    let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap());
+    payload.drain(36 + description_len as usize - 2..36 + description_len as usize);
+    payload.drain(36 + spec_len - 26..36 + spec_len);
+    payload[32..36].copy_from_slice(&(description_len - 28).to_le_bytes());
+    header[8..12].copy_from_slice(&1u32.to_le_bytes());
+    header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
+    header[20..].copy_from_slice(blake3::hash(&payload).as_bytes());
+    let read = surefoot_levels::decode(&[header, payload].concat()).unwrap();
+    assert_eq!((read.hash(), read.spec()), (map.hash(), Some(&spec)));
 }
 
 #[test]
@@ -173,6 +162,7 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
     let cases = [
         (Saved { magic: b"GIF89a\x1a\x0a", ..plain() }, "not a saved map"),
         (Saved { version: 6, ..plain() }, "format 6, this program reads format 5"),
+        (Saved { version: 4, ..plain() }, "format 4, this program reads format 5"),
         (Saved { trailing: 7, ..plain() }, "followed by 7 bytes"),
         (Saved { description: vec![9; 3], ..plain() }, "description"),
         (Saved { vertex_count: u32::MAX, ..plain() }, "claims 51539607553 bytes of geometry"),
@@ -771,13 +761,9 @@ fn nodes_become_features_by_their_names() {
 
 /// Wraps a glTF document into a binary container.
 fn glb(document: &Value, binary: Option<&[u8]>) -> Vec<u8> {
-    let mut json = document.to_string().into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let binary = binary
-        .map_or(Vec::new(), |binary| [&(binary.len() as u32).to_le_bytes(), b"BIN\0".as_slice(), binary].concat());
-    let len = (20 + json.len() + binary.len()) as u32;
-    [b"glTF", &2u32.to_le_bytes(), &len.to_le_bytes(), &(json.len() as u32).to_le_bytes(), b"JSON", &json[..], &binary]
-        .concat()
+    let header = gltf::binary::Header { magic: *b"glTF", version: 2, length: 0 };
+    let json = document.to_string().into_bytes().into();
+    gltf::Glb { header, json, bin: binary.map(Into::into) }.to_vec().expect("memory takes all bytes")
 }
 
 /// A level with one change.

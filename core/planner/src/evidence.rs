@@ -1,11 +1,10 @@
 //! Evidence of an edge (tries, successes, deaths, decisions), and the estimates that follow from it.
 
-use crate::aabb::Aabb;
 use crate::build::probe::Outcome;
 use crate::needs::Needs;
 use crate::price::{Caution, EdgeCost, price};
 use serde::{Deserialize, Serialize};
-use surefoot_world::{Ability, Chance, Decisions, Vec3};
+use surefoot_world::{Aabb, Ability, Chance, Decisions, Vec3};
 
 /// Statistics of the probes and traversals of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -5,9 +5,9 @@ use crate::evidence::Evidence;
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
 use crate::search::connectivity::{Islands, flood};
-use crate::search::csr::Csr;
 use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
+use surefoot_world::csr::Csr;
 use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
 
 /// Greatest coordinate of a vertex, m: room for a hundred of the largest maps side by side.

@@ -1,8 +1,8 @@
 //! A spatial index of points: a grid of square columns on the horizontal plane.
 
 use std::ops::Range;
-use surefoot_world::Vec3;
 use surefoot_world::cells::{CellLists, Cells};
+use surefoot_world::{Aabb, Vec3};
 
 /// Maximum number of columns along each side.
 const MAX_COLUMNS: usize = 256;
@@ -28,11 +28,7 @@ pub struct PointGrid(CellLists<u32>);
 
 /// The box around points; an empty one at the origin if there are none.
 fn around(points: &[Vec3]) -> (Vec3, Vec3) {
-    let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
-    for point in points {
-        (low, high) = (low.min(*point), high.max(*point));
-    }
-    if points.is_empty() { (Vec3::ZERO, Vec3::ZERO) } else { (low, high) }
+    Aabb::around(points.iter().copied()).map_or((Vec3::ZERO, Vec3::ZERO), |Aabb { low, high }| (low, high))
 }
 
 impl PointGrid {
@@ -177,10 +173,7 @@ impl GrowingGrid {
 /// Returns the distance between neighbouring points if all were spread evenly over their bounding rectangle, m; at
 /// least 1 m.
 pub(crate) fn spacing(points: &[Vec3]) -> f32 {
-    let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
-    for point in points {
-        (low, high) = (low.min(*point), high.max(*point));
-    }
+    let (low, high) = around(points);
     let area = (high.x - low.x).max(1.0) * (high.z - low.z).max(1.0);
     (area / points.len().max(1) as f32).sqrt().max(1.0)
 }

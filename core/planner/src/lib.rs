@@ -9,7 +9,6 @@
 //!
 //! This crate uses no files, sockets, clocks, async runtime, neural networks or wire formats.
 
-mod aabb;
 pub mod build;
 pub mod change;
 pub mod evidence;
@@ -21,6 +20,8 @@ pub mod legs;
 pub mod needs;
 pub mod plan;
 pub mod price;
+#[cfg(test)]
+mod properties;
 pub mod reachability;
 mod regression;
 pub mod ride_stops;
@@ -29,7 +30,6 @@ pub mod settings;
 pub mod store;
 pub mod threads;
 
-pub use aabb::Aabb;
 pub use build::{BuildStats, Builder, Built, Progress, candidates, interim, is_perilous, placement, probe};
 pub use change::{edits, live, update};
 pub use export::{assets, links};
@@ -43,4 +43,4 @@ pub use search::{Router, Traffic};
 pub use settings::{
     BuildError, BuildSettings, GraphId, Placement, PolicyHash, Probing, RawBuildSettings, SettingError, Site,
 };
-pub use surefoot_world::{AbilitySet, MoverAt};
+pub use surefoot_world::{Aabb, AbilitySet, MoverAt};

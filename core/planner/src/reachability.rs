@@ -180,12 +180,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 200,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(200))]
 
         #[test]
         fn descriptions_agree_with_a_search_from_every_vertex(graph in graphs()) {

@@ -1,7 +1,8 @@
 //! Links as assets: every format holds every link, on its own axes, and stays what it is.
 
+use proptest::prelude::*;
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use surefoot_planner::EdgeKey;
 use surefoot_planner::assets::{AssetFormat, Axes, Connected, Leap, Link, LinkSet, Passage};
 use surefoot_world::{Ability, Vec3};
@@ -47,6 +48,15 @@ fn json(format: AssetFormat) -> Value {
     serde_json::from_str(&format.write(&tiny())).unwrap()
 }
 
+/// The point on our axes, m, that is at `point` on these axes.
+fn on_ours(axes: Axes, [x, y, z]: [f32; 3]) -> Vec3 {
+    match axes {
+        Axes::Ours => Vec3::new(x, y, z),
+        Axes::Unity => Vec3::new(-x, y, z),
+        Axes::Unreal => Vec3::new(x, z, y) / axes.units_per_metre(),
+    }
+}
+
 fn numbers<const N: usize>(values: [&Value; N]) -> [f32; N] {
     values.map(|value| value.as_f64().unwrap() as f32)
 }
@@ -70,10 +80,11 @@ fn ends(format: AssetFormat) -> Vec<[Vec3; 2]> {
         }
         AssetFormat::Unity => of_links(&|link| {
             ["startPoint", "endPoint"]
-                .map(|end| Axes::Unity.ours(numbers([&link[end]["x"], &link[end]["y"], &link[end]["z"]])))
+                .map(|end| on_ours(Axes::Unity, numbers([&link[end]["x"], &link[end]["y"], &link[end]["z"]])))
         }),
         AssetFormat::Unreal => of_links(&|link| {
-            ["Left", "Right"].map(|end| Axes::Unreal.ours(numbers([&link[end]["X"], &link[end]["Y"], &link[end]["Z"]])))
+            ["Left", "Right"]
+                .map(|end| on_ours(Axes::Unreal, numbers([&link[end]["X"], &link[end]["Y"], &link[end]["Z"]])))
         }),
         AssetFormat::Landmass => {
             of_links(&|link| ["start_edge", "end_edge"].map(|edge| Vec3::from_array(array(&link[edge][0]))))
@@ -106,7 +117,7 @@ fn hints_are_on_the_axes_of_their_format() {
     {
         let about = if format == AssetFormat::Unreal { "About" } else { "about" };
         let leap = &json(format)["links"][0][about]["leaps"][0];
-        assert_eq!(axes.ours(array(&leap["apex"])), apex, "{}", format.name());
+        assert_eq!(on_ours(axes, array(&leap["apex"])), apex, "{}", format.name());
         assert_eq!(as_f32(&leap["speed"]), 6.0 * axes.units_per_metre());
     }
 }
@@ -176,4 +187,66 @@ fn formats_stay_what_they_are() {
     let changed: Vec<String> =
         changed.map(|(format, _)| format!("=== {}\n{}", format.name(), format.write(&tiny()))).collect();
     assert!(changed.is_empty(), "these formats have changed:\n{}===", changed.join(""));
+}
+
+proptest! {
+    #[test]
+    fn points_come_back_from_every_engine(x in -1.0e3f32..1.0e3, y in -1.0e3f32..1.0e3, z in -1.0e3f32..1.0e3) {
+        let point = Vec3::new(x, y, z);
+        for axes in [Axes::Ours, Axes::Unity, Axes::Unreal] {
+            prop_assert!(on_ours(axes, axes.point(point)).distance(point) < 1.0e-3, "{axes:?}");
+        }
+    }
+}
+
+#[test]
+fn up_stays_up_and_hands_change() {
+    let determinant = |axes: Axes| {
+        let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| Vec3::from_array(axes.point(axis)));
+        x.cross(y).dot(z)
+    };
+    assert!(determinant(Axes::Ours) > 0.0 && determinant(Axes::Unity) < 0.0 && determinant(Axes::Unreal) < 0.0);
+    assert_eq!(Axes::Unity.point(Vec3::Y), [0.0, 1.0, 0.0]);
+    assert_eq!(Axes::Unreal.point(Vec3::Y), [0.0, 0.0, 100.0]);
+}
+
+#[test]
+fn pairs_are_ordered_and_links_lead_one_way() {
+    let islands = [Some(0), Some(0), Some(7), None];
+    let alone = Connected::of(&islands, std::iter::empty());
+    assert!((alone.without - 2.0 / 6.0).abs() < 1.0e-12 && alone.with == alone.without);
+    let down = Connected::of(&islands, [(Some(0), Some(7)), (None, Some(0))].into_iter());
+    assert!((down.with - 4.0 / 6.0).abs() < 1.0e-12);
+    let both = Connected::of(&islands, [(Some(0), Some(5)), (Some(5), Some(7)), (Some(7), Some(0))].into_iter());
+    assert_eq!(both.with, 1.0, "an island without vertices may lie between");
+    assert_eq!(Connected::of(&[None], std::iter::empty()), Connected::default());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 200,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn shares_are_those_of_a_walk_from_every_vertex(
+        islands in prop::collection::vec(prop::option::weighted(0.9, 0..12u32), 0..40),
+        joins in prop::collection::vec(prop::array::uniform2(prop::option::weighted(0.9, 0..15u32)), 0..25),
+    ) {
+        let joins: Vec<(Option<u32>, Option<u32>)> = joins.into_iter().map(|[from, to]| (from, to)).collect();
+        let connected = Connected::of(&islands, joins.iter().copied());
+        let vertices: Vec<u32> = islands.iter().copied().flatten().collect();
+        let share = |joins: &[(Option<u32>, Option<u32>)]| {
+            let joined = vertices.iter().map(|from| {
+                let mut reached = BTreeSet::from([*from]);
+                let joins = || joins.iter().filter_map(|(from, to)| from.zip(*to));
+                while joins().any(|(from, to)| reached.contains(&from) && reached.insert(to)) {}
+                vertices.iter().filter(|to| reached.contains(to)).count() - 1
+            });
+            joined.sum::<usize>() as f64 / (vertices.len() * vertices.len().saturating_sub(1)).max(1) as f64
+        };
+        prop_assert_eq!(connected, Connected { without: share(&[]), with: share(&joins) });
+    }
 }

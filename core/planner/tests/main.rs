@@ -3,5 +3,7 @@
 mod assets;
 mod bounds;
 mod build;
+mod candidates;
+mod links;
 mod ride_stops;
 mod search;

@@ -44,6 +44,14 @@ pub struct AttemptResult {
     pub fault: Option<Fault>,
 }
 
+impl AttemptResult {
+    /// An attempt without plans.
+    pub fn without_plans(end: End, decisions: u32, length: f32) -> Self {
+        let (promised, promised_arrival, fault) = Default::default();
+        Self { end, decisions, replans: 0, length, plans: 0, promised, promised_arrival, fault }
+    }
+}
+
 /// Measures one attempt while it runs.
 #[derive(Debug)]
 pub struct Measured {
@@ -83,14 +91,12 @@ impl Measured {
         let end = self.end.expect("every attempt ends");
         let failed = follower.filter(|_| end != End::Reached);
         AttemptResult {
-            end,
-            decisions: self.decisions,
             replans: follower.map_or(0, Follower::replans),
-            length: self.length,
             plans: follower.map_or(0, Follower::plans),
             promised: self.promised.map(|it| it.0),
             promised_arrival: self.promised.map(|it| it.1),
             fault: failed.map(|follower| follower.fault(end.is_harm())),
+            ..AttemptResult::without_plans(end, self.decisions, self.length)
         }
     }
 }

@@ -16,7 +16,6 @@ use surefoot_planner::threads::map_indices;
 use surefoot_planner::{Edge, MoverAt, NavGraph, RideStops};
 use surefoot_world::character::{Body, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
-use surefoot_world::map::Zone;
 use surefoot_world::mesh::Surface;
 use surefoot_world::navigable::DOWN;
 use surefoot_world::reach::ground::Ground;
@@ -352,8 +351,7 @@ fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
         if now.fuel > before.fuel {
             pickup = centre_of(map, before.feet).map(|centre| (centre, tick));
         }
-        let enters =
-            [Ability::Pad, Ability::ZipLine, Ability::Teleporter].into_iter().any(|device| now.used.contains(device));
+        let enters = now.used.meets_device();
         if enters {
             let centre = centre_of(map, before.feet).unwrap_or(before.feet);
             found.extend(open.take().and_then(|flight| flight.land(track, centre, tick - 1, None)));
@@ -377,7 +375,7 @@ fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
 
 /// The centre of the device at a place.
 fn centre_of(map: &Map, feet: Vec3) -> Option<Vec3> {
-    map.device_at(feet).and_then(|zone: Zone| map.device_centre(zone))
+    map.device_at(feet).map(|device| device.from)
 }
 
 /// A leap that has not landed yet.

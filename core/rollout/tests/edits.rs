@@ -7,7 +7,7 @@ use surefoot_planner::Progress;
 use surefoot_planner::edits::{Edit, Layer, LayerError, MapTerrain, UnappliedReason, apply_layers};
 use surefoot_planner::export::{About, Format, body_of, export, export_about, import_json};
 use surefoot_planner::graph::GraphData;
-use surefoot_planner::links::NavMesh;
+use surefoot_planner::links::{NavMesh, expected_seconds};
 use surefoot_planner::reachability::{compare, describe};
 use surefoot_planner::update::Change;
 use surefoot_planner::{BuildSettings, EdgeKey, NavGraph, Probing, VertexId};
@@ -240,12 +240,13 @@ fn a_nav_mesh_gets_the_links_that_nothing_replaces_and_reaches_as_much() {
     // Three islands on foot, regardless of the ground.
     let islands: Vec<Option<u32>> = graph.vertices().map(|vertex| Some(vertex.0 % 3)).collect();
     let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
-    let all: Vec<EdgeKey> =
-        graph.edges().filter(|edge| nav_mesh.needs_link(&graph, edge)).map(|edge| edge.key).collect();
-    let few: Vec<EdgeKey> = nav_mesh.links(&graph, 3.0).iter().map(|edge| edge.key).collect();
+    let needed = graph.edges().filter(|edge| nav_mesh.needs_link(&graph, edge));
+    let candidates: Vec<(EdgeKey, f64)> = needed.map(|edge| (edge.key, expected_seconds(edge))).collect();
+    let all: Vec<EdgeKey> = candidates.iter().map(|candidate| candidate.0).collect();
+    let few: Vec<EdgeKey> = nav_mesh.spanner(&graph, &candidates, 3.0).into_iter().collect();
     assert!(!few.is_empty() && few.len() * 4 < all.len(), "{} of {}", few.len(), all.len());
     assert!(few.iter().all(|key| all.contains(key)));
-    assert!(nav_mesh.links(&graph, 1.2).len() > few.len(), "less is replaced where detours are short");
+    assert!(nav_mesh.spanner(&graph, &candidates, 1.2).len() > few.len(), "less is replaced where detours are short");
     // Between islands, the few links lead wherever all links lead.
     let reached = |links: &[EdgeKey]| {
         let mut reached = [[false; 3]; 3];

@@ -64,6 +64,11 @@ impl AbilitySet {
         self.0 & 1 << ability as u8 != 0
     }
 
+    /// Whether a device took hold of the body: a pad, zip line or teleporter.
+    pub fn meets_device(self) -> bool {
+        [Ability::Pad, Ability::ZipLine, Ability::Teleporter].into_iter().any(|device| self.contains(device))
+    }
+
     /// Adds an ability.
     pub fn insert(&mut self, ability: Ability) {
         self.0 |= 1 << ability as u8;

@@ -4,6 +4,7 @@
 //! plane, for indices that change with every tick.
 
 use crate::Vec3;
+use crate::csr::Csr;
 use std::ops::{Range, RangeInclusive};
 
 /// Square cells over a rectangle of the horizontal plane, numbered row by row. Places outside belong to the nearest
@@ -78,9 +79,8 @@ impl Cells {
 #[derive(Debug, Clone)]
 pub struct CellLists<T> {
     cells: Cells,
-    /// First item of each cell, followed by the number of items.
-    starts: Vec<u32>,
-    items: Vec<T>,
+    /// The items of each cell.
+    lists: Csr<T>,
 }
 
 impl<T: Copy> CellLists<T> {
@@ -91,16 +91,7 @@ impl<T: Copy> CellLists<T> {
             touched.map(move |cell| (cell, item))
         });
         let listed: Vec<(usize, T)> = listed.collect();
-        let mut starts = vec![0u32; cells.count() + 1];
-        listed.iter().for_each(|(cell, _)| starts[cell + 1] += 1);
-        (1..starts.len()).for_each(|idx| starts[idx] += starts[idx - 1]);
-        let mut next = starts.clone();
-        let mut order = vec![0u32; listed.len()];
-        for (idx, (cell, _)) in (0..).zip(&listed) {
-            order[next[*cell] as usize] = idx;
-            next[*cell] += 1;
-        }
-        Self { cells, starts, items: order.into_iter().map(|idx| listed[idx as usize].1).collect() }
+        Self { cells, lists: Csr::group(cells.count(), listed.iter().copied()) }
     }
 
     /// The cells that the items are listed by.
@@ -110,17 +101,17 @@ impl<T: Copy> CellLists<T> {
 
     /// The items of a cell.
     pub fn of(&self, cell: usize) -> &[T] {
-        &self.items[self.range(cell..=cell)]
+        self.lists.row(cell)
     }
 
     /// The items of all cells, cell by cell.
     pub fn items(&self) -> &[T] {
-        &self.items
+        self.lists.items()
     }
 
     /// The places in [`items`](Self::items) of the items of consecutive cells.
     pub fn range(&self, cells: RangeInclusive<usize>) -> Range<usize> {
-        self.starts[*cells.start()] as usize..self.starts[*cells.end() + 1] as usize
+        self.lists.range(*cells.start()).start..self.lists.range(*cells.end()).end
     }
 
     /// The items of the cell of a place.
@@ -130,7 +121,7 @@ impl<T: Copy> CellLists<T> {
 
     /// Memory of the lists, in bytes.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(self.starts.as_slice()) + size_of_val(self.items.as_slice())
+        self.lists.memory_bytes()
     }
 }
 

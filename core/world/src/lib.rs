@@ -10,11 +10,13 @@
 //! Conventions: right-handed, y up, metres, seconds, radians. Yaw 0 faces +z and grows counter-clockwise
 //! seen from above, so +x is to the *left* of an NPC with yaw 0.
 
+mod aabb;
 mod ability;
 pub mod cells;
 pub mod character;
 mod crates;
 mod crowd;
+pub mod csr;
 mod editing;
 pub mod float;
 pub mod map;
@@ -37,6 +39,7 @@ pub mod task;
 mod units;
 mod world;
 
+pub use aabb::Aabb;
 pub use ability::{Ability, AbilitySet};
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use crates::CrateState;

@@ -1,5 +1,6 @@
 //! How a body moves on simple geometry.
 
+use crate::stage::{FORWARD, NPC, STAND, feet};
 use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
@@ -37,10 +38,6 @@ fn world(triangles: Vec<Triangle>, placed: Placed) -> World {
     World::new(Arc::new(map), CharacterProfile::default(), TaskConfig::default())
 }
 
-const NPC: NpcSlot = NpcSlot(0);
-const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-
 /// Runs decisions and returns the highest point of the feet.
 fn run(world: &mut World, actions: &[Action]) -> f32 {
     let mut top = f32::NEG_INFINITY;
@@ -52,10 +49,6 @@ fn run(world: &mut World, actions: &[Action]) -> f32 {
         }
     }
     top
-}
-
-fn feet(world: &World) -> Vec3 {
-    world.npc(NPC).unwrap().body.feet
 }
 
 fn on(triangles: Vec<Triangle>, at: Vec3) -> World {

@@ -1,5 +1,6 @@
 //! Crates: who moves them, where they end up, and that nothing of it depends on how a world came to its state.
 
+use crate::stage::{FORWARD, STAND, feet, run};
 use std::sync::Arc;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
@@ -8,9 +9,6 @@ use surefoot_world::player::{Player, PlayerContact};
 use surefoot_world::replay::Recording;
 use surefoot_world::{Action, CharacterProfile, Map, MoverId, MoverOrder, NpcSlot, StopIdx, TaskConfig, Vec3, World};
 
-const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-const NPC: NpcSlot = NpcSlot(0);
 /// Height of the table on which all begins, 20 m long, m, and of the floor around it.
 const TABLE: f32 = 5.0;
 const FLOOR: f32 = 1.0;
@@ -42,17 +40,6 @@ fn world(movers: Vec<Mover>) -> World {
     let map = Map::from_parts(MapSize { width: 40, height: 30, depth: 40 }, triangles.collect(), Placed::default());
     let map = Arc::new(map.with_movers(movers).expect("valid movers"));
     World::new(map, CharacterProfile::default(), TaskConfig::default())
-}
-
-fn run(world: &mut World, action: Action, decisions: u32) {
-    for _ in 0..decisions {
-        world.decide(NPC, action);
-        world.tick_decision();
-    }
-}
-
-fn feet(world: &World) -> Vec3 {
-    world.npc(NPC).expect("the NPC").body.feet
 }
 
 /// How far a crate lies from where it began, m.

@@ -1,5 +1,6 @@
 //! Compares rays and contacts of the mesh with parry's.
 
+use crate::stage::cases;
 use parry3d::query::{self, Ray, RayCast};
 use parry3d::shape::{Capsule, FeatureId, TriMesh, Triangle as ParryTriangle};
 use proptest::prelude::*;
@@ -31,10 +32,7 @@ fn unit() -> impl Strategy<Value = Vec3> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 3000, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(cases(3000))]
 
     #[test]
     fn rays_hit_where_parry_says(x in 0.0..80.0f32, y in 1.0..79.0f32, z in 0.0..80.0f32, direction in unit()) {

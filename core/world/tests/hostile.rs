@@ -1,7 +1,7 @@
 //! Numbers at the edges of what files and messages may hold: every accepted value can be stepped, seen and surveyed.
 
+use crate::stage::cases;
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use std::sync::Arc;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{Liquid, MapSize, Mover, MoverKind, MoverStop, Outline, Piece, PieceShape, Placed, Pool};
@@ -189,9 +189,7 @@ fn live(map: &Arc<Map>, profile: CharacterProfile, movers: Option<MoverState>, o
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 3000, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default()
-    })]
+    #![proptest_config(cases(3000))]
 
     #[test]
     fn movers_that_are_accepted_can_be_stepped_from_every_state_that_fits(

@@ -10,3 +10,4 @@ mod others;
 mod pieces;
 mod players;
 mod recordings;
+mod stage;

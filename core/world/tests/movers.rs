@@ -1,6 +1,7 @@
 //! Doors, lifts, floors that vanish and conveyors: what levels say of them, how they move, and what they do to bodies
 //! and rays.
 
+use crate::stage::{FORWARD, NPC, STAND, feet, run};
 use std::sync::Arc;
 use surefoot_levels::ImportOptions;
 use surefoot_world::character::{Body, Support};
@@ -13,9 +14,6 @@ use surefoot_world::{
     World,
 };
 
-const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-const NPC: NpcSlot = NpcSlot(0);
 const GROUND: f32 = 1.0;
 
 /// A floor of 40 x 40 m.
@@ -45,17 +43,6 @@ fn world(movers: Vec<Mover>) -> World {
     let map = Map::from_parts(MapSize { width: 40, height: 30, depth: 40 }, floor(), Placed::default());
     let map = map.with_movers(movers).expect("valid movers");
     World::new(Arc::new(map), CharacterProfile::default(), TaskConfig::default())
-}
-
-fn run(world: &mut World, action: Action, decisions: u32) {
-    for _ in 0..decisions {
-        world.decide(NPC, action);
-        world.tick_decision();
-    }
-}
-
-fn feet(world: &World) -> Vec3 {
-    world.npc(NPC).expect("the NPC").body.feet
 }
 
 /// A wall across the way at z = 20 m, as a gate that goes up.

@@ -1,5 +1,6 @@
 //! What NPCs see of each other and of players.
 
+use crate::stage::player;
 use std::sync::Arc;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Placed};
@@ -46,10 +47,6 @@ fn others(world: &World, slot: NpcSlot) -> (Vec<f32>, Vec<Vec<f32>>) {
     assert!(world.observe(slot, &mut row));
     let (rays, bodies) = row[OBSERVATION_LEN..].split_at(RAY_COUNT);
     (rays.to_vec(), bodies.chunks_exact(VALUES).map(<[f32]>::to_vec).collect())
-}
-
-fn player(feet: Vec3, contact: PlayerContact) -> Player {
-    Player { feet, velocity: Vec3::ZERO, radius: 0.4, height: 1.8, contact }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Pieces that are put onto a map: rays, contacts, the survey and saved maps know them, and NPCs make room for them.
 
+use crate::stage::{FORWARD, NPC, cases};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::collections::BTreeSet;
@@ -10,12 +10,8 @@ use surefoot_world::map::{Features, Liquid, MapSize, Outline, Piece, PieceShape,
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::Reach;
 use surefoot_world::replay::Recording;
-use surefoot_world::{
-    Action, CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Tick, Vec3, World,
-};
+use surefoot_world::{CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Tick, Vec3, World};
 
-const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-const NPC: NpcSlot = NpcSlot(0);
 const GROUND: f32 = 1.0;
 
 fn terrain() -> Map {
@@ -202,9 +198,7 @@ fn passes_through(triangle: &Triangle, low: Vec3, high: Vec3) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-            cases: 200, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default()
-        })]
+    #![proptest_config(cases(200))]
 
     #[test]
     fn an_edited_map_gathers_what_a_map_built_of_the_same_triangles_gathers(

@@ -1,5 +1,6 @@
 //! Players among NPCs: they block, push or pass, and push nobody off a ledge.
 
+use crate::stage::{FORWARD, NPC, STAND, feet, player, run};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::TAU;
@@ -7,13 +8,8 @@ use std::sync::Arc;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
-use surefoot_world::{
-    Action, Body, CharacterProfile, Map, NpcSlot, Player, PlayerContact, PlayerSlot, TaskConfig, Tick, Vec3, World,
-};
+use surefoot_world::{Body, CharacterProfile, Map, Player, PlayerContact, PlayerSlot, TaskConfig, Tick, Vec3, World};
 
-const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
-const NPC: NpcSlot = NpcSlot(0);
 const DECK: f32 = 10.0;
 
 /// A deck of 20 x 20 m, 10 m above nothing.
@@ -22,21 +18,6 @@ fn world() -> World {
     let deck = [[a, b, c], [a, c, d]].into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground));
     let map = Map::from_parts(MapSize { width: 60, height: 30, depth: 60 }, deck.collect(), Placed::default());
     World::new(Arc::new(map), CharacterProfile::default(), TaskConfig::default())
-}
-
-fn player(feet: Vec3, contact: PlayerContact) -> Player {
-    Player { feet, velocity: Vec3::ZERO, radius: 0.4, height: 1.8, contact }
-}
-
-fn feet(world: &World) -> Vec3 {
-    world.npc(NPC).expect("the NPC").body.feet
-}
-
-fn run(world: &mut World, action: Action, decisions: u32) {
-    for _ in 0..decisions {
-        world.decide(NPC, action);
-        world.tick_decision();
-    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use std::path::Path;
 use surefoot_policy::noise;
 use surefoot_policy::{Batch as Rows, Manifest, Scratch};
 use surefoot_world::character::{ACTION_LEN, Ride, Support};
-use surefoot_world::map::{Jetpack, Pad, Placed, Teleporter, ZipLine};
+use surefoot_world::map::{Device, DeviceKind, Placed};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{self, Found, LastDecision, RAY_RANGE_M, RayCone, SenseContext};
 use surefoot_world::{Action, Body, CharacterProfile, End, Episode, TaskConfig, Vec3};
@@ -207,21 +207,11 @@ impl Agents {
         let mut placed = Placed::default();
         for (idx, device) in devices.iter().enumerate() {
             let from = device.from.checked(format_args!("devices[{idx}].from"))?;
-            let to = || device.to.checked(format_args!("devices[{idx}].to"));
-            match checks::surface(device.kind)? {
-                Some(Surface::Pad) => placed.pads.push(Pad { centre: from, speed: 0.0 }),
-                Some(Surface::ZipLine) => placed.zip_lines.push(ZipLine { from, to: to()? }),
-                Some(Surface::Teleporter) => {
-                    placed.teleporters.push(Teleporter { from, to: to()?, two_way: device.two_way != 0 });
-                }
-                Some(Surface::Jetpack) => placed.jetpacks.push(Jetpack { centre: from, fuel: 0.0 }),
-                _ => {
-                    let kind = device.kind;
-                    let message =
-                        format!("devices[{idx}].kind is {kind}: it must be a pad, zip line, teleporter or jetpack");
-                    return Err(Fault::argument(message));
-                }
-            }
+            let of = || format!("devices[{idx}].kind is {}", device.kind);
+            let unknown = || Fault::argument(of() + ": it must be a pad, zip line, teleporter or jetpack");
+            let kind = checks::surface(device.kind)?.and_then(DeviceKind::of).ok_or_else(unknown)?;
+            let to = kind.is_transport().then(|| device.to.checked(format_args!("devices[{idx}].to"))).transpose()?;
+            placed.add(Device { to, two_way: device.two_way != 0, ..Device::new(kind, from) });
         }
         self.placed = placed;
         Ok(())

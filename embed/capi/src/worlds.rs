@@ -3,7 +3,7 @@
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::error::{Fault, Status, chain};
 use std::sync::Arc;
-use surefoot_world::mesh::Surface;
+use surefoot_world::map::Device;
 use surefoot_world::sense::{RAY_RANGE_M, RayCone, observation_len};
 use surefoot_world::{Action, CharacterProfile, End, Npc, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, WorldState};
 
@@ -27,20 +27,13 @@ impl Map {
 
     /// Devices of the level.
     pub fn devices(&self) -> Vec<abi::Device> {
-        let device = |surface: Surface, from: Vec3, to: Vec3, two_way: bool| abi::Device {
-            kind: abi::surface_number(surface),
-            two_way: two_way.into(),
-            from: from.into(),
-            to: to.into(),
+        let device = |it: Device| abi::Device {
+            kind: abi::surface_number(it.kind.surface()),
+            two_way: it.two_way.into(),
+            from: it.from.into(),
+            to: it.to.unwrap_or(it.from).into(),
         };
-        let placed = self.map.placed();
-        let mut devices: Vec<abi::Device> =
-            placed.pads.iter().map(|pad| device(Surface::Pad, pad.centre, pad.centre, false)).collect();
-        devices.extend(placed.zip_lines.iter().map(|line| device(Surface::ZipLine, line.from, line.to, false)));
-        let teleporters = placed.teleporters.iter();
-        devices.extend(teleporters.map(|it| device(Surface::Teleporter, it.from, it.to, it.two_way)));
-        devices.extend(placed.jetpacks.iter().map(|it| device(Surface::Jetpack, it.centre, it.centre, false)));
-        devices
+        self.map.placed().devices().map(device).collect()
     }
 
     /// The map's extent, m.
@@ -72,6 +65,12 @@ impl World {
     fn npc(&self, npc: u32) -> Result<(NpcSlot, &Npc), Fault> {
         let missing = || Fault::new(Status::NotFound, format!("the world has no NPC {npc}"));
         self.world.npc(NpcSlot(npc)).map(|state| (NpcSlot(npc), state)).ok_or_else(missing)
+    }
+
+    fn npc_with_goal(&self, npc: u32) -> Result<NpcSlot, Fault> {
+        let (slot, state) = self.npc(npc)?;
+        let missing = || Fault::new(Status::BadState, format!("NPC {npc} has no goal: call sf_world_set_goal first"));
+        state.episode.map(|_| slot).ok_or_else(missing)
     }
 
     /// Adds an NPC and returns its number.
@@ -113,23 +112,14 @@ impl World {
 
     /// Ends a decision.
     pub fn close_decision(&mut self, npc: u32) -> Result<abi::Outcome, Fault> {
-        let (slot, state) = self.npc(npc)?;
-        if state.episode.is_none() {
-            let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
-            return Err(Fault::new(Status::BadState, message));
-        }
+        let slot = self.npc_with_goal(npc)?;
         let outcome = self.world.close_decision(slot).expect("an NPC with a goal");
         Ok(abi::Outcome { reward: outcome.reward, end: end_number(outcome.end) })
     }
 
     /// Runs a whole decision of some NPCs; all others keep their action.
     pub fn step(&mut self, npcs: &[u32], actions: &[Action], outcomes: &mut [abi::Outcome]) -> Result<(), Fault> {
-        for &npc in npcs {
-            if self.npc(npc)?.1.episode.is_none() {
-                let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
-                return Err(Fault::new(Status::BadState, message));
-            }
-        }
+        npcs.iter().try_for_each(|npc| self.npc_with_goal(*npc).map(drop))?;
         for (&npc, action) in npcs.iter().zip(actions) {
             self.decide(npc, *action)?;
         }
@@ -190,11 +180,7 @@ impl World {
 
     /// The observation of an NPC for policies that do not see others.
     pub fn observation(&self, npc: u32) -> Result<Vec<f32>, Fault> {
-        let (slot, state) = self.npc(npc)?;
-        if state.episode.is_none() {
-            let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
-            return Err(Fault::new(Status::BadState, message));
-        }
+        let slot = self.npc_with_goal(npc)?;
         let mut row = vec![0.0; observation_len(false)];
         self.world.observe(slot, &mut row);
         Ok(row)

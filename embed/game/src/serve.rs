@@ -8,8 +8,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use surefoot_net::serving::{Endpoint, EndpointConfig, ServeError, Shutdown};
 use surefoot_rollout::env::{Env, Episodes};
-use surefoot_server::envs::Host;
-use surefoot_server::serve_game;
+use surefoot_server::{Host, serve_game};
 use surefoot_world::map::Placed;
 use surefoot_world::{CharacterProfile, Vec3};
 

@@ -12,12 +12,8 @@ pub fn writable<'py, T: Element>(
     shape: &[usize],
     name: &str,
 ) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
-    check_shape(array.shape(), shape, name)?;
-    let array = array.try_readwrite().map_err(|error| value(format!("{name}: {error}")))?;
-    if !array.is_c_contiguous() {
-        return Err(value(format!("{name} must be contiguous, in C order")));
-    }
-    Ok(array)
+    check(array, shape, name)?;
+    array.try_readwrite().map_err(|error| value(format!("{name}: {error}")))
 }
 
 /// Borrows an array for reading, which must be laid out like `shape` in C order.
@@ -26,19 +22,18 @@ pub fn readable<'py, T: Element>(
     shape: &[usize],
     name: &str,
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
-    check_shape(array.shape(), shape, name)?;
-    let array = array.try_readonly().map_err(|error| value(format!("{name}: {error}")))?;
+    check(array, shape, name)?;
+    array.try_readonly().map_err(|error| value(format!("{name}: {error}")))
+}
+
+fn check<T>(array: &Bound<'_, PyArrayDyn<T>>, shape: &[usize], name: &str) -> PyResult<()> {
+    if array.shape() != shape {
+        return Err(value(format!("{name} has the shape {:?}, but must have {shape:?}", array.shape())));
+    }
     if !array.is_c_contiguous() {
         return Err(value(format!("{name} must be contiguous, in C order")));
     }
-    Ok(array)
-}
-
-fn check_shape(found: &[usize], wanted: &[usize], name: &str) -> PyResult<()> {
-    if found == wanted {
-        return Ok(());
-    }
-    Err(value(format!("{name} has the shape {found:?}, but must have {wanted:?}")))
+    Ok(())
 }
 
 /// The arrays of a step.

@@ -136,21 +136,18 @@ impl Worlds {
     ) -> PyResult<Self> {
         let setup = setup(&levels, body, solid, (num_envs, worlds), goal_distance, autoreset)?;
         let observation_len = setup.observation_len();
-        if let Some(server) = server {
+        let inner: Box<dyn Environments> = if let Some(server) = server {
             let link = server.get().link.clone();
-            let remote = py.detach(|| RemoteWorlds::open(link, setup, seed))?;
-            let inner: Mutex<Box<dyn Environments>> = Mutex::new(Box::new(remote));
-            return Ok(Self { env_count: num_envs, observation_len, inner });
-        }
-        if !(1..=worlds).contains(&threads) {
+            Box::new(py.detach(|| RemoteWorlds::open(link, setup, seed))?)
+        } else if (1..=worlds).contains(&threads) {
+            Box::new(py.detach(|| LocalWorlds::open(setup, seed, threads)).map_err(value)?)
+        } else {
             return Err(value(format!(
                 "threads is {threads}, but the environments are in {worlds} world(s), each of which one thread steps: \
                  pass worlds={threads} or more"
             )));
-        }
-        let local = py.detach(|| LocalWorlds::open(setup, seed, threads)).map_err(value)?;
-        let inner: Mutex<Box<dyn Environments>> = Mutex::new(Box::new(local));
-        Ok(Self { env_count: num_envs, observation_len, inner })
+        };
+        Ok(Self { env_count: num_envs, observation_len, inner: Mutex::new(inner) })
     }
 
     #[getter]

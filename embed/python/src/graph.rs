@@ -162,8 +162,7 @@ impl Graph {
 
     fn to_networkx<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let networkx = py.import("networkx").map_err(|error| {
-            let missing =
-                pyo3::exceptions::PyImportError::new_err("install networkx: pip install \"surefoot[graphs]\"");
+            let missing = pyo3::exceptions::PyImportError::new_err("this needs NetworkX: pip install networkx");
             missing.set_cause(py, Some(error));
             missing
         })?;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use surefoot_levels::Imported;
 use surefoot_report::render::View;
-use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
+use surefoot_world::map::{DeviceKind, Features, MapKind, MapSize, MoverDensities};
 use surefoot_world::{Map, MapSpec, RawMapSpec};
 
 /// A level; it never changes.
@@ -147,15 +147,10 @@ impl Level {
     fn features<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let placed = self.map.placed();
         let counts = PyDict::new(py);
-        for (name, count) in [
-            ("pads", placed.pads.len()),
-            ("zip_lines", placed.zip_lines.len()),
-            ("teleporters", placed.teleporters.len()),
-            ("jetpacks", placed.jetpacks.len()),
-            ("movers", self.map.movers().len()),
-        ] {
-            counts.set_item(name, count)?;
+        for kind in DeviceKind::ALL {
+            counts.set_item(kind.plural(), placed.devices_of(*kind).count())?;
         }
+        counts.set_item("movers", self.map.movers().len())?;
         Ok(counts)
     }
 

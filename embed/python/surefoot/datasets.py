@@ -1,7 +1,7 @@
 """Recorded episodes: as Parquet files in the layout of Minari, as datasets of Minari, and back.
 
-`record` needs nothing else; the Parquet files need pyarrow (`surefoot[datasets]`), datasets of Minari
-`surefoot[minari]`.
+`record` needs nothing else; the Parquet files need pyarrow (the extra `datasets`), datasets of Minari
+the extra `minari`.
 """
 
 from __future__ import annotations
@@ -208,7 +208,7 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise ImportError('install pyarrow: pip install "surefoot[datasets]"') from error
+        raise ImportError('this needs pyarrow: pip install pyarrow') from error
     return pyarrow, pyarrow.parquet
 
 
@@ -264,5 +264,5 @@ def _minari() -> Any:
     try:
         import minari
     except ImportError as error:
-        raise ImportError('install Minari: pip install "surefoot[minari]"') from error
+        raise ImportError('this needs Minari: pip install minari') from error
     return minari

@@ -6,11 +6,9 @@
 use super::config::{EvalConfig, EvalError, Method, Price};
 use super::intervals::Interval;
 use super::report;
-use super::site;
-use super::unit::Unit;
+use super::run::run_cases;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use strum::VariantArray;
 use surefoot_planner::{Attach, BuildSettings, Placement, Probing};
 use surefoot_policy::Policy;
@@ -163,18 +161,11 @@ pub fn run(
     sets.extend(all.iter().map(|factor| vec![*factor]));
     sets.extend(all.iter().map(|factor| without(*factor)));
     let cases: Vec<(Policy, EvalConfig)> = sets.iter().map(|ours| case(policies, base, settings, ours)).collect();
-    let mut units: Vec<Vec<Unit>> = vec![Vec::new(); cases.len()];
     let (mut done, total) = (0, base.maps.len() * base.seeds.len() * cases.len());
-    for map in &base.maps {
-        let mut surveyed = None;
-        for &seed in &base.seeds {
-            for ((policy, config), units) in cases.iter().zip(&mut units) {
-                units.push(site::load_or_run(policy, config, map, seed, &mut surveyed)?);
-                done += 1;
-                progress(done, total);
-            }
-        }
-    }
+    let units = run_cases(&cases.iter().map(|(policy, config)| (policy, config)).collect::<Vec<_>>(), || {
+        done += 1;
+        progress(done, total);
+    })?;
     let report = |idx: usize| CaseReport {
         ours: sets[idx].clone(),
         success: Interval::of(&units[idx]).expect("two maps or more"),
@@ -218,16 +209,14 @@ impl AblationReport {
             self.ours.success.percent(),
         );
         for it in &self.factors {
-            writeln!(
-                text,
-                "| {} | {} | {} | {} | {} |",
+            text += &format!(
+                "| {} | {} | {} | {} | {} |\n",
                 it.factor.about(),
                 it.alone.success.percent(),
                 it.adds_to_paper.points(),
                 it.without.success.percent(),
                 it.adds_to_ours.points(),
-            )
-            .expect("writing to a String cannot fail");
+            );
         }
         text
     }

@@ -5,11 +5,10 @@ use super::config::{EvalConfig, EvalError, Method};
 use super::intervals::Interval;
 use super::maps::{EvalMap, MapName};
 use super::report;
-use super::site;
+use super::run::run_cases;
 use super::unit::Unit;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
-use std::fmt::Write;
 use surefoot_planner::BuildSettings;
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, End};
@@ -117,22 +116,15 @@ fn row(
     condition: &Condition,
     base: &EvalConfig,
     settings: BuildSettings,
-    mut progress: impl FnMut(),
+    progress: impl FnMut(),
 ) -> Result<ConditionRow, EvalError> {
     let Condition { name, policies, maps, profile } = condition;
     let with = |method| EvalConfig { method, maps: maps.clone(), profile: profile.clone(), ..base.clone() };
     let configs = [with(Method::Policy), with(Method::Graph(settings))];
-    let mut units: [ByModel; 2] = [vec![Vec::new(); policies.len()], vec![Vec::new(); policies.len()]];
-    for map in maps {
-        let mut surveyed = None;
-        for &seed in &base.seeds {
-            for (idx, policy) in policies.iter().enumerate() {
-                for (config, units) in configs.iter().zip(&mut units) {
-                    units[idx].push(site::load_or_run(policy, config, map, seed, &mut surveyed)?);
-                    progress();
-                }
-            }
-        }
+    let cases = policies.iter().flat_map(|policy| configs.iter().map(move |config| (policy, config)));
+    let mut units: [ByModel; 2] = Default::default();
+    for (idx, of_case) in run_cases(&cases.collect::<Vec<_>>(), progress)?.into_iter().enumerate() {
+        units[idx % configs.len()].push(of_case);
     }
     let reachable = reachable(&units);
     let all = || units.iter().flatten().flatten();
@@ -207,9 +199,8 @@ impl ConditionReport {
         for row in &self.rows {
             let ConditionRow { name, models, maps, policy, plan, .. } = row;
             let models = if models.len() > 1 { format!(" ({} models)", models.len()) } else { String::new() };
-            writeln!(
-                text,
-                "| {name}{models} | {} | {} | {} | {} | {} | **{}** | {} | ± {} | {} | {}, {}, {} of {} |",
+            text += &format!(
+                "| {name}{models} | {} | {} | {} | {} | {} | **{}** | {} | ± {} | {} | {}, {}, {} of {} |\n",
                 maps.len(),
                 percent(row.on_foot),
                 percent(row.reachable),
@@ -223,8 +214,7 @@ impl ConditionReport {
                 plan.died,
                 plan.avoidable,
                 plan.attempts,
-            )
-            .expect("writing to a String cannot fail");
+            );
         }
         text
     }

@@ -204,18 +204,3 @@ impl Record {
         self.units.lock()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_difference_counts_when_it_is_more_than_chance() {
-        let of = |lost, gained| Comparison { lost, gained, ..Comparison::default() };
-        assert!((of(0, 0).chance() - 1.0).abs() < 1.0e-12);
-        // Two-sided: 2 * (1 + 10) / 2^10.
-        assert!((of(1, 9).chance() - 22.0 / 1024.0).abs() < 1.0e-12);
-        assert!((of(9, 1).chance() - of(1, 9).chance()).abs() < 1.0e-12);
-        assert!(of(40, 45).agrees() && !of(60, 20).agrees() && !of(9, 0).agrees());
-    }
-}

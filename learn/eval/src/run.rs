@@ -24,22 +24,35 @@ pub fn missing(policy: &Policy, config: &EvalConfig) -> Vec<(EvalMap, u64)> {
 }
 
 /// Like [`evaluate`], but returns the units, map by map and seed by seed.
-///
-/// # Errors
-/// As for [`evaluate`].
 pub fn run_units(
     policy: &Policy,
     config: &EvalConfig,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Vec<Unit>, EvalError> {
-    let total = config.maps.len() * config.seeds.len() * config.goals;
-    let mut units = Vec::with_capacity(config.maps.len() * config.seeds.len());
-    for choice in &config.maps {
+    let (mut done, total) = (0, config.maps.len() * config.seeds.len() * config.goals);
+    let units = run_cases(&[(policy, config)], || {
+        done += config.goals;
+        progress(done, total);
+    })?;
+    Ok(units.into_iter().flatten().collect())
+}
+
+/// Runs all cases on the maps and seeds of the first, map by map and seed by seed, so that they share surveys and
+/// graphs. Returns the units of each case. Calls `finished` after each unit.
+pub(crate) fn run_cases(
+    cases: &[(&Policy, &EvalConfig)],
+    mut finished: impl FnMut(),
+) -> Result<Vec<Vec<Unit>>, EvalError> {
+    let Some((_, EvalConfig { maps, seeds, .. })) = cases.first() else { return Ok(Vec::new()) };
+    let mut units = vec![Vec::new(); cases.len()];
+    for choice in maps {
         // Made for the first unit that is not loaded.
         let mut ground = None;
-        for &seed in &config.seeds {
-            units.push(site::load_or_run(policy, config, choice, seed, &mut ground)?);
-            progress(units.len() * config.goals, total);
+        for &seed in seeds {
+            for ((policy, config), units) in cases.iter().zip(&mut units) {
+                units.push(site::load_or_run(policy, config, choice, seed, &mut ground)?);
+                finished();
+            }
         }
     }
     Ok(units)

@@ -60,9 +60,6 @@ impl Surveyed {
 }
 
 /// Loads a saved unit, or runs and saves it. `surveyed` caches the map between units.
-///
-/// # Errors
-/// As for [`super::evaluate`].
 pub fn load_or_run(
     policy: &Policy,
     config: &EvalConfig,
@@ -103,9 +100,6 @@ pub fn load_or_run(
 }
 
 /// Saves a unit that another process has run, so that this evaluation finds it.
-///
-/// # Errors
-/// If it cannot be saved.
 pub fn keep(
     policy: &Policy,
     config: &EvalConfig,
@@ -127,23 +121,13 @@ fn path_of(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) ->
 
 /// A placeholder for a unit of another shard: all its attempts are missing. It is neither saved nor recorded.
 fn of_other_shard(config: &EvalConfig, choice: &EvalMap, seed: u64) -> Unit {
-    let missing = AttemptResult {
-        end: End::NoProgress,
-        decisions: 0,
-        replans: 0,
-        length: 0.0,
-        plans: 0,
-        promised: None,
-        promised_arrival: None,
-        fault: None,
-    };
     Unit {
         map: choice.name(),
         seed,
         distances: vec![1.0; config.goals],
         reachable: vec![true; config.goals],
         on_foot: vec![false; config.goals],
-        attempts: vec![missing; config.goals],
+        attempts: vec![AttemptResult::without_plans(End::NoProgress, 0, 0.0); config.goals],
         motion: Default::default(),
         graph: None,
     }

@@ -8,7 +8,6 @@ use super::run::run_units;
 use super::unit::{GraphFigures, Unit};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
-use std::fmt::Write;
 use surefoot_policy::Policy;
 use surefoot_rollout::follow::Fault;
 use surefoot_world::{End, MapSpec};
@@ -126,9 +125,6 @@ struct Outcome<'e> {
 
 /// Runs every entry. `base` gives all settings except maps and method. `progress` gets the name of the row or split and
 /// the numbers of its finished and of all its attempts.
-///
-/// # Errors
-/// As for [`super::evaluate`].
 pub fn run(
     entries: &[Entry],
     splits: &[(&str, Vec<MapSpec>)],
@@ -220,17 +216,14 @@ impl Outcome<'_> {
 impl SuiteReport {
     /// The table as Markdown, with our figures and the paper's in percent.
     pub fn markdown(&self) -> String {
-        let mut text = String::new();
         let percent = |share: f64| format!("{:.1}", 100.0 * share);
-        writeln!(
-            text,
+        let mut text = format!(
             "{} maps, {} goals each, {} seeds. Success in %: ours (the paper's); intervals are those of 95 % over \
-             maps.\n",
+             maps.\n\n",
             self.maps.len(),
             self.goals,
             self.seeds.len()
-        )
-        .expect("writing to a String cannot fail");
+        );
         text += "| method | all | interval | between seeds | easy | medium | hard | path efficiency | time to goal \
          |\n|---|---|---|---|---|---|---|---|---|\n";
         for row in &self.rows {
@@ -240,9 +233,8 @@ impl SuiteReport {
                 None => percent(rate.rate),
             };
             let Success { all, easy, medium, hard } = row.success;
-            writeln!(
-                text,
-                "| {} | **{}** | {} | {} | {} | {} | {} | {:.2} | {:.1} s |",
+            text += &format!(
+                "| {} | **{}** | {} | {} | {} | {} | {} | {:.2} | {:.1} s |\n",
                 row.name,
                 cell(all, |paper| paper.all),
                 row.by_map.map_or("-".to_owned(), |it| format!("{} to {}", percent(it.low), percent(it.high))),
@@ -252,8 +244,7 @@ impl SuiteReport {
                 cell(hard, |paper| paper.hard),
                 row.efficiency,
                 row.seconds_to_goal,
-            )
-            .expect("writing to a String cannot fail");
+            );
         }
         text += "\n| method | ";
         let names: Vec<String> = End::ALL.iter().map(|end| end.name().replace('_', " ")).collect();
@@ -261,7 +252,7 @@ impl SuiteReport {
         text += " |\n|---|---|---|---|---|---|\n";
         for row in &self.rows {
             let counts: Vec<String> = End::ALL.iter().map(|end| row.ends[end.name()].to_string()).collect();
-            writeln!(text, "| {} | {} |", row.name, counts.join(" | ")).expect("writing to a String cannot fail");
+            text += &format!("| {} | {} |\n", row.name, counts.join(" | "));
         }
         text += &self.faults();
         text
@@ -279,9 +270,8 @@ impl SuiteReport {
          |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
         for (row, graph) in rows() {
             let counts = Fault::ALL.map(|fault| row.faults.get(fault.name()).copied().unwrap_or(0).to_string());
-            writeln!(
-                text,
-                "| {} | {} | {:.0} | {:.0} | {:.0} | {:.1} | {:.1} % |",
+            text += &format!(
+                "| {} | {} | {:.0} | {:.0} | {:.0} | {:.1} | {:.1} % |\n",
                 row.name,
                 counts.join(" | "),
                 graph.vertices,
@@ -289,8 +279,7 @@ impl SuiteReport {
                 graph.probes,
                 graph.islands,
                 100.0 * graph.connected,
-            )
-            .expect("writing to a String cannot fail");
+            );
         }
         text
     }

@@ -5,7 +5,6 @@ use super::maps::MapName;
 use super::report::{self, Rate, Report};
 use super::run::run_units;
 use serde::{Deserialize, Serialize};
-use std::fmt::Write;
 use surefoot_planner::{BuildSettings, Placement};
 use surefoot_policy::Policy;
 
@@ -57,9 +56,6 @@ pub fn sweep(policy: &Policy) -> Vec<Variant> {
 
 /// Runs every variant on the maps of `base`. `progress` gets the variant's name and the numbers of its finished and of
 /// all its attempts.
-///
-/// # Errors
-/// As for [`super::evaluate`].
 pub fn run(
     variants: &[Variant],
     base: &EvalConfig,
@@ -102,8 +98,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     for Outcome { name, report, .. } in outcomes {
         let percent = |rate: f64| format!("{:.1}", 100.0 * rate);
         let all = report.success.all;
-        write!(
-            text,
+        text += &format!(
             "| {name} | {} | **{}** ({}-{}) | {} | {} | {} | {:.2} | {:.1} s |",
             report.model,
             percent(all.rate),
@@ -114,8 +109,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
             percent(report.success.hard.rate),
             report.replans,
             report.seconds_to_goal,
-        )
-        .expect("writing to a String cannot fail");
+        );
         text += &match &report.graph {
             Some(graph) => format!(
                 " {:.0} | {:.1} s | {:.0} s | {:.1} us |\n",

@@ -1,6 +1,7 @@
 //! Evaluation by units: saving, resuming, and summarising beside the paper's table.
 
 use surefoot_eval::ablation::{self, Factor, Policies};
+use surefoot_eval::record::Comparison;
 use surefoot_eval::suite::{self, Entry};
 use surefoot_eval::{EvalConfig, EvalMap, Method, Price, Report, Shard, evaluate};
 use surefoot_planner::BuildSettings;
@@ -150,4 +151,14 @@ fn shards_together_are_the_whole_whatever_ran_where_and_how_often() {
     assert_eq!(count(), units, "nothing was left to run");
     assert_eq!(from_parts.success, at_once.success);
     assert_eq!(from_parts.ends, at_once.ends);
+}
+
+#[test]
+fn a_difference_counts_when_it_is_more_than_chance() {
+    let of = |lost, gained| Comparison { lost, gained, ..Comparison::default() };
+    assert!((of(0, 0).chance() - 1.0).abs() < 1.0e-12);
+    // Two-sided: 2 * (1 + 10) / 2^10.
+    assert!((of(1, 9).chance() - 22.0 / 1024.0).abs() < 1.0e-12);
+    assert!((of(9, 1).chance() - of(1, 9).chance()).abs() < 1.0e-12);
+    assert!(of(40, 45).agrees() && !of(60, 20).agrees() && !of(9, 0).agrees());
 }

@@ -74,8 +74,10 @@ impl Arena {
         random_point(&self.points, rng)
     }
 
-    /// A navigable goal whose distance from `from`, m, is within `band`, or the nearest miss.
-    pub fn goal(&mut self, from: Vec3, band: (f32, f32), rng: &mut ChaCha8Rng) -> Vec3 {
+    /// Draws a navigable goal whose distance from `from`, m, is within the band of near or of far goals, or the nearest
+    /// miss.
+    pub fn goal(&mut self, from: Vec3, config: &CollectorConfig, rng: &mut ChaCha8Rng) -> Vec3 {
+        let band = if rng.random_bool(config.near_share) { config.near_goals } else { config.far_goals };
         let reachable = self.surveyed.as_mut().and_then(|surveyed| surveyed.draw_points(from, &self.points, rng));
         goal_at_random_distance(reachable.unwrap_or(&self.points), from, band, GOAL_DRAWS, rng)
     }
@@ -89,12 +91,10 @@ impl Arena {
         }
     }
 
-    /// Removes and returns a random failed attempt.
-    ///
-    /// # Panics
-    /// If there is none.
-    pub fn take_failure(&mut self, rng: &mut ChaCha8Rng) -> (Vec3, Vec3) {
-        self.failures.swap_remove(rng.random_range(0..self.failures.len()))
+    /// Removes and returns a random failed attempt, for the share of spawns that retry one.
+    pub fn draw_retry(&mut self, config: &CollectorConfig, rng: &mut ChaCha8Rng) -> Option<(Vec3, Vec3)> {
+        let does_retry = !self.failures.is_empty() && rng.random_bool(config.retry_share);
+        does_retry.then(|| self.failures.swap_remove(rng.random_range(0..self.failures.len())))
     }
 }
 

@@ -3,14 +3,13 @@
 use super::arena::Arena;
 use super::config::CollectorConfig;
 use super::replay::{RowKind, Step};
-use super::rng::RngState;
+use super::rng::{RngState, random_action};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use surefoot_policy::{ActorConfig, Policy};
 use surefoot_rollout::goals::random_yaw;
 use surefoot_rollout::{DecidingNpc, DecisionBatch, DecisionLoop, Noise};
-use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{Action, DecisionOutcome, End, NpcSlot, Vec3, World, WorldState};
 
 /// Statistics since the last call of [`Collector::take_stats`].
@@ -209,11 +208,7 @@ impl Collector {
             self.decisions.act(&self.lanes, policy, Noise::Shared(1.0, &mut self.rng));
             return self.decisions.actions().to_vec();
         }
-        let mut draw = || {
-            let values = [(); ACTION_LEN].map(|()| self.rng.random_range(-1.0..1.0));
-            Action::from_array(values).expect("drawn actions are finite")
-        };
-        self.lanes.iter().map(|_| draw()).collect()
+        self.lanes.iter().map(|_| random_action(&mut self.rng)).collect()
     }
 
     /// Runs one decision of every lane that is not at a boundary and returns its outcome, lane by lane.
@@ -303,8 +298,7 @@ impl Collector {
         self.is_fresh[lane_idx] = true;
         let yaw = random_yaw(&mut self.rng);
         let arena = &mut self.arenas[world_idx];
-        if !arena.failures.is_empty() && self.rng.random_bool(self.config.retry_share) {
-            let (start, goal) = arena.take_failure(&mut self.rng);
+        if let Some((start, goal)) = arena.draw_retry(&self.config, &mut self.rng) {
             self.worlds[world_idx].teleport(slot, start, yaw);
             self.worlds[world_idx].set_waypoint(slot, goal);
             self.starts[lane_idx] = Some(start);
@@ -318,12 +312,10 @@ impl Collector {
 
     fn new_goal(&mut self, lane_idx: usize) {
         let DecidingNpc { world_idx, slot, .. } = self.lanes[lane_idx];
-        let near = self.rng.random_bool(self.config.near_share);
-        let band = if near { self.config.near_goals } else { self.config.far_goals };
         let world = &mut self.worlds[world_idx];
         let body = &world.npc(slot).expect("an NPC in every lane").body;
         let (from, is_grounded) = (body.feet, body.is_grounded());
-        let goal = self.arenas[world_idx].goal(from, band, &mut self.rng);
+        let goal = self.arenas[world_idx].goal(from, &self.config, &mut self.rng);
         world.set_waypoint(slot, goal);
         self.starts[lane_idx] = is_grounded.then_some(from);
     }

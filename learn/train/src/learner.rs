@@ -258,9 +258,6 @@ impl Learner {
     }
 
     /// Serializes the whole state.
-    ///
-    /// # Errors
-    /// If a module cannot be encoded.
     pub fn save(&self) -> Result<LearnerState, CheckpointError> {
         let optimizer = |optimizer: &ModuleOptimizer| {
             optimizer

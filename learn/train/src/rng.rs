@@ -1,8 +1,14 @@
-//! The state of random generators as plain data.
+//! Random actions, and the state of random generators as plain data.
 
-use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
+use surefoot_world::Action;
+
+/// Draws an action uniformly.
+pub fn random_action(rng: &mut ChaCha8Rng) -> Action {
+    Action::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0))).expect("drawn actions are finite")
+}
 
 /// Seed, stream and position of a ChaCha generator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -102,9 +102,6 @@ impl Run {
     }
 
     /// Creates a new run.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
     pub(super) fn create(config: TrainConfig, io: RunIo) -> Result<Self, TrainError> {
         config.validate()?;
         let stream = |number: u64| {

@@ -62,9 +62,6 @@ impl Source {
     }
 
     /// Restores a source; `None` if the state does not fit the configuration.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
     pub fn restore(
         config: &TrainConfig,
         state: SourceState,

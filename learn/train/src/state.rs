@@ -18,11 +18,13 @@ use surefoot_policy::checkpoint::{self, write_atomically};
 /// Name of the state file in a run's folder.
 const STATE_FILE: &str = "state.bin";
 
+/// The state of a run. It owns its replay buffers when it is read, and borrows them when it is written, so that a
+/// gigabyte is not copied.
 #[derive(Serialize, Deserialize)]
-struct RunState {
+struct RunState<B> {
     source: SourceState,
     learner: LearnerState,
-    buffers: Vec<Replay>,
+    buffers: B,
     rounds: u64,
     best: Best,
     hours: f64,
@@ -37,7 +39,7 @@ pub fn census_of(folder: &Path) -> Result<Census, TrainError> {
 }
 
 /// Reads the state of the run in `folder`, and returns it with the path of its file.
-fn read_state(folder: &Path) -> Result<(RunState, PathBuf), TrainError> {
+fn read_state(folder: &Path) -> Result<(RunState<Vec<Replay>>, PathBuf), TrainError> {
     let path = folder.join(STATE_FILE);
     let bytes = std::fs::read(&path).map_err(|source| TrainError::Io { path: path.clone(), source })?;
     let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
@@ -65,20 +67,10 @@ fn read_stages(folder: &Path) -> Result<Option<serde_json::Value>, TrainError> {
 impl Run {
     /// Writes the whole state, and the current weights to `last`.
     pub(super) fn save(&self, folder: &Path) -> Result<(), TrainError> {
-        // Borrows what `RunState` owns, so that a gigabyte of replay is not copied.
-        #[derive(Serialize)]
-        struct Saved<'a> {
-            source: SourceState,
-            learner: LearnerState,
-            buffers: &'a [Replay],
-            rounds: u64,
-            best: Best,
-            hours: f64,
-        }
-        let state = Saved {
+        let state = RunState {
             source: self.source.save(),
             learner: self.learner.save()?,
-            buffers: &self.buffers,
+            buffers: self.buffers.as_slice(),
             rounds: self.rounds,
             best: self.best,
             hours: self.hours,

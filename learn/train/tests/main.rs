@@ -3,6 +3,7 @@
 mod cpu_actor;
 mod layers;
 mod learning;
+mod losses;
 mod lstm;
 mod replay;
 mod toy;

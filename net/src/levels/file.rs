@@ -15,9 +15,6 @@ pub(super) struct LevelFile {
 
 impl LevelFile {
     /// Reserves what a client needs for encoding a map.
-    ///
-    /// # Errors
-    /// If the budget is exhausted.
     pub fn reserve(memory: &MemoryBudget, client: &str, map: &Map) -> Result<Reservation, MemoryError> {
         memory.reserve(client, ENCODE_FACTOR * map.memory_bytes() as u64)
     }

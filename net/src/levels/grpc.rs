@@ -7,7 +7,7 @@ use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::paging::{PageSize, page};
 use crate::reader::{self, ReaderStream, Source};
 use crate::serving::Caller;
-use crate::status;
+use crate::status::{self, Answer};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_levels::{ImportOptions, UpAxis};
@@ -62,10 +62,6 @@ impl From<UploadError> for Status {
 }
 
 /// The base map of a request: a spec, or the hash of a kept map.
-///
-/// # Errors
-/// INVALID_ARGUMENT if the request sets neither or both, or the spec is out of range; NOT_FOUND if no map with that
-/// hash is kept.
 pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str) -> Result<BaseMap, Status> {
     match (spec, map_hash) {
         (Some(_), hash) if !hash.is_empty() => {
@@ -77,9 +73,6 @@ pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str)
 }
 
 /// The base map of a request with the request's pieces.
-///
-/// # Errors
-/// INVALID_ARGUMENT if one of them is not valid; RESOURCE_EXHAUSTED if they are too many.
 pub fn with_pieces(base: BaseMap, pieces: &[wire::Piece]) -> Result<MapSource, Status> {
     let pieces = surefoot_proto::pieces::pieces(pieces, "pieces")?;
     MapSource::from(base).with_pieces(pieces).map_err(|error| piece_error(&error, "pieces"))
@@ -94,11 +87,7 @@ pub fn piece_error(error: &PieceError, field: &'static str) -> Status {
 }
 
 fn level_to_wire(level: &Level) -> wire::KeptMap {
-    wire::KeptMap {
-        map_hash: level.map.hash().to_hex(),
-        name: level.name.clone(),
-        size: Some(convert::map_size_to_wire(level.map.size())),
-    }
+    wire::KeptMap { map_hash: level.map.hash().to_hex(), name: level.name.clone(), size: Some(level.map.size().into()) }
 }
 
 fn format(format: wire::MapFormat) -> Result<LevelFormat, Status> {
@@ -135,9 +124,6 @@ struct Chunks {
 
 impl Chunks {
     /// The chunks of `file`; the first one carries `map`.
-    ///
-    /// # Errors
-    /// If the budget has no memory for the chunks that the reader holds at a time.
     fn new(memory: &MemoryBudget, client: &str, map: wire::KeptMap, file: Arc<LevelFile>) -> Result<Self, MemoryError> {
         let memory = memory.reserve(client, CHUNKS_PER_READER * CHUNK_BYTES as u64)?;
         Ok(Self { map: Some(map), file, sent_bytes: 0, _memory: memory })
@@ -158,10 +144,7 @@ impl Source for Chunks {
 
 #[tonic::async_trait]
 impl MapService for LevelStore {
-    async fn import_map(
-        &self,
-        request: Request<wire::ImportMapRequest>,
-    ) -> Result<Response<wire::ImportMapResponse>, Status> {
+    async fn import_map(&self, request: Request<wire::ImportMapRequest>) -> Answer<wire::ImportMapResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         convert::in_range(request.name.len() as f64, 1.0, MAX_NAME, "the length of name")?;
@@ -201,10 +184,7 @@ impl MapService for LevelStore {
         }))
     }
 
-    async fn upload_chunk(
-        &self,
-        request: Request<wire::UploadChunkRequest>,
-    ) -> Result<Response<wire::UploadChunkResponse>, Status> {
+    async fn upload_chunk(&self, request: Request<wire::UploadChunkRequest>) -> Answer<wire::UploadChunkResponse> {
         let caller = Caller::of(&request);
         let wire::UploadChunkRequest { upload_id, offset, data } = request.into_inner();
         let received = self.uploads().append(&caller.name, &upload_id, offset, &data)?;
@@ -213,19 +193,16 @@ impl MapService for LevelStore {
 
     type GetMapStream = ReaderStream<wire::GetMapResponse>;
 
-    async fn get_map(&self, request: Request<wire::GetMapRequest>) -> Result<Response<Self::GetMapStream>, Status> {
+    async fn get_map(&self, request: Request<wire::GetMapRequest>) -> Answer<Self::GetMapStream> {
         let caller = Caller::of(&request);
         let level = self.fetch(&request.into_inner().map_hash).await?;
         let map = level_to_wire(&level);
         let file = self.file_of(&caller.name, level).await?;
         let chunks = Chunks::new(self.memory(), &caller.name, map, file)?;
-        Ok(Response::new(reader::stream(chunks, self.patience(), std::future::pending())))
+        Ok(Response::new(reader::stream(chunks, self.patience(), None)))
     }
 
-    async fn list_maps(
-        &self,
-        request: Request<wire::ListMapsRequest>,
-    ) -> Result<Response<wire::ListMapsResponse>, Status> {
+    async fn list_maps(&self, request: Request<wire::ListMapsRequest>) -> Answer<wire::ListMapsResponse> {
         let wire::ListMapsRequest { page_size, page_token } = request.into_inner();
         let hash = |level: &Arc<Level>| level.map.hash().to_hex();
         let page = page(self.all(), hash, PageSize::USUAL, page_size, &page_token)?;

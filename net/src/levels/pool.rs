@@ -73,9 +73,6 @@ impl MapPool {
 
     /// The base map. An equal map that is in use or being generated is shared. A generation continues when its caller
     /// disconnects, and holds its memory until it is done.
-    ///
-    /// # Errors
-    /// If the memory budget is exhausted.
     pub async fn get(&self, client: &str, source: &BaseMap) -> Result<Arc<SharedMap>, MapError> {
         let spec = match source {
             BaseMap::Level(level) => return Ok(Arc::new(SharedMap { map: level.map.clone(), _memory: None })),

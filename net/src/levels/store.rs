@@ -5,7 +5,7 @@ use super::uploads::Uploads;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::reader::DEFAULT_PATIENCE;
 use crate::serving::Caller;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -80,9 +80,6 @@ impl From<BaseMap> for MapSource {
 
 impl MapSource {
     /// The same base map with these pieces.
-    ///
-    /// # Errors
-    /// If one of them is not valid, or they are too many.
     pub fn with_pieces(self, mut pieces: Vec<Piece>) -> Result<Self, PieceError> {
         piece::arrange(&mut pieces, self.base.extent())?;
         Ok(Self { pieces: pieces.into(), ..self })
@@ -121,17 +118,14 @@ impl MapSource {
 
 /// Why a level cannot be kept or found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum LevelError {
-    /// The store is full, and no map in it may be replaced. Holds the limit.
     #[error("all {0} kept maps (--max-maps) are in use, or were used within ten minutes by clients with fewer maps")]
     Full(usize),
-    /// There is no memory for it.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// Another client imported the same map under another name.
     #[error("another client imported this map as level `{0}`: use that name, or ask its owner to rename the level")]
     OtherName(String),
-    /// No such map is kept.
     #[error("map {0} is not kept here: call ImportMap first")]
     Unknown(String),
     /// The file has no valid map; holds the reason.
@@ -157,16 +151,10 @@ pub struct SavedLevel {
 
 /// Keeps levels for all services that share it. Calls block.
 pub trait LevelArchive: Send + Sync + Debug {
-    /// Saves a level. It replaces one with the same map.
-    ///
-    /// # Errors
-    /// If the archive cannot be written; the text is the reason.
+    /// Saves a level. It replaces one with the same map. The error is the reason.
     fn save(&self, level: SavedLevel) -> Result<(), String>;
 
-    /// Returns the level whose map has this hash; `None` if there is none.
-    ///
-    /// # Errors
-    /// If the archive cannot be read; the text is the reason.
+    /// Returns the level whose map has this hash; `None` if there is none. The error is the reason.
     fn load(&self, map_hash: &str) -> Result<Option<SavedLevel>, String>;
 }
 
@@ -238,9 +226,6 @@ impl LevelStore {
     }
 
     /// Returns the level whose map has the hash `map_hash`, from memory or from the archive.
-    ///
-    /// # Errors
-    /// [`LevelError::Unknown`] if there is none. Also if the archive cannot be read, or there is no room for the level.
     pub async fn fetch(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
         let found = self.get(map_hash);
         let (Some(archive), Err(LevelError::Unknown(_))) = (self.archive.clone(), &found) else { return found };
@@ -266,9 +251,6 @@ impl LevelStore {
     }
 
     /// The level as a file. Clients that read it at the same time share its bytes.
-    ///
-    /// # Errors
-    /// If there is no memory for it.
     pub(super) async fn file_of(&self, client: &str, level: Arc<Level>) -> Result<Arc<LevelFile>, LevelError> {
         let mut slot = level.file.clone().lock_owned().await;
         if let Some(file) = slot.upgrade() {
@@ -298,23 +280,13 @@ impl LevelStore {
     }
 
     /// Reserves memory to parse a file of a client.
-    ///
-    /// # Errors
-    /// If the memory budget is exhausted.
     pub(super) fn reserve(&self, client: &str, file_bytes: usize) -> Result<Reservation, MemoryError> {
         self.memory.reserve(client, PARSE_FACTOR * file_bytes as u64)
-    }
-
-    fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock()
     }
 
     /// Adds a level. If there is no room, it replaces levels that are not in use: first those of the client with the
     /// most levels, the least recently used first. A client with fewer levels loses only levels that were not used for
     /// ten minutes.
-    ///
-    /// # Errors
-    /// If no kept map may be replaced, or another client gave the level another name.
     pub fn put(&self, caller: &Caller, name: String, map: Arc<Map>) -> Result<Arc<Level>, LevelError> {
         self.retain(&caller.name, |owner| caller.may_change(owner), name, map)
     }
@@ -326,7 +298,7 @@ impl LevelStore {
         name: String,
         map: Arc<Map>,
     ) -> Result<Arc<Level>, LevelError> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let (now, hash) = (Instant::now(), map.hash().to_hex());
         if let Some((used, level)) = kept.levels.get_mut(&hash) {
             if level.name == name {
@@ -352,11 +324,8 @@ impl LevelStore {
     }
 
     /// Returns the level whose map has the hash `map_hash`, in hexadecimal digits.
-    ///
-    /// # Errors
-    /// [`LevelError::Unknown`] if there is none.
     pub fn get(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let found = kept.levels.get_mut(map_hash).map(|(used, level)| {
             *used = Instant::now();
             level.clone()
@@ -366,12 +335,12 @@ impl LevelStore {
 
     /// Returns all levels, ordered by hash of the map.
     pub fn all(&self) -> Vec<Arc<Level>> {
-        self.kept().levels.values().map(|(_, level)| level.clone()).collect()
+        self.kept.lock().levels.values().map(|(_, level)| level.clone()).collect()
     }
 
     /// Returns the level name of a kept map.
     pub fn name_of(&self, map: MapHash) -> Option<String> {
-        self.kept().levels.get(&map.to_hex()).map(|(_, level)| level.name.clone())
+        self.kept.lock().levels.get(&map.to_hex()).map(|(_, level)| level.name.clone())
     }
 }
 
@@ -426,9 +395,6 @@ pub(super) struct Read {
 }
 
 /// Parses the map in a file.
-///
-/// # Errors
-/// [`LevelError::File`].
 pub(super) fn read(
     format: LevelFormat,
     file: &[u8],

@@ -17,28 +17,18 @@ const MAX_ID: usize = 64;
 
 /// Why a part is not accepted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum UploadError {
-    /// The id is empty or too long.
     #[error("upload_id has {0} bytes, but must have 1 to {MAX_ID}")]
     Id(usize),
-    /// The part does not follow the previous one.
     #[error("offset is {offset}, but {received} bytes have arrived: send the part that begins there")]
-    Offset {
-        /// Where the part begins.
-        offset: u64,
-        /// Bytes that have arrived.
-        received: u64,
-    },
-    /// The file is too large.
+    Offset { offset: u64, received: u64 },
     #[error("the file is larger than {MAX_FILE_BYTES} bytes: simplify the level or split it")]
     TooLarge,
-    /// The client has too many uploads.
     #[error("this client already has {MAX_UPLOADS} uploads: import them, or wait five minutes")]
     TooMany,
-    /// The memory budget is exhausted.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// There is no such upload.
     #[error("there is no upload `{0}`, or it was dropped after five minutes")]
     Unknown(String),
 }
@@ -75,9 +65,6 @@ impl Uploads {
     }
 
     /// Adds a part, and returns the number of bytes received. A part that was received before has no effect.
-    ///
-    /// # Errors
-    /// If the part leaves a gap, or exceeds a limit.
     pub fn append(&self, client: &Arc<str>, id: &str, offset: u64, data: &[u8]) -> Result<u64, UploadError> {
         if !(1..=MAX_ID).contains(&id.len()) {
             return Err(UploadError::Id(id.len()));
@@ -116,43 +103,11 @@ impl Uploads {
 
     /// Takes the file of an upload after its reservation has grown to `needed` bytes of its length. If the memory
     /// budget is exhausted, the upload stays.
-    ///
-    /// # Errors
-    /// [`UploadError::Unknown`], [`UploadError::Memory`].
     pub fn take(&self, client: &Arc<str>, id: &str, needed: impl Fn(usize) -> u64) -> Result<Upload, UploadError> {
         let (mut uploads, key) = (self.by_id(), (client.clone(), id.to_owned()));
         let upload = uploads.get_mut(&key).ok_or_else(|| UploadError::Unknown(id.to_owned()))?;
         upload.latest = Instant::now();
         upload.memory.resize(needed(upload.bytes.len()))?;
         Ok(uploads.remove(&key).expect("found above"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_make_a_file_repeats_are_harmless_and_gaps_are_refused() {
-        let budget = MemoryBudget::new(1000);
-        let uploads = Uploads::new(budget.clone());
-        let (ann, bob): (Arc<str>, Arc<str>) = ("ann".into(), "bob".into());
-        assert_eq!(uploads.append(&ann, "a", 0, b"0123"), Ok(4));
-        assert_eq!(uploads.append(&ann, "a", 0, b"0123"), Ok(4), "sent again");
-        assert_eq!(uploads.append(&ann, "a", 2, b"2345"), Ok(6), "overlapping");
-        assert_eq!(uploads.append(&ann, "a", 9, b"9"), Err(UploadError::Offset { offset: 9, received: 6 }));
-        let whole = |len: usize| len as u64;
-        let unknown = uploads.take(&bob, "a", whole).unwrap_err();
-        assert_eq!(unknown, UploadError::Unknown("a".to_owned()), "the upload of another client");
-        assert!(matches!(uploads.append(&bob, "b", 0, &[0; 2000]), Err(UploadError::Memory(_))));
-        let refused = uploads.take(&ann, "a", |len| len as u64 * 1000).unwrap_err();
-        assert!(matches!(refused, UploadError::Memory(_)));
-        let taken = uploads.take(&ann, "a", |len| len as u64 * 100).expect("a refusal leaves the upload");
-        assert_eq!((&taken.bytes[..], budget.used_bytes()), (&b"012345"[..], 600));
-        drop(taken);
-        assert_eq!(budget.used_bytes(), 0);
-        assert!(uploads.take(&ann, "a", whole).is_err());
-        (0..4).for_each(|id| _ = uploads.append(&ann, &format!("many {id}"), 0, b"x").unwrap());
-        assert_eq!(uploads.append(&ann, "one more", 0, b"x"), Err(UploadError::TooMany));
     }
 }

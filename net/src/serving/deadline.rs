@@ -48,9 +48,6 @@ impl Deadline {
 }
 
 /// The deadline in the header of Connect.
-///
-/// # Errors
-/// MALFORMED_REQUEST if it is not a number of milliseconds.
 pub(super) fn of_connect(headers: &HeaderMap) -> Result<Option<Duration>, Status> {
     let Some(limit) = headers.get("connect-timeout-ms") else { return Ok(None) };
     let milliseconds = limit.to_str().ok().and_then(|text| text.parse::<u64>().ok());

@@ -36,24 +36,16 @@ const DRAIN_LIMIT: Duration = Duration::from_secs(5);
 
 /// Why an endpoint cannot serve.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum ServeError {
-    /// The address cannot be bound.
-    #[error("cannot listen on {address}: {source}")]
-    Bind {
-        /// The address that was configured.
-        address: SocketAddr,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
-    /// Other machines can reach the address, and the connection would not be encrypted.
+    #[error("cannot listen on {address}")]
+    Bind { address: SocketAddr, source: std::io::Error },
     #[error(
         "{0} can be reached from other machines: set --tls-cert and --tls-key, or --insecure to serve it without TLS"
     )]
     Exposed(SocketAddr),
-    /// The transport failed.
     #[error("serving failed: {0}")]
     Transport(#[from] tonic::transport::Error),
-    /// The descriptors of the contracts cannot be read.
     #[error("reflection cannot be set up: {0}")]
     Reflection(#[from] tonic_reflection::server::Error),
 }
@@ -81,18 +73,11 @@ pub struct Endpoint {
 
 impl Endpoint {
     /// Binds a loopback `address` with the default limits and without tokens; port 0 means any free port.
-    ///
-    /// # Errors
-    /// If the address is in use, not permitted, or not a loopback address.
     pub fn bind(address: SocketAddr) -> Result<Self, ServeError> {
         Self::open(address, EndpointConfig::default())
     }
 
     /// Binds `address`; port 0 means any free port.
-    ///
-    /// # Errors
-    /// If the address is in use or not permitted, or if other machines can reach it and neither TLS nor `insecure` is
-    /// configured.
     pub fn open(address: SocketAddr, config: EndpointConfig) -> Result<Self, ServeError> {
         let Security { tls, tokens, insecure, .. } = &config.security;
         if !address.ip().to_canonical().is_loopback() && tls.is_none() && !insecure {
@@ -160,9 +145,6 @@ impl Endpoint {
     /// Serves `services` until `shutdown`, then drains for at most five seconds.
     ///
     /// `names` are the services whose health is reported; `metrics` renders the answer to `GET /metrics`.
-    ///
-    /// # Errors
-    /// If the transport fails.
     pub async fn serve<M, F>(
         self,
         mut services: RoutesBuilder,

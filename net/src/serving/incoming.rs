@@ -5,6 +5,7 @@
 
 use super::limits::Limits;
 use super::shutdown::Shutdown;
+use crate::metrics::family;
 use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::future::Future;
@@ -39,18 +40,15 @@ pub(super) struct Counters {
 impl Counters {
     /// Renders the counters as Prometheus text.
     pub fn render(&self) -> String {
-        let of = |value: &AtomicU64| value.load(Ordering::Relaxed);
-        format!(
-            "# HELP surefoot_connections Open connections.\n\
-             # TYPE surefoot_connections gauge\nsurefoot_connections {}\n\
-             # HELP surefoot_connections_refused_total Connections refused because there were too many.\n\
-             # TYPE surefoot_connections_refused_total counter\nsurefoot_connections_refused_total {}\n\
-             # HELP surefoot_connections_cut_total Connections closed because they were silent.\n\
-             # TYPE surefoot_connections_cut_total counter\nsurefoot_connections_cut_total {}\n",
-            of(&self.open),
-            of(&self.refused),
-            of(&self.cut)
-        )
+        let counters = [
+            ("connections", "gauge", "Open connections.", &self.open),
+            ("connections_refused_total", "counter", "Connections refused because there were too many.", &self.refused),
+            ("connections_cut_total", "counter", "Connections closed because they were silent.", &self.cut),
+        ];
+        let family = |(name, kind, help, count): (&str, &str, &str, &AtomicU64)| {
+            family(name, kind, help, [("", count.load(Ordering::Relaxed) as f64)])
+        };
+        counters.map(family).concat()
     }
 }
 

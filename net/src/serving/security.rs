@@ -74,9 +74,6 @@ impl fmt::Debug for ServerTls {
 impl ServerTls {
     /// Reads a certificate chain, its key and, if clients must present certificates, the authority that issues them;
     /// all PEM.
-    ///
-    /// # Errors
-    /// If a file cannot be read, or a TLS server cannot be set up with the files.
     pub fn load(certificate: &Path, key: &Path, client_authority: Option<&Path>) -> Result<Self, SecurityError> {
         let files = TlsFiles {
             certificate: certificate.to_owned(),
@@ -96,10 +93,8 @@ impl ServerTls {
         Ok(tls)
     }
 
-    /// Reloads the files if one of them has changed since the last call.
-    ///
-    /// # Errors
-    /// If they cannot be used, for example because only one of certificate and key has been replaced yet.
+    /// Reloads the files if one of them has changed since the last call. Files that cannot be used are not taken, for
+    /// example while only one of certificate and key has been replaced.
     pub(super) fn renew(&mut self) -> Option<Result<(), SecurityError>> {
         let stamps = self.files.stamps();
         if stamps == self.stamps {

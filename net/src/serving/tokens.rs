@@ -15,53 +15,32 @@ const MIN_SECRET_LEN: usize = 16;
 
 /// Why a file of tokens cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum TokenFileError {
-    /// The file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The content is invalid.
     #[error("cannot use the tokens in {}: {reason}", path.display())]
-    Refused {
-        /// Path of the file.
-        path: PathBuf,
-        /// Why its tokens are refused.
-        reason: TokenError,
-    },
+    Refused { path: PathBuf, reason: TokenError },
 }
 
 /// Why a list of tokens is refused. No variant carries a secret.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum TokenError {
-    /// The text is not TOML.
     #[error("line {line} is not TOML")]
-    Syntax {
-        /// Number of the line, counted from 1.
-        line: usize,
-    },
-    /// A key is unknown, at the top level or in an entry.
+    Syntax { line: usize },
     #[error("the key `{0}` is unknown: write [[token]] entries with name, role and secret")]
     UnknownKey(String),
-    /// The text has no entry.
     #[error("there is no [[token]] entry")]
     Empty,
-    /// An entry lacks a value, or the value is empty or not a string.
     #[error("token {position} needs a string `{key}`")]
-    Missing {
-        /// Position of the entry, counted from 1.
-        position: usize,
-        /// Key of the value.
-        key: &'static str,
-    },
-    /// The role of a token is unknown.
+    Missing { position: usize, key: &'static str },
     #[error("token `{0}` has an unknown role: use client, worker, designer or admin")]
     Role(String),
-    /// A secret is too short, and so too easy to guess.
     #[error("the secret of token `{0}` is shorter than {MIN_SECRET_LEN} bytes")]
     Short(String),
-    /// A header cannot carry the secret.
     #[error("the secret of token `{0}` may contain only visible ASCII characters")]
     InvalidCharacter(String),
-    /// Two entries share a name or a secret.
     #[error("tokens `{0}` and `{1}` have the same name or secret")]
     Duplicate(String, String),
 }
@@ -111,9 +90,6 @@ impl fmt::Debug for Tokens {
 
 impl Tokens {
     /// Reads a file of tokens.
-    ///
-    /// # Errors
-    /// If the file cannot be read, or [`Tokens::parse`] refuses its content.
     pub fn load(path: &Path) -> Result<Self, TokenFileError> {
         let text = String::from_utf8_lossy(&read(path)?).into_owned();
         let tokens = Self::parse(&text).map_err(|reason| TokenFileError::Refused { path: path.to_owned(), reason })?;
@@ -147,10 +123,6 @@ impl Tokens {
     }
 
     /// Parses tokens: TOML with `[[token]]` entries of `name`, `role` and `secret`.
-    ///
-    /// # Errors
-    /// If there is no entry, a key is missing or unknown, a role is unknown, two entries share a name or a secret, or a
-    /// secret is too short or cannot be sent in a header.
     pub fn parse(text: &str) -> Result<Self, TokenError> {
         // The parser's message may quote a line with a secret.
         let table = text.parse::<Table>().map_err(|error| {

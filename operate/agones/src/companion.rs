@@ -29,8 +29,7 @@ impl Default for Pace {
 
 /// Awaits `serving`, and meanwhile reports what `observer` sees to the sidecar at `uri`. When the server has drained,
 /// saved its worlds and ended without an error, this function requests a shutdown of the game server from the sidecar.
-///
-/// If `uri` is not a URI, or `serving` fails. Failures of the sidecar are logged.
+/// Failures of the sidecar are logged.
 pub async fn run_with_sidecar<E: From<LinkError>>(
     uri: &str,
     pace: Pace,

@@ -42,17 +42,12 @@ pub struct Sidecar {
 
 impl Sidecar {
     /// Prepares the connection to the sidecar at `uri`, such as `http://127.0.0.1:9357`.
-    ///
-    /// # Errors
-    /// If `uri` is not a URI.
     pub fn at(uri: &str) -> Result<Self, LinkError> {
         let link = Credentials::default().dial(uri)?.connect_lazy();
         Ok(Self { sdk: SdkClient::new(link.clone()), counters: CounterClient::new(link) })
     }
 
     /// Reports that the game server can be allocated.
-    ///
-    /// If the sidecar is unreachable or refuses; so for the calls below.
     pub async fn ready(&mut self) -> Result<(), SidecarError> {
         in_time(self.sdk.ready(Empty {})).await.map(|_| ())
     }
@@ -74,8 +69,6 @@ impl Sidecar {
     }
 
     /// Sets the count of a counter.
-    ///
-    /// If its capacity is less.
     pub async fn set_count(&mut self, name: &str, count: i64) -> Result<(), SidecarError> {
         let request = CounterUpdateRequest { name: name.to_owned(), count: Some(count), capacity: None, count_diff: 0 };
         let request = UpdateCounterRequest { counter_update_request: Some(request) };

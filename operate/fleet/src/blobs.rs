@@ -30,6 +30,11 @@ impl BlobId {
     pub fn of(bytes: &[u8]) -> Self {
         Self(*blake3::hash(bytes).as_bytes())
     }
+
+    /// The name in a row of the database.
+    pub(crate) fn of_row(name: &[u8]) -> Self {
+        Self(name.try_into().expect("the tables have hashes of 32 bytes only"))
+    }
 }
 
 impl fmt::Display for BlobId {
@@ -58,18 +63,12 @@ impl Blobs {
     /// Opens `s3://bucket/prefix` or `file:///folder`. The folder is created. For S3, `AWS_ENDPOINT_URL`,
     /// `AWS_REGION`, `AWS_ACCESS_KEY_ID` and `AWS_SECRET_ACCESS_KEY` set the address, the region and the keys, as for
     /// other clients of S3. `AWS_ALLOW_HTTP=true` allows an endpoint without TLS.
-    ///
-    /// # Errors
-    /// If the URI is of neither kind, or the folder cannot be created.
     pub fn open(uri: &str) -> Result<Self, FleetError> {
         let env: Vec<(String, String)> = std::env::vars().filter(|(name, _)| name.starts_with("AWS_")).collect();
         Self::open_with(uri, env.iter().map(|(name, value)| (name.as_str(), value.as_str())))
     }
 
     /// As [`open`](Self::open), with these variables instead of those of the process.
-    ///
-    /// # Errors
-    /// Same as [`open`](Self::open).
     pub fn open_with<'a>(uri: &str, env: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Self, FleetError> {
         let fail = |reason: String| FleetError::new(format!("--blobs {uri}"), reason);
         let store: Arc<dyn ObjectStore> = if let Some(folder) = uri.strip_prefix("file://") {
@@ -99,14 +98,11 @@ impl Blobs {
 
     /// Stores bytes and returns their name once they are durable. If an intact blob of their name exists, nothing
     /// changes; a damaged one is replaced.
-    ///
-    /// # Errors
-    /// If the store does not take them.
     pub async fn put(&self, bytes: Vec<u8>) -> Result<BlobId, FleetError> {
         let (id, payload) = (BlobId::of(&bytes), PutPayload::from(bytes));
         match self.put_as(PutMode::Create, id, payload.clone()).await {
             Err(object_store::Error::AlreadyExists { .. }) => {}
-            put => return put.map(|()| id).map_err(|error| FleetError::caused(self.place.clone(), &error)),
+            put => return put.map(|()| id).map_err(|error| self.failed(&error)),
         }
         match self.get(id).await {
             Ok(Some(_)) => return Ok(id),
@@ -114,7 +110,11 @@ impl Blobs {
             Ok(None) | Err(_) => warn!(%id, place = self.place, "blobs: replacing a damaged blob"),
         }
         let put = self.put_as(PutMode::Overwrite, id, payload).await;
-        put.map(|()| id).map_err(|error| FleetError::caused(self.place.clone(), &error))
+        put.map(|()| id).map_err(|error| self.failed(&error))
+    }
+
+    fn failed(&self, error: &object_store::Error) -> FleetError {
+        FleetError::caused(self.place.clone(), error)
     }
 
     async fn put_as(&self, mode: PutMode, id: BlobId, payload: PutPayload) -> Result<(), object_store::Error> {
@@ -123,14 +123,11 @@ impl Blobs {
     }
 
     /// Returns the bytes with this name; `None` if there are none.
-    ///
-    /// If the store cannot be read, or the bytes are damaged.
     pub async fn get(&self, id: BlobId) -> Result<Option<Vec<u8>>, FleetError> {
-        let fail = |error: object_store::Error| FleetError::caused(self.place.clone(), &error);
         let bytes = match self.store.get(&path(id)).await {
-            Ok(found) => found.bytes().await.map_err(fail)?,
+            Ok(found) => found.bytes().await.map_err(|error| self.failed(&error))?,
             Err(object_store::Error::NotFound { .. }) => return Ok(None),
-            Err(error) => return Err(fail(error)),
+            Err(error) => return Err(self.failed(&error)),
         };
         if BlobId::of(&bytes) != id {
             let reason = format!("blob {id} is damaged: restore it from a copy, or remove it");
@@ -140,13 +137,10 @@ impl Blobs {
     }
 
     /// Removes the bytes with this name, if they exist. Nothing may refer to them any more.
-    ///
-    /// # Errors
-    /// If the store cannot be written.
     pub async fn remove(&self, id: BlobId) -> Result<(), FleetError> {
         match self.store.delete(&path(id)).await {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(error) => Err(FleetError::caused(self.place.clone(), &error)),
+            Err(error) => Err(self.failed(&error)),
         }
     }
 

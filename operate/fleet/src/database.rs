@@ -32,7 +32,6 @@ pub struct Database {
     /// For look-ups by clients, whose number is not limited. The size of the pool bounds their load on the database.
     pub lookups: PgPool,
     urgent: PgPool,
-    place: String,
 }
 
 /// A connection for a call that must not wait behind others. It is closed if the call is dropped or fails: a broken
@@ -40,7 +39,6 @@ pub struct Database {
 #[derive(Debug)]
 pub struct Urgent {
     connection: PoolConnection<Postgres>,
-    place: String,
     is_done: bool,
 }
 
@@ -51,12 +49,9 @@ impl Urgent {
     }
 
     /// Ends the call.
-    ///
-    /// # Errors
-    /// If it failed.
-    pub fn done<T>(mut self, result: Result<T, sqlx::Error>) -> Result<T, FleetError> {
+    pub fn done<T>(mut self, result: Result<T, sqlx::Error>) -> Result<T, sqlx::Error> {
         self.is_done = result.is_ok();
-        result.map_err(|error| FleetError::new(self.place.clone(), error))
+        result
     }
 }
 
@@ -70,9 +65,6 @@ impl Drop for Urgent {
 
 impl Database {
     /// Connects to `url`, `postgres://user:password@host:port/database`, and brings the schema up to date.
-    ///
-    /// # Errors
-    /// If the URL is malformed, the database does not answer within 5 s, or its schema cannot be brought up to date.
     pub async fn open(url: &str) -> Result<Self, FleetError> {
         let malformed = |why: String| {
             FleetError::new("--store", format!("{why}the format is postgres://user:password@host:port/database"))
@@ -98,37 +90,20 @@ impl Database {
         migrate(&pool).await.map_err(|error| fail(&error))?;
         let urgent = at_most(MAX_URGENT).connect_lazy_with(options.clone());
         let lookups = at_most(MAX_LOOKUPS).connect_lazy_with(options);
-        Ok(Self { pool, lookups, urgent, place })
+        Ok(Self { pool, lookups, urgent })
     }
 
     /// A connection for leases and journals.
-    ///
-    /// # Errors
-    /// If there is none within 5 s.
-    pub async fn urgent(&self) -> Result<Urgent, FleetError> {
-        let connection = self.urgent.acquire().await.map_err(|error| self.failed(error))?;
-        Ok(Urgent { connection, place: self.place.clone(), is_done: false })
+    pub async fn urgent(&self) -> Result<Urgent, sqlx::Error> {
+        Ok(Urgent { connection: self.urgent.acquire().await?, is_done: false })
     }
 
     /// Returns the number of transactions that the database has committed for all its clients. For measurements.
-    ///
-    /// # Errors
-    /// If the database cannot be read.
     pub async fn commits(&self) -> Result<i64, FleetError> {
         let count = sqlx::query_scalar!(
             r#"SELECT xact_commit AS "count!" FROM pg_stat_database WHERE datname = current_database()"#
         );
-        count.fetch_one(&self.pool).await.map_err(|error| self.failed(error))
-    }
-
-    /// Address of the database, without its password.
-    pub fn place(&self) -> &str {
-        &self.place
-    }
-
-    /// Converts a failure of a query.
-    pub fn failed(&self, error: sqlx::Error) -> FleetError {
-        FleetError::new(self.place.clone(), error)
+        Ok(count.fetch_one(&self.pool).await?)
     }
 }
 

@@ -2,6 +2,9 @@
 
 use surefoot_planner::store::StoreErrorKind;
 
+/// Name of the database in errors.
+pub(crate) const DATABASE: &str = "PostgreSQL";
+
 /// A failure of the database, the blobs or the queue.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{place}: {reason}")]
@@ -12,6 +15,22 @@ pub struct FleetError {
     pub reason: String,
     /// What may be done about it.
     pub kind: StoreErrorKind,
+}
+
+/// Converts a failure of a query.
+impl From<sqlx::Error> for FleetError {
+    fn from(error: sqlx::Error) -> Self {
+        // Lost connections, rollbacks, read-only standbys, want of resources or locks, shutdowns, failures of the system.
+        const PASSING: [&str; 7] = ["08", "25", "40", "53", "55", "57", "58"];
+        let is_passing = |code: &str| PASSING.iter().any(|class| code.starts_with(class));
+        let kind = match &error {
+            sqlx::Error::Database(refusal) if refusal.code().is_some_and(|code| !is_passing(&code)) => {
+                StoreErrorKind::Refused
+            }
+            _ => StoreErrorKind::Unavailable,
+        };
+        Self { kind, ..Self::new(DATABASE, error) }
+    }
 }
 
 impl FleetError {

@@ -45,9 +45,6 @@ struct Member {
 
 impl Membership {
     /// Registers this process, which others reach at `address`, for `lease`.
-    ///
-    /// # Errors
-    /// If the database cannot be written.
     pub async fn join(
         database: &Database,
         kind: MemberKind,
@@ -60,9 +57,6 @@ impl Membership {
     }
 
     /// Registers this process as another member.
-    ///
-    /// # Errors
-    /// If the database cannot be written.
     pub async fn rejoin(&self) -> Result<(), FleetError> {
         let member = insert(&self.database, self.kind, &self.address, self.lease).await?;
         *self.current.lock() = member;
@@ -70,9 +64,6 @@ impl Membership {
     }
 
     /// Renews the lease. Returns false if it has expired, so that others may have taken over the claims of the member.
-    ///
-    /// # Errors
-    /// If the database cannot be written.
     pub async fn renew(&self) -> Result<bool, FleetError> {
         let (asked, id) = (Instant::now(), self.id());
         let renewed = sqlx::query!(
@@ -90,10 +81,7 @@ impl Membership {
         Ok(is_renewed)
     }
 
-    /// Ends the lease, so that others take over at once.
-    ///
-    /// # Errors
-    /// If the database cannot be written; the lease then expires by itself.
+    /// Ends the lease, so that others take over at once. If that fails, the lease expires by itself.
     pub async fn leave(&self) -> Result<(), FleetError> {
         let id = self.id();
         let left = sqlx::query!("UPDATE members SET expires_at = now() WHERE id = $1", id);

@@ -2,7 +2,7 @@
 //! listeners send pings while a channel is quiet.
 
 use crate::database::Database;
-use crate::error::FleetError;
+use crate::error::{DATABASE, FleetError};
 use parking_lot::Mutex;
 use sqlx::PgConnection;
 use sqlx::postgres::PgListener;
@@ -31,9 +31,6 @@ pub enum Heard {
 }
 
 /// Sends a notification to all listeners of a channel, once the transaction of `connection` is committed.
-///
-/// # Errors
-/// If the database does not answer.
 pub async fn notify(connection: &mut PgConnection, channel: &str, payload: &str) -> Result<(), sqlx::Error> {
     sqlx::query!("SELECT pg_notify($1, $2)", channel, payload).execute(connection).await.map(drop)
 }
@@ -62,7 +59,7 @@ async fn receive(
 ) -> FleetError {
     let mut listener = match connect(database, channel).await {
         Ok(listener) => listener,
-        Err(error) => return database.failed(error),
+        Err(error) => return error.into(),
     };
     info!(channel, "fleet: listening");
     let mut latest = Some(Heard::Connected);
@@ -70,14 +67,14 @@ async fn receive(
         if let Some(latest) = latest.take()
             && sender.send(latest).await.is_err()
         {
-            return FleetError::new(database.place(), "the receiver is gone");
+            return FleetError::new(DATABASE, "the receiver is gone");
         }
         *heard.lock() = Instant::now();
         match listener.try_recv().await {
             Ok(Some(notification)) if notification.payload() == PING => {}
             Ok(Some(notification)) => latest = Some(Heard::Payload(notification.payload().to_owned())),
-            Ok(None) => return FleetError::new(database.place(), "the connection is broken"),
-            Err(error) => return database.failed(error),
+            Ok(None) => return FleetError::new(DATABASE, "the connection is broken"),
+            Err(error) => return error.into(),
         }
     }
 }
@@ -105,7 +102,7 @@ async fn watch_silence(
         }
         let silence = heard.lock().elapsed();
         if silence >= SILENCE {
-            return FleetError::new(database.place(), format!("no notification for {} s", SILENCE.as_secs()));
+            return FleetError::new(DATABASE, format!("no notification for {} s", SILENCE.as_secs()));
         }
         if silence >= PING_AFTER {
             let ping = async {

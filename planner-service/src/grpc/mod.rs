@@ -17,11 +17,12 @@ use crate::wire::{
     ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, traffic_of, unapplied_to_wire, wanted,
 };
 use prost::Message;
-use std::pin::Pin;
+use streams::{BuildProgress, GraphChanges};
 use surefoot_net::idempotency::{AnswerCache, Repeatable, check_id};
 use surefoot_net::paging::{PageSize, page};
+use surefoot_net::reader::{self, DEFAULT_PATIENCE, ReaderStream, Source};
 use surefoot_net::serving::Caller;
-use surefoot_net::status;
+use surefoot_net::status::{self, Answer};
 use surefoot_planner::live::Reporter;
 use surefoot_planner::store::Call;
 use surefoot_planner::{Query, VertexId};
@@ -30,15 +31,11 @@ use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::PlannerService;
 use surefoot_proto::plans::{plan_to_wire, query, traversal};
 use surefoot_world::Seed;
-use tokio::sync::mpsc;
-use tokio_stream::Stream;
-use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
 /// Maximum number of traversals in one report.
 const MAX_TRAVERSALS: usize = 4096;
 
-/// The gRPC service. Clones share all state.
 #[derive(Clone)]
 pub struct PlannerApi {
     planner: Planner,
@@ -46,9 +43,13 @@ pub struct PlannerApi {
 }
 
 impl PlannerApi {
-    /// Creates the service for `planner`.
     pub fn new(planner: Planner) -> Self {
         Self { reported: AnswerCache::new(planner.config().maps.memory().clone()), planner }
+    }
+
+    /// Streams messages to a reader until the service stops.
+    fn stream<S: Source>(&self, source: S) -> ReaderStream<S::Message> {
+        reader::stream(source, DEFAULT_PATIENCE, Some(self.planner.shutdown()))
     }
 
     /// Converts a query, and checks that it lies in or near the map of the graph.
@@ -66,7 +67,7 @@ impl PlannerApi {
         if_revision: u64,
         change: LayerChange,
         call: Option<Call>,
-    ) -> Result<Response<R>, Status> {
+    ) -> Answer<R> {
         let hosted = self.planner.get_or_load(graph_id).await?;
         let answer = self.planner.layers.change(hosted, revision_from_wire(if_revision), change, call).await?;
         Ok(Response::new(R::decode(&*answer).map_err(|_| PlannerError::BadReceipt)?))
@@ -89,14 +90,9 @@ fn build_now(job: &Job) -> wire::Build {
     build_to_wire(job, phase)
 }
 
-type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
-
 #[tonic::async_trait]
 impl PlannerService for PlannerApi {
-    async fn start_build(
-        &self,
-        request: Request<wire::StartBuildRequest>,
-    ) -> Result<Response<wire::StartBuildResponse>, Status> {
+    async fn start_build(&self, request: Request<wire::StartBuildRequest>) -> Answer<wire::StartBuildResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         self.planner.check_policy(&request.policy_hash)?;
@@ -107,22 +103,14 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(wire::StartBuildResponse { build: Some(build) }))
     }
 
-    type WatchBuildStream = BoxStream<wire::WatchBuildResponse>;
+    type WatchBuildStream = ReaderStream<wire::WatchBuildResponse>;
 
-    async fn watch_build(
-        &self,
-        request: Request<wire::WatchBuildRequest>,
-    ) -> Result<Response<Self::WatchBuildStream>, Status> {
+    async fn watch_build(&self, request: Request<wire::WatchBuildRequest>) -> Answer<Self::WatchBuildStream> {
         let job = self.planner.peers.find(&request.into_inner().build_id).await?;
-        let (queue, stream) = mpsc::channel(4);
-        tokio::spawn(streams::stream_progress(job, queue, self.planner.shutdown().clone()));
-        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+        Ok(Response::new(self.stream(BuildProgress::new(job))))
     }
 
-    async fn list_builds(
-        &self,
-        request: Request<wire::ListBuildsRequest>,
-    ) -> Result<Response<wire::ListBuildsResponse>, Status> {
+    async fn list_builds(&self, request: Request<wire::ListBuildsRequest>) -> Answer<wire::ListBuildsResponse> {
         let wire::ListBuildsRequest { page_size, page_token } = request.into_inner();
         let all = self.planner.peers.all().await;
         let page = page(all, |job| job.id.to_string(), PageSize::USUAL, page_size, &page_token)?;
@@ -130,42 +118,27 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(wire::ListBuildsResponse { builds, next_page_token: page.next_token }))
     }
 
-    async fn cancel_build(
-        &self,
-        request: Request<wire::CancelBuildRequest>,
-    ) -> Result<Response<wire::CancelBuildResponse>, Status> {
+    async fn cancel_build(&self, request: Request<wire::CancelBuildRequest>) -> Answer<wire::CancelBuildResponse> {
         let caller = Caller::of(&request);
         let job = self.planner.peers.find(&request.into_inner().build_id).await?;
         self.planner.peers.cancel(&job, &caller).await?;
         Ok(Response::new(wire::CancelBuildResponse { build: Some(build_now(&job)) }))
     }
 
-    async fn get_graph(
-        &self,
-        request: Request<wire::GetGraphRequest>,
-    ) -> Result<Response<wire::GetGraphResponse>, Status> {
+    async fn get_graph(&self, request: Request<wire::GetGraphRequest>) -> Answer<wire::GetGraphResponse> {
         let hosted = self.planner.get_usable(&request.into_inner().graph_id).await?;
         let encoded = tokio::task::spawn_blocking(move || graph_to_wire(&hosted)).await;
         Ok(Response::new(encoded.map_err(PlannerError::lost("the encoding"))?))
     }
 
-    type WatchGraphStream = BoxStream<wire::WatchGraphResponse>;
+    type WatchGraphStream = ReaderStream<wire::WatchGraphResponse>;
 
-    async fn watch_graph(
-        &self,
-        request: Request<wire::WatchGraphRequest>,
-    ) -> Result<Response<Self::WatchGraphStream>, Status> {
+    async fn watch_graph(&self, request: Request<wire::WatchGraphRequest>) -> Answer<Self::WatchGraphStream> {
         let hosted = self.planner.get_or_load(&request.into_inner().graph_id).await?;
-        let (id, changes) = (hosted.origin.id, hosted.changes());
-        let (queue, stream) = mpsc::channel(1);
-        tokio::spawn(streams::stream_changes(self.planner.clone(), id, changes, queue));
-        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+        Ok(Response::new(self.stream(GraphChanges::new(self.planner.clone(), &hosted))))
     }
 
-    async fn list_graphs(
-        &self,
-        request: Request<wire::ListGraphsRequest>,
-    ) -> Result<Response<wire::ListGraphsResponse>, Status> {
+    async fn list_graphs(&self, request: Request<wire::ListGraphsRequest>) -> Answer<wire::ListGraphsResponse> {
         let wire::ListGraphsRequest { page_size, page_token } = request.into_inner();
         let all = self.planner.graphs.all();
         let page = page(all, |hosted| hosted.origin.id.to_string(), PageSize::USUAL, page_size, &page_token)?;
@@ -173,10 +146,7 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(wire::ListGraphsResponse { graphs, next_page_token: page.next_token }))
     }
 
-    async fn probe_edge(
-        &self,
-        request: Request<wire::ProbeEdgeRequest>,
-    ) -> Result<Response<wire::ProbeEdgeResponse>, Status> {
+    async fn probe_edge(&self, request: Request<wire::ProbeEdgeRequest>) -> Answer<wire::ProbeEdgeResponse> {
         let wire::ProbeEdgeRequest { graph_id, from, to, seed } = request.into_inner();
         let hosted = self.planner.get_usable(&graph_id).await?;
         let (outcome, track) = self.planner.probe(hosted, VertexId(from), VertexId(to), Seed(seed)).await?;
@@ -191,17 +161,14 @@ impl PlannerService for PlannerApi {
     async fn compare_graphs(
         &self,
         request: Request<wire::CompareGraphsRequest>,
-    ) -> Result<Response<wire::CompareGraphsResponse>, Status> {
+    ) -> Answer<wire::CompareGraphsResponse> {
         let request = request.into_inner();
         let (before, after) =
             (self.planner.get_usable(&request.before).await?, self.planner.get_usable(&request.after).await?);
         Ok(Response::new(difference_to_wire(self.planner.compare(before, after).await?)))
     }
 
-    async fn find_path(
-        &self,
-        request: Request<wire::FindPathRequest>,
-    ) -> Result<Response<wire::FindPathResponse>, Status> {
+    async fn find_path(&self, request: Request<wire::FindPathRequest>) -> Answer<wire::FindPathResponse> {
         let request = request.into_inner();
         let hosted = self.planner.get_usable(&request.graph_id).await?;
         let query = Self::query(&hosted, &request.query.ok_or(FieldError::Missing("query"))?)?;
@@ -211,10 +178,7 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(wire::FindPathResponse { plan, interim }))
     }
 
-    async fn find_paths(
-        &self,
-        request: Request<wire::FindPathsRequest>,
-    ) -> Result<Response<wire::FindPathsResponse>, Status> {
+    async fn find_paths(&self, request: Request<wire::FindPathsRequest>) -> Answer<wire::FindPathsResponse> {
         let request = request.into_inner();
         let hosted = self.planner.get_usable(&request.graph_id).await?;
         let (count, limit) = (request.queries.len(), self.planner.config().max_queries);
@@ -242,7 +206,7 @@ impl PlannerService for PlannerApi {
     async fn report_traversals(
         &self,
         request: Request<wire::ReportTraversalsRequest>,
-    ) -> Result<Response<wire::ReportTraversalsResponse>, Status> {
+    ) -> Answer<wire::ReportTraversalsResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let call = call_of(&caller, &request.request_id, &request)?;
@@ -263,38 +227,26 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(wire::ReportTraversalsResponse { accepted }))
     }
 
-    async fn list_reports(
-        &self,
-        request: Request<wire::ListReportsRequest>,
-    ) -> Result<Response<wire::ListReportsResponse>, Status> {
+    async fn list_reports(&self, request: Request<wire::ListReportsRequest>) -> Answer<wire::ListReportsResponse> {
         let reports = self.planner.get_or_load(&request.into_inner().graph_id).await?.reports();
         Ok(Response::new(wire::ListReportsResponse { reports: reports.into_iter().map(report_to_wire).collect() }))
     }
 
-    async fn drop_reports(
-        &self,
-        request: Request<wire::DropReportsRequest>,
-    ) -> Result<Response<wire::DropReportsResponse>, Status> {
+    async fn drop_reports(&self, request: Request<wire::DropReportsRequest>) -> Answer<wire::DropReportsResponse> {
         let wire::DropReportsRequest { graph_id, reporter } = request.into_inner();
         let hosted = self.planner.get_or_load(&graph_id).await?;
         let dropped = self.planner.reports.drop_of(hosted, reporter).await?;
         Ok(Response::new(wire::DropReportsResponse { dropped }))
     }
 
-    async fn get_layers(
-        &self,
-        request: Request<wire::GetLayersRequest>,
-    ) -> Result<Response<wire::GetLayersResponse>, Status> {
+    async fn get_layers(&self, request: Request<wire::GetLayersRequest>) -> Answer<wire::GetLayersResponse> {
         let (layers, unapplied) = self.planner.get_usable(&request.into_inner().graph_id).await?.layers();
         let revision = revision_to_wire(Revision::of(&layers));
         let layers = layers.iter().map(layer_to_wire).collect();
         Ok(Response::new(wire::GetLayersResponse { layers, unapplied: unapplied_to_wire(&unapplied), revision }))
     }
 
-    async fn put_layer(
-        &self,
-        request: Request<wire::PutLayerRequest>,
-    ) -> Result<Response<wire::PutLayerResponse>, Status> {
+    async fn put_layer(&self, request: Request<wire::PutLayerRequest>) -> Answer<wire::PutLayerResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let call = call_of(&caller, &request.request_id, &request)?;
@@ -302,10 +254,7 @@ impl PlannerService for PlannerApi {
         self.change_layers(&request.graph_id, request.if_revision, change, call).await
     }
 
-    async fn append_edits(
-        &self,
-        request: Request<wire::AppendEditsRequest>,
-    ) -> Result<Response<wire::AppendEditsResponse>, Status> {
+    async fn append_edits(&self, request: Request<wire::AppendEditsRequest>) -> Answer<wire::AppendEditsResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let call = call_of(&caller, &request.request_id, &request)?;
@@ -313,10 +262,7 @@ impl PlannerService for PlannerApi {
         self.change_layers(&request.graph_id, request.if_revision, change, call).await
     }
 
-    async fn undo_edits(
-        &self,
-        request: Request<wire::UndoEditsRequest>,
-    ) -> Result<Response<wire::UndoEditsResponse>, Status> {
+    async fn undo_edits(&self, request: Request<wire::UndoEditsRequest>) -> Answer<wire::UndoEditsResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         if request.count == 0 {

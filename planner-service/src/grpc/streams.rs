@@ -1,15 +1,17 @@
 //! Response streams: the progress of a build, and the changes of a graph.
 
 use crate::error::PlannerError;
-use crate::jobs::Job;
+use crate::hosted::Hosted;
+use crate::jobs::{Job, State};
 use crate::planner::Planner;
 use crate::wire::{build_to_wire, revision_to_wire, summary_to_wire};
 use std::sync::Arc;
 use std::time::Duration;
-use surefoot_net::serving::{Shutdown, shutting_down};
+use surefoot_net::reader::Source;
 use surefoot_planner::GraphId;
 use surefoot_proto::planner::v1 as wire;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::watch;
+use tokio::time::timeout;
 use tonic::Status;
 
 /// Period at which the progress of a build is sent.
@@ -17,76 +19,69 @@ const PROGRESS_PERIOD: Duration = Duration::from_millis(250);
 /// Period of messages about an unchanged graph. A silent connection would be closed.
 const REPEAT_PERIOD: Duration = Duration::from_secs(20);
 
-/// Sends one reader the state of a graph at once, whenever it changes, and every [`REPEAT_PERIOD`].
-pub async fn stream_changes(
+/// The state of a graph: at once, whenever it changes, and every [`REPEAT_PERIOD`].
+pub struct GraphChanges {
     planner: Planner,
     id: GraphId,
-    mut changes: watch::Receiver<()>,
-    queue: mpsc::Sender<Result<wire::WatchGraphResponse, Status>>,
-) {
-    let stopping = planner.shutdown().wait();
-    tokio::pin!(stopping);
-    changes.mark_changed();
-    let end = loop {
-        tokio::select! {
-            changed = changes.changed() => if changed.is_err() {
-                break PlannerError::Unloaded(id.to_string()).into();
-            },
-            () = tokio::time::sleep(REPEAT_PERIOD) => {}
-            () = &mut stopping => break shutting_down(),
-            () = queue.closed() => return,
-        }
-        let Some(hosted) = planner.graphs.peek(&id) else {
-            break PlannerError::Unloaded(id.to_string()).into();
-        };
-        let message = wire::WatchGraphResponse {
-            summary: Some(summary_to_wire(&hosted.figures())),
-            revision: revision_to_wire(hosted.revision()),
-        };
-        tokio::select! {
-            sent = queue.send(Ok(message)) => if sent.is_err() { return },
-            () = &mut stopping => return,
-        }
-    };
-    // If the queue is full, the reader does not learn why the stream has ended.
-    let _ = queue.try_send(Err(end));
+    changes: watch::Receiver<()>,
 }
 
-/// Sends one reader the progress of a build: every phase, counts in between, and the end.
-pub async fn stream_progress(
+impl GraphChanges {
+    pub fn new(planner: Planner, hosted: &Hosted) -> Self {
+        let mut changes = hosted.changes();
+        changes.mark_changed();
+        Self { planner, id: hosted.origin.id, changes }
+    }
+}
+
+impl Source for GraphChanges {
+    type Message = wire::WatchGraphResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        // Closed when the graph is dropped.
+        let is_closed = matches!(timeout(REPEAT_PERIOD, self.changes.changed()).await, Ok(Err(_)));
+        let Some(hosted) = self.planner.graphs.peek(&self.id).filter(|_| !is_closed) else {
+            return Some(Err(PlannerError::Unloaded(self.id.to_string()).into()));
+        };
+        Some(Ok(vec![wire::WatchGraphResponse {
+            summary: Some(summary_to_wire(&hosted.figures())),
+            revision: revision_to_wire(hosted.revision()),
+        }]))
+    }
+}
+
+/// The progress of a build: every phase, counts in between, and the end.
+pub struct BuildProgress {
     job: Arc<Job>,
-    queue: mpsc::Sender<Result<wire::WatchBuildResponse, Status>>,
-    shutdown: Shutdown,
-) {
-    let stopping = shutdown.wait();
-    tokio::pin!(stopping);
-    let mut sent_count = 0;
-    loop {
-        // Subscribe before reading the phases, so that no change is missed.
-        let changes = job.changes();
-        let phases = job.phases();
-        let is_over = phases.last().is_some_and(|phase| phase.is_end());
-        let new_phases = &phases[sent_count..];
+    changes: watch::Receiver<State>,
+    /// Number of phases that were sent.
+    sent_count: usize,
+    is_over: bool,
+}
+
+impl BuildProgress {
+    pub fn new(job: Arc<Job>) -> Self {
+        Self { changes: job.changes(), job, sent_count: 0, is_over: false }
+    }
+}
+
+impl Source for BuildProgress {
+    type Message = wire::WatchBuildResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        if self.is_over {
+            return None;
+        }
+        if self.sent_count > 0 {
+            // The job lives as long as this.
+            let _ = timeout(PROGRESS_PERIOD, self.changes.changed()).await;
+        }
+        let phases = self.job.phases();
+        self.is_over = phases.last().is_some_and(|phase| phase.is_end());
         // Without a new phase, repeat the current one with its latest counts.
-        for &phase in if new_phases.is_empty() { &phases[phases.len() - 1..] } else { new_phases } {
-            let message = wire::WatchBuildResponse { build: Some(build_to_wire(&job, phase)) };
-            if queue.send(Ok(message)).await.is_err() {
-                return;
-            }
-        }
-        if is_over {
-            return;
-        }
-        sent_count = phases.len();
-        tokio::select! {
-            () = changes => {}
-            () = tokio::time::sleep(PROGRESS_PERIOD) => {}
-            () = &mut stopping => {
-                // If the queue is full, the reader does not learn why the stream has ended.
-                let _ = queue.try_send(Err(shutting_down()));
-                return;
-            }
-            () = queue.closed() => return,
-        }
+        let new_phases = &phases[self.sent_count.min(phases.len() - 1)..];
+        self.sent_count = phases.len();
+        let message = |&phase| wire::WatchBuildResponse { build: Some(build_to_wire(&self.job, phase)) };
+        Some(Ok(new_phases.iter().map(message).collect()))
     }
 }

@@ -3,23 +3,19 @@
 use crate::ids::WorldId;
 use crate::store::ServerInfo;
 use crate::worlds::{Worlds, WorldsError};
+use surefoot_net::status::Answer;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::directory_service_server::DirectoryService;
-use tonic::{Request, Response, Status};
+use tonic::{Request, Response};
 
-/// Implementation of `DirectoryService`.
 #[derive(Debug, Clone)]
 pub struct DirectoryApi {
-    /// The worlds of this server.
     pub worlds: Worlds,
 }
 
 #[tonic::async_trait]
 impl DirectoryService for DirectoryApi {
-    async fn locate_world(
-        &self,
-        request: Request<wire::LocateWorldRequest>,
-    ) -> Result<Response<wire::LocateWorldResponse>, Status> {
+    async fn locate_world(&self, request: Request<wire::LocateWorldRequest>) -> Answer<wire::LocateWorldResponse> {
         let id = WorldId(request.into_inner().world_id);
         match self.worlds.locate(id).await? {
             None => Err(WorldsError::UnknownWorld(id).into()),
@@ -28,10 +24,7 @@ impl DirectoryService for DirectoryApi {
         }
     }
 
-    async fn list_servers(
-        &self,
-        _: Request<wire::ListServersRequest>,
-    ) -> Result<Response<wire::ListServersResponse>, Status> {
+    async fn list_servers(&self, _: Request<wire::ListServersRequest>) -> Answer<wire::ListServersResponse> {
         let servers = self.worlds.servers().await?;
         Ok(Response::new(wire::ListServersResponse { servers: servers.into_iter().map(server_to_wire).collect() }))
     }

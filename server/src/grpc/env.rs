@@ -2,10 +2,10 @@
 
 use crate::envs::{EnvId, Envs, FirstState};
 use crate::wire::env::{env_actions, env_settings, results_to_wire};
-use std::pin::Pin;
 use surefoot_net::idempotency::{AnswerCache, Repeatable};
 use surefoot_net::levels::{LevelStore, grpc as levels};
 use surefoot_net::serving::{Caller, Shutdown, shutting_down};
+use surefoot_net::status::Answer;
 use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_server::EnvService;
@@ -13,8 +13,9 @@ use surefoot_world::Vec3;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use tokio::sync::mpsc;
+use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
-use tokio_stream::{Stream, StreamExt};
+use tonic::codegen::BoxStream;
 use tonic::{Request, Response, Status, Streaming};
 
 /// Most results waiting for one trainer.
@@ -23,7 +24,6 @@ const QUEUE: usize = 2;
 /// Implementation of `EnvService`; clones share all state.
 #[derive(Debug, Clone)]
 pub struct EnvApi {
-    /// All environments of the server.
     pub envs: Envs,
     /// Imported maps; `None` for a game, which always runs its own level.
     pub levels: Option<LevelStore>,
@@ -45,14 +45,9 @@ impl EnvApi {
     }
 }
 
-type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
-
 #[tonic::async_trait]
 impl EnvService for EnvApi {
-    async fn create_env(
-        &self,
-        request: Request<wire::CreateEnvRequest>,
-    ) -> Result<Response<wire::CreateEnvResponse>, Status> {
+    async fn create_env(&self, request: Request<wire::CreateEnvRequest>) -> Answer<wire::CreateEnvResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let source = match &self.levels {
@@ -76,10 +71,7 @@ impl EnvService for EnvApi {
         }))
     }
 
-    async fn step_env(
-        &self,
-        request: Request<wire::StepEnvRequest>,
-    ) -> Result<Response<wire::StepEnvResponse>, Status> {
+    async fn step_env(&self, request: Request<wire::StepEnvRequest>) -> Answer<wire::StepEnvResponse> {
         let caller = Caller::of(&request);
         let wire::StepEnvRequest { env_id, actions } = request.into_inner();
         Ok(Response::new(wire::StepEnvResponse { results: Some(self.step(&caller, EnvId(env_id), actions).await?) }))
@@ -87,10 +79,7 @@ impl EnvService for EnvApi {
 
     type StreamEnvStream = BoxStream<wire::StreamEnvResponse>;
 
-    async fn stream_env(
-        &self,
-        request: Request<Streaming<wire::StreamEnvRequest>>,
-    ) -> Result<Response<Self::StreamEnvStream>, Status> {
+    async fn stream_env(&self, request: Request<Streaming<wire::StreamEnvRequest>>) -> Answer<Self::StreamEnvStream> {
         let caller = Caller::of(&request);
         let mut requests = request.into_inner();
         let (queue, results) = mpsc::channel(QUEUE);
@@ -121,10 +110,7 @@ impl EnvService for EnvApi {
         Ok(Response::new(Box::pin(ReceiverStream::new(results))))
     }
 
-    async fn close_env(
-        &self,
-        request: Request<wire::CloseEnvRequest>,
-    ) -> Result<Response<wire::CloseEnvResponse>, Status> {
+    async fn close_env(&self, request: Request<wire::CloseEnvRequest>) -> Answer<wire::CloseEnvResponse> {
         let caller = Caller::of(&request);
         self.envs.close(&caller, EnvId(request.into_inner().env_id))?;
         Ok(Response::new(wire::CloseEnvResponse {}))

@@ -1,6 +1,6 @@
 //! The calls about movers, players and pieces.
 
-use super::{WorldApi, parts};
+use super::{Call, Reply, WorldApi};
 use crate::hosted::{HostedWorld, LivingError, MapEdit, MapEdited};
 use crate::ids::WorldId;
 use crate::sim::SimHandle;
@@ -12,18 +12,14 @@ use surefoot_proto::pieces::{piece_to_wire, pieces};
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::PlayerSlot;
 use surefoot_world::player::MAX_PLAYERS;
-use tonic::{Request, Status};
 
 /// The thread of a world that the caller may change.
 fn thread_to_change(api: &WorldApi, caller: &Caller, world: u64) -> Result<SimHandle, WorldsError> {
     api.worlds.handle_to_change(caller, WorldId(world)).map(|handle| handle.sim)
 }
 
-pub(super) async fn list_movers(
-    api: &WorldApi,
-    request: Request<wire::ListMoversRequest>,
-) -> Result<wire::ListMoversResponse, Status> {
-    let (caller, wire::ListMoversRequest { world_id }) = parts(request);
+pub async fn list_movers(api: &WorldApi, call: Call<wire::ListMoversRequest>) -> Reply<wire::ListMoversResponse> {
+    let (caller, wire::ListMoversRequest { world_id }) = call;
     let handle = api.worlds.handle_for(&caller, WorldId(world_id))?;
     let (tick, states) = handle.sim.call(|state| (state.world.tick(), state.world.mover_states().to_vec())).await?;
     let map = handle.shown.get();
@@ -37,11 +33,8 @@ pub(super) async fn list_movers(
     })
 }
 
-pub(super) async fn set_mover(
-    api: &WorldApi,
-    request: Request<wire::SetMoverRequest>,
-) -> Result<wire::SetMoverResponse, Status> {
-    let (caller, request) = parts(request);
+pub async fn set_mover(api: &WorldApi, call: Call<wire::SetMoverRequest>) -> Reply<wire::SetMoverResponse> {
+    let (caller, request) = call;
     let destination = living::destination(&request)?;
     let sim = thread_to_change(api, &caller, request.world_id)?;
     let set = move |world: &mut HostedWorld| {
@@ -52,11 +45,8 @@ pub(super) async fn set_mover(
     Ok(wire::SetMoverResponse { state: Some(state) })
 }
 
-pub(super) async fn edit_map(
-    api: &WorldApi,
-    request: Request<wire::EditMapRequest>,
-) -> Result<wire::EditMapResponse, Status> {
-    let (caller, wire::EditMapRequest { world_id, put, remove, clear }) = parts(request);
+pub async fn edit_map(api: &WorldApi, call: Call<wire::EditMapRequest>) -> Reply<wire::EditMapResponse> {
+    let (caller, wire::EditMapRequest { world_id, put, remove, clear }) = call;
     let edit = MapEdit { put: pieces(&put, "put")?, remove, clear };
     let edited = api.worlds.edit(&caller, WorldId(world_id), edit).await?;
     let MapEdited { revision, tick, piece_count, moved } = edited;
@@ -68,11 +58,8 @@ pub(super) async fn edit_map(
     })
 }
 
-pub(super) async fn list_pieces(
-    api: &WorldApi,
-    request: Request<wire::ListPiecesRequest>,
-) -> Result<wire::ListPiecesResponse, Status> {
-    let (caller, wire::ListPiecesRequest { world_id }) = parts(request);
+pub async fn list_pieces(api: &WorldApi, call: Call<wire::ListPiecesRequest>) -> Reply<wire::ListPiecesResponse> {
+    let (caller, wire::ListPiecesRequest { world_id }) = call;
     let sim = api.worlds.handle_for(&caller, WorldId(world_id))?.sim;
     let (map_revision, map) = sim.call(|state| (state.world.map_revision(), state.world.map().clone())).await?;
     Ok(wire::ListPiecesResponse {
@@ -82,22 +69,16 @@ pub(super) async fn list_pieces(
     })
 }
 
-pub(super) async fn spawn_player(
-    api: &WorldApi,
-    request: Request<wire::SpawnPlayerRequest>,
-) -> Result<wire::SpawnPlayerResponse, Status> {
-    let (caller, request) = parts(request);
+pub async fn spawn_player(api: &WorldApi, call: Call<wire::SpawnPlayerRequest>) -> Reply<wire::SpawnPlayerResponse> {
+    let (caller, request) = call;
     let player = living::player(&request)?;
     let sim = thread_to_change(api, &caller, request.world_id)?;
     let slot = sim.call(move |state| state.world.spawn_player(player)).await??;
     Ok(wire::SpawnPlayerResponse { player_id: slot.0 })
 }
 
-pub(super) async fn move_players(
-    api: &WorldApi,
-    request: Request<wire::MovePlayersRequest>,
-) -> Result<wire::MovePlayersResponse, Status> {
-    let (caller, wire::MovePlayersRequest { world_id, moves }) = parts(request);
+pub async fn move_players(api: &WorldApi, call: Call<wire::MovePlayersRequest>) -> Reply<wire::MovePlayersResponse> {
+    let (caller, wire::MovePlayersRequest { world_id, moves }) = call;
     if moves.len() > MAX_PLAYERS {
         let message = format!("moves has {} items, but a world has at most {MAX_PLAYERS} players", moves.len());
         return Err(status::invalid("moves", message));
@@ -109,11 +90,8 @@ pub(super) async fn move_players(
     Ok(wire::MovePlayersResponse { tick: tick.0 })
 }
 
-pub(super) async fn remove_player(
-    api: &WorldApi,
-    request: Request<wire::RemovePlayerRequest>,
-) -> Result<wire::RemovePlayerResponse, Status> {
-    let (caller, wire::RemovePlayerRequest { world_id, player_id }) = parts(request);
+pub async fn remove_player(api: &WorldApi, call: Call<wire::RemovePlayerRequest>) -> Reply<wire::RemovePlayerResponse> {
+    let (caller, wire::RemovePlayerRequest { world_id, player_id }) = call;
     let sim = thread_to_change(api, &caller, world_id)?;
     sim.call(move |state| state.world.remove_player(PlayerSlot(player_id))).await??;
     Ok(wire::RemovePlayerResponse {})

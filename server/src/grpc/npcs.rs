@@ -1,6 +1,6 @@
 //! The calls about NPCs. In a batch, each item has its own result.
 
-use super::{WorldApi, parts};
+use super::{Call, Reply, WorldApi};
 use crate::hosted::{HostedWorld, SpawnOrder};
 use crate::ids::{NpcId, WorldId};
 use crate::wire::{finite, npc_to_wire, region as convert_region};
@@ -13,7 +13,7 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::Vec3;
-use tonic::{Request, Status};
+use tonic::Status;
 
 /// Most items in a batch.
 const MAX_ITEMS: usize = 4096;
@@ -21,9 +21,6 @@ const MAX_ITEMS: usize = 4096;
 const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
 
 /// Checks the number of items in a batch.
-///
-/// # Errors
-/// OUT_OF_RANGE if there are more than 4096.
 pub(super) fn check_count(count: usize, field: &str) -> Result<(), Status> {
     if count > MAX_ITEMS {
         let message = format!("{field} has {count} items, at most {MAX_ITEMS} are allowed in one call");
@@ -38,11 +35,8 @@ impl From<FieldError> for WorldsError {
     }
 }
 
-pub(super) async fn spawn_npc(
-    api: &WorldApi,
-    request: Request<wire::SpawnNpcRequest>,
-) -> Result<wire::SpawnNpcResponse, Status> {
-    let (caller, request) = parts(request);
+pub async fn spawn_npc(api: &WorldApi, call: Call<wire::SpawnNpcRequest>) -> Reply<wire::SpawnNpcResponse> {
+    let (caller, request) = call;
     let world = WorldId(request.world_id);
     api.worlds.handle(world)?;
     let wire::SpawnNpcRequest { position, yaw, body, .. } = request.clone();
@@ -54,11 +48,11 @@ pub(super) async fn spawn_npc(
     Ok(wire::SpawnNpcResponse { npc_id: npc.0 })
 }
 
-pub(super) async fn batch_spawn_npcs(
+pub async fn batch_spawn_npcs(
     api: &WorldApi,
-    request: Request<wire::BatchSpawnNpcsRequest>,
-) -> Result<wire::BatchSpawnNpcsResponse, Status> {
-    let (caller, request) = parts(request);
+    call: Call<wire::BatchSpawnNpcsRequest>,
+) -> Reply<wire::BatchSpawnNpcsResponse> {
+    let (caller, request) = call;
     let count = request.spawns.len();
     check_count(count, "spawns")?;
     let orders = request.spawns.iter().map(|spawn| Ok(spawn_order(spawn)?)).collect();
@@ -80,43 +74,37 @@ pub(super) async fn batch_spawn_npcs(
     Ok(wire::BatchSpawnNpcsResponse { results: full.unwrap_or_else(|| kept.iter().map(kept_result).collect()) })
 }
 
-pub(super) async fn despawn_npc(
-    api: &WorldApi,
-    request: Request<wire::DespawnNpcRequest>,
-) -> Result<wire::DespawnNpcResponse, Status> {
-    let (caller, wire::DespawnNpcRequest { npc_id }) = parts(request);
+pub async fn despawn_npc(api: &WorldApi, call: Call<wire::DespawnNpcRequest>) -> Reply<wire::DespawnNpcResponse> {
+    let (caller, wire::DespawnNpcRequest { npc_id }) = call;
     let npc = NpcId(npc_id);
     api.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| world.despawn(npc)).await?;
     Ok(wire::DespawnNpcResponse {})
 }
 
-pub(super) async fn batch_despawn_npcs(
+pub async fn batch_despawn_npcs(
     api: &WorldApi,
-    request: Request<wire::BatchDespawnNpcsRequest>,
-) -> Result<wire::BatchDespawnNpcsResponse, Status> {
-    let (caller, wire::BatchDespawnNpcsRequest { npc_ids }) = parts(request);
+    call: Call<wire::BatchDespawnNpcsRequest>,
+) -> Reply<wire::BatchDespawnNpcsResponse> {
+    let (caller, wire::BatchDespawnNpcsRequest { npc_ids }) = call;
     let items = ids("npc_ids", npc_ids)?;
     let despawn = |world: &mut HostedWorld, npc, ()| world.despawn(npc);
     let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, despawn).await;
     Ok(wire::BatchDespawnNpcsResponse { results: results.into_iter().map(item_result).collect() })
 }
 
-pub(super) async fn set_goal(
-    api: &WorldApi,
-    request: Request<wire::SetGoalRequest>,
-) -> Result<wire::SetGoalResponse, Status> {
-    let (caller, request) = parts(request);
+pub async fn set_goal(api: &WorldApi, call: Call<wire::SetGoalRequest>) -> Reply<wire::SetGoalResponse> {
+    let (caller, request) = call;
     let (npc, goal) = goal_of(&request)?;
     let set = move |world: &mut HostedWorld| world.set_goal(npc, goal);
     Ok(wire::SetGoalResponse { attempt: api.worlds.with_npc(&caller, NpcAccess::Change, npc, set).await? })
 }
 
-pub(super) async fn batch_set_goals(
+pub async fn batch_set_goals(
     api: &WorldApi,
-    request: Request<wire::BatchSetGoalsRequest>,
-) -> Result<wire::BatchSetGoalsResponse, Status> {
+    call: Call<wire::BatchSetGoalsRequest>,
+) -> Reply<wire::BatchSetGoalsResponse> {
     use wire::set_goal_result::Result as Kind;
-    let (caller, wire::BatchSetGoalsRequest { goals }) = parts(request);
+    let (caller, wire::BatchSetGoalsRequest { goals }) = call;
     check_count(goals.len(), "goals")?;
     let items = goals.iter().map(|goal| Ok(goal_of(goal)?)).collect();
     let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, HostedWorld::set_goal).await;
@@ -126,21 +114,18 @@ pub(super) async fn batch_set_goals(
     Ok(wire::BatchSetGoalsResponse { results: results.collect() })
 }
 
-pub(super) async fn teleport_npc(
-    api: &WorldApi,
-    request: Request<wire::TeleportNpcRequest>,
-) -> Result<wire::TeleportNpcResponse, Status> {
-    let (caller, request) = parts(request);
+pub async fn teleport_npc(api: &WorldApi, call: Call<wire::TeleportNpcRequest>) -> Reply<wire::TeleportNpcResponse> {
+    let (caller, request) = call;
     let (npc, (position, yaw)) = teleport_of(&request)?;
     api.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| world.teleport(npc, position, yaw)).await?;
     Ok(wire::TeleportNpcResponse {})
 }
 
-pub(super) async fn batch_teleport_npcs(
+pub async fn batch_teleport_npcs(
     api: &WorldApi,
-    request: Request<wire::BatchTeleportNpcsRequest>,
-) -> Result<wire::BatchTeleportNpcsResponse, Status> {
-    let (caller, wire::BatchTeleportNpcsRequest { teleports }) = parts(request);
+    call: Call<wire::BatchTeleportNpcsRequest>,
+) -> Reply<wire::BatchTeleportNpcsResponse> {
+    let (caller, wire::BatchTeleportNpcsRequest { teleports }) = call;
     check_count(teleports.len(), "teleports")?;
     let items = teleports.iter().map(|teleport| Ok(teleport_of(teleport)?)).collect();
     let teleport = |world: &mut HostedWorld, npc, (position, yaw)| world.teleport(npc, position, yaw);
@@ -148,22 +133,19 @@ pub(super) async fn batch_teleport_npcs(
     Ok(wire::BatchTeleportNpcsResponse { results: results.into_iter().map(item_result).collect() })
 }
 
-pub(super) async fn get_npc(
-    api: &WorldApi,
-    request: Request<wire::GetNpcRequest>,
-) -> Result<wire::GetNpcResponse, Status> {
-    let (caller, wire::GetNpcRequest { npc_id }) = parts(request);
+pub async fn get_npc(api: &WorldApi, call: Call<wire::GetNpcRequest>) -> Reply<wire::GetNpcResponse> {
+    let (caller, wire::GetNpcRequest { npc_id }) = call;
     let npc = NpcId(npc_id);
     let state = api.worlds.with_npc(&caller, NpcAccess::Read, npc, move |world| world.npc(npc)).await?;
     Ok(wire::GetNpcResponse { npc: Some(npc_to_wire(&state)) })
 }
 
-pub(super) async fn batch_get_npcs(
+pub async fn batch_get_npcs(
     api: &WorldApi,
-    request: Request<wire::BatchGetNpcsRequest>,
-) -> Result<wire::BatchGetNpcsResponse, Status> {
+    call: Call<wire::BatchGetNpcsRequest>,
+) -> Reply<wire::BatchGetNpcsResponse> {
     use wire::get_npc_result::Result as Kind;
-    let (caller, wire::BatchGetNpcsRequest { npc_ids }) = parts(request);
+    let (caller, wire::BatchGetNpcsRequest { npc_ids }) = call;
     let items = ids("npc_ids", npc_ids)?;
     let get = |world: &mut HostedWorld, npc, ()| world.npc(npc);
     let results = api.worlds.with_npcs(&caller, NpcAccess::Read, items, get).await;
@@ -173,11 +155,8 @@ pub(super) async fn batch_get_npcs(
     Ok(wire::BatchGetNpcsResponse { results: results.collect() })
 }
 
-pub(super) async fn list_npcs(
-    api: &WorldApi,
-    request: Request<wire::ListNpcsRequest>,
-) -> Result<wire::ListNpcsResponse, Status> {
-    let (caller, wire::ListNpcsRequest { world_id, region, page_size, page_token }) = parts(request);
+pub async fn list_npcs(api: &WorldApi, call: Call<wire::ListNpcsRequest>) -> Reply<wire::ListNpcsResponse> {
+    let (caller, wire::ListNpcsRequest { world_id, region, page_size, page_token }) = call;
     let handle = api.worlds.handle_for(&caller, WorldId(world_id))?;
     let region = convert_region(region.as_ref())?;
     let (tick, npcs) = handle.sim.call(|state| (state.world.tick(), state.world.npcs().collect::<Vec<_>>())).await?;

@@ -4,7 +4,7 @@
 //! cut off.
 
 use super::npcs::check_count;
-use super::{WorldApi, parts};
+use super::{Call, Reply, WorldApi};
 use crate::geometry::Tiles;
 use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcEvent, NpcPlan, NpcState, Snapshot};
 use crate::ids::{NpcId, WorldId};
@@ -28,7 +28,7 @@ use surefoot_world::{Map, Tick};
 use tokio::sync::broadcast::{Receiver, error::RecvError};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::{Interval, MissedTickBehavior, interval};
-use tonic::{Request, Status};
+use tonic::Status;
 
 /// Most events that are copied out of a world's log at a time.
 const EVENTS_AT_A_TIME: usize = 4096;
@@ -57,11 +57,11 @@ fn every(pause: Duration) -> Interval {
 }
 
 /// Streams a reader's view of snapshots. Snapshots that come while it is not ready for the next one are skipped.
-pub(super) async fn watch_world(
+pub async fn watch_world(
     api: &WorldApi,
-    request: Request<wire::WatchWorldRequest>,
-) -> Result<ReaderStream<wire::WatchWorldResponse>, Status> {
-    let (caller, wire::WatchWorldRequest { world_id, rate_hz, region, delta }) = parts(request);
+    call: Call<wire::WatchWorldRequest>,
+) -> Reply<ReaderStream<wire::WatchWorldResponse>> {
+    let (caller, wire::WatchWorldRequest { world_id, rate_hz, region, delta }) = call;
     let world = WorldId(world_id);
     let handle = api.worlds.handle_for(&caller, world)?;
     let pause = pause_of(rate_hz)?;
@@ -97,11 +97,11 @@ impl Source for Snapshots {
 }
 
 /// Streams the wanted events of a world, past events first.
-pub(super) async fn watch_events(
+pub async fn watch_events(
     api: &WorldApi,
-    request: Request<wire::WatchEventsRequest>,
-) -> Result<ReaderStream<wire::WatchEventsResponse>, Status> {
-    let (caller, wire::WatchEventsRequest { world_id, after, npc_ids }) = parts(request);
+    call: Call<wire::WatchEventsRequest>,
+) -> Reply<ReaderStream<wire::WatchEventsResponse>> {
+    let (caller, wire::WatchEventsRequest { world_id, after, npc_ids }) = call;
     check_count(npc_ids.len(), "npc_ids")?;
     let (world, epoch) = (WorldId(world_id), api.worlds.epoch_of(WorldId(world_id)));
     let handle = api.worlds.handle_for(&caller, world)?;
@@ -215,11 +215,11 @@ impl Events {
 }
 
 /// Streams the statistics of a world periodically.
-pub(super) fn watch_stats(
+pub async fn watch_stats(
     api: &WorldApi,
-    request: Request<wire::WatchStatsRequest>,
-) -> Result<ReaderStream<wire::WatchStatsResponse>, Status> {
-    let (caller, wire::WatchStatsRequest { world_id, period_s }) = parts(request);
+    call: Call<wire::WatchStatsRequest>,
+) -> Reply<ReaderStream<wire::WatchStatsResponse>> {
+    let (caller, wire::WatchStatsRequest { world_id, period_s }) = call;
     let world = WorldId(world_id);
     let sim = api.worlds.handle_for(&caller, world)?.sim;
     Ok(api.stream(Stats { world, sim, due: every(period_of(period_s)?) }))
@@ -249,10 +249,8 @@ impl Source for Stats {
 }
 
 /// Streams the tiles of a map. Each is built when its turn comes, which a semaphore limits for all readers.
-pub(super) fn get_mesh(
-    api: &WorldApi,
-    wire::GetMeshRequest { world_id, region, cell_m }: wire::GetMeshRequest,
-) -> Result<ReaderStream<wire::GetMeshResponse>, Status> {
+pub async fn get_mesh(api: &WorldApi, call: Call<wire::GetMeshRequest>) -> Reply<ReaderStream<wire::GetMeshResponse>> {
+    let (_, wire::GetMeshRequest { world_id, region, cell_m }) = call;
     let map = api.worlds.handle(WorldId(world_id))?.shown.get();
     let region = convert_region(region.as_ref())?;
     if cell_m != 0.0 {
@@ -315,11 +313,11 @@ impl Source for Mesh {
 }
 
 /// Streams the state of one NPC, with its plan and history after each change, and its rays if requested.
-pub(super) async fn follow_npc(
+pub async fn follow_npc(
     api: &WorldApi,
-    request: Request<wire::FollowNpcRequest>,
-) -> Result<ReaderStream<wire::FollowNpcResponse>, Status> {
-    let (caller, wire::FollowNpcRequest { npc_id, rate_hz, rays }) = parts(request);
+    call: Call<wire::FollowNpcRequest>,
+) -> Reply<ReaderStream<wire::FollowNpcResponse>> {
+    let (caller, wire::FollowNpcRequest { npc_id, rate_hz, rays }) = call;
     let npc = NpcId(npc_id);
     let wanted = pause_of(rate_hz)?;
     // Rays are cast on the world's own thread.

@@ -17,9 +17,7 @@ use tonic_types::StatusExt;
 /// Adds redirects to a service.
 #[derive(Debug, Clone)]
 pub struct RedirectToOwner<S> {
-    /// The service.
     pub inner: S,
-    /// The worlds of this server.
     pub worlds: Worlds,
 }
 

@@ -1,19 +1,19 @@
 //! The stream of a worker: its hello, its answers, and how it ends.
 
-use super::WorldApi;
+use super::{Call, Reply, WorldApi};
 use crate::ids::WorldId;
 use crate::messages::{Goodbye, Hello, ToWorker};
 use crate::registry::Joined;
 use crate::wire::worker::{self as convert_worker, to_worker};
 use crate::worlds::Worlds;
-use std::pin::Pin;
 use std::time::Duration;
 use surefoot_net::status;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use tokio::sync::mpsc;
+use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
-use tokio_stream::{Stream, StreamExt};
+use tonic::codegen::BoxStream;
 use tonic::{Code, Status, Streaming};
 use tonic_types::StatusExt;
 use tracing::warn;
@@ -23,9 +23,6 @@ const WORKER_QUEUE: usize = 256;
 /// Longest time until the hello of a new worker.
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
 
-/// The stream of messages to a worker.
-pub type WorkStream = Pin<Box<dyn Stream<Item = Result<wire::WorkResponse, Status>> + Send>>;
-
 async fn read_hello(requests: &mut Streaming<wire::WorkRequest>) -> Result<Hello, Status> {
     let first = tokio::time::timeout(HELLO_LIMIT, requests.next())
         .await
@@ -34,7 +31,10 @@ async fn read_hello(requests: &mut Streaming<wire::WorkRequest>) -> Result<Hello
 }
 
 /// Lets a worker join, and reads its answers until its stream ends.
-pub(super) async fn work(api: &WorldApi, mut requests: Streaming<wire::WorkRequest>) -> Result<WorkStream, Status> {
+pub async fn work(
+    api: &WorldApi,
+    (_, mut requests): Call<Streaming<wire::WorkRequest>>,
+) -> Reply<BoxStream<wire::WorkResponse>> {
     let hello = read_hello(&mut requests).await?;
     let (queue, messages) = mpsc::channel(WORKER_QUEUE);
     let joined = api.worlds.join(hello, queue.clone());

@@ -1,6 +1,6 @@
 //! The calls about worlds and their maps.
 
-use super::{WorldApi, parts};
+use super::{Call, Reply, WorldApi};
 use crate::hosted::TimeMode;
 use crate::ids::WorldId;
 use crate::wire::map::{MAX_CUT_OFF, MAX_SURVEYED, features_to_wire, survey_to_wire};
@@ -15,16 +15,15 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_world::character::bodies::BODIES;
 use surefoot_world::sense::OBSERVATION_VERSION;
 use surefoot_world::{CharacterProfile, OBSERVATION_LEN, Seed, TICKS_PER_DECISION, TICKS_PER_SECOND};
-use tonic::{Request, Status};
 
 /// Most bytes of the description of a world that has just been created.
 const WORLD_BYTES: usize = 1024;
 /// Time without a sign of a world's thread after which ListWorlds says that the world is silent.
 const SILENCE: Duration = Duration::from_millis(500);
 
-pub(super) fn get_server(api: &WorldApi) -> wire::GetServerResponse {
+pub async fn get_server(api: &WorldApi, _: Call<wire::GetServerRequest>) -> Reply<wire::GetServerResponse> {
     let config = api.worlds.config();
-    wire::GetServerResponse {
+    Ok(wire::GetServerResponse {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         epoch: api.worlds.epoch(),
         server_time: Some(SystemTime::now().into()),
@@ -35,14 +34,11 @@ pub(super) fn get_server(api: &WorldApi) -> wire::GetServerResponse {
         observation_len: OBSERVATION_LEN as u32,
         observation_version: OBSERVATION_VERSION,
         body_presets: BODIES.map(|body| body.name.to_owned()).to_vec(),
-    }
+    })
 }
 
-pub(super) async fn create_world(
-    api: &WorldApi,
-    request: Request<wire::CreateWorldRequest>,
-) -> Result<wire::CreateWorldResponse, Status> {
-    let (caller, request) = parts(request);
+pub async fn create_world(api: &WorldApi, call: Call<wire::CreateWorldRequest>) -> Reply<wire::CreateWorldResponse> {
+    let (caller, request) = call;
     let base = levels::source(api.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
     let source = levels::with_pieces(base, &request.pieces)?;
     let mode = convert::enum_or(request.mode, TimeMode::Realtime, "mode")?;
@@ -59,19 +55,14 @@ pub(super) async fn create_world(
     Ok(wire::CreateWorldResponse { world: Some(world) })
 }
 
-pub(super) async fn get_world(
-    api: &WorldApi,
-    request: Request<wire::GetWorldRequest>,
-) -> Result<wire::GetWorldResponse, Status> {
-    let (caller, wire::GetWorldRequest { world_id }) = parts(request);
+pub async fn get_world(api: &WorldApi, call: Call<wire::GetWorldRequest>) -> Reply<wire::GetWorldResponse> {
+    let (caller, wire::GetWorldRequest { world_id }) = call;
     let world = api.worlds.describe(&caller, WorldId(world_id)).await?;
     Ok(wire::GetWorldResponse { world: Some(world_to_wire(&world)) })
 }
 
-pub(super) fn list_worlds(
-    api: &WorldApi,
-    wire::ListWorldsRequest { page_size, page_token }: wire::ListWorldsRequest,
-) -> Result<wire::ListWorldsResponse, Status> {
+pub async fn list_worlds(api: &WorldApi, call: Call<wire::ListWorldsRequest>) -> Reply<wire::ListWorldsResponse> {
+    let (_, wire::ListWorldsRequest { page_size, page_token }) = call;
     // Worlds that may be moving to another server are left out.
     let here = api.worlds.figures().into_iter().filter(|world| api.worlds.handle(world.summary.id).is_ok());
     let page = page_by_id(here, |world| world.summary.id.0, PageSize::USUAL, page_size, &page_token)?;
@@ -83,20 +74,14 @@ pub(super) fn list_worlds(
     })
 }
 
-pub(super) async fn drop_world(
-    api: &WorldApi,
-    request: Request<wire::DropWorldRequest>,
-) -> Result<wire::DropWorldResponse, Status> {
-    let (caller, wire::DropWorldRequest { world_id }) = parts(request);
+pub async fn drop_world(api: &WorldApi, call: Call<wire::DropWorldRequest>) -> Reply<wire::DropWorldResponse> {
+    let (caller, wire::DropWorldRequest { world_id }) = call;
     api.worlds.drop_world(&caller, WorldId(world_id)).await?;
     Ok(wire::DropWorldResponse {})
 }
 
-pub(super) async fn sample_ground(
-    api: &WorldApi,
-    request: Request<wire::SampleGroundRequest>,
-) -> Result<wire::SampleGroundResponse, Status> {
-    let (caller, wire::SampleGroundRequest { world_id, count, seed, body }) = parts(request);
+pub async fn sample_ground(api: &WorldApi, call: Call<wire::SampleGroundRequest>) -> Reply<wire::SampleGroundResponse> {
+    let (caller, wire::SampleGroundRequest { world_id, count, seed, body }) = call;
     // An unknown world is reported before a bad count.
     api.worlds.handle(WorldId(world_id))?;
     convert::in_range(f64::from(count), 1.0, 10_000.0, "count")?;
@@ -105,11 +90,8 @@ pub(super) async fn sample_ground(
     Ok(wire::SampleGroundResponse { points: points.into_iter().map(convert::to_wire).collect() })
 }
 
-pub(super) async fn survey_map(
-    api: &WorldApi,
-    request: Request<wire::SurveyMapRequest>,
-) -> Result<wire::SurveyMapResponse, Status> {
-    let (caller, wire::SurveyMapRequest { map, map_hash, bodies, max_cut_off, pieces }) = parts(request);
+pub async fn survey_map(api: &WorldApi, call: Call<wire::SurveyMapRequest>) -> Reply<wire::SurveyMapResponse> {
+    let (caller, wire::SurveyMapRequest { map, map_hash, bodies, max_cut_off, pieces }) = call;
     let base = levels::source(api.worlds.levels(), map.as_ref(), &map_hash)?;
     let source = levels::with_pieces(base, &pieces)?;
     convert::in_range(bodies.len() as f64, 0.0, MAX_SURVEYED, "the number of bodies")?;
@@ -120,9 +102,7 @@ pub(super) async fn survey_map(
     Ok(wire::SurveyMapResponse { surveys: surveys.iter().map(survey_to_wire).collect() })
 }
 
-pub(super) fn get_features(
-    api: &WorldApi,
-    wire::GetFeaturesRequest { world_id }: wire::GetFeaturesRequest,
-) -> Result<wire::GetFeaturesResponse, Status> {
+pub async fn get_features(api: &WorldApi, call: Call<wire::GetFeaturesRequest>) -> Reply<wire::GetFeaturesResponse> {
+    let (_, wire::GetFeaturesRequest { world_id }) = call;
     Ok(features_to_wire(&api.worlds.handle(WorldId(world_id))?.shown.get()))
 }

@@ -17,39 +17,22 @@ use surefoot_world::{CharacterProfile, Map, ProfileIdx, Seed, Vec3, navigable};
 
 /// Why a world cannot carry out a request about an NPC.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum NpcError {
-    /// No NPC has this id.
     #[error("npc {0} does not exist")]
     Unknown(NpcId),
-    /// The world has as many NPCs as allowed.
     #[error("world {world} already has {limit} NPCs, the most allowed (--max-npcs)")]
-    Full {
-        /// Id of the world.
-        world: WorldId,
-        /// Most NPCs of the world.
-        limit: usize,
-    },
-    /// All numbers for NPCs of the world have been used.
+    Full { world: WorldId, limit: usize },
     #[error("world {0} has used all {max} numbers for its NPCs: create another world", max = NpcId::MAX_SERIAL)]
     OutOfNumbers(WorldId),
-    /// The world has as many bodies as allowed.
     #[error("world {0} has NPCs of {MAX_BODIES} bodies, the most allowed: create another world")]
     TooManyBodies(WorldId),
-    /// The position lies outside the map.
     #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
-    Outside {
-        /// Path of the field in the request.
-        field: &'static str,
-        /// Extent of the map, m.
-        extent: [f32; 3],
-    },
-    /// The NPC is down: it fell, burnt or drowned.
+    Outside { field: &'static str, extent: [f32; 3] },
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
-    /// The NPC and its world belong to other clients.
     #[error("npc {0} belongs to another client")]
     NotOwner(NpcId),
-    /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] navigable::NoGround),
 }
@@ -72,9 +55,6 @@ pub struct SpawnOrder {
 
 impl HostedWorld {
     /// Adds an NPC and sets its goal, if there is one. On an error, no NPC is added.
-    ///
-    /// # Errors
-    /// Those of [`spawn`](Self::spawn) and [`set_goal`](Self::set_goal), and if the world has too many bodies.
     pub fn spawn_to(&mut self, order: SpawnOrder, limit: usize, ticket: Ticket) -> Result<NpcId, NpcError> {
         if let Some(goal) = order.goal {
             self.check_inside(goal, "goal")?;
@@ -91,9 +71,6 @@ impl HostedWorld {
     }
 
     /// Adds an NPC with the default body for the client of `ticket`, and returns its id.
-    ///
-    /// # Errors
-    /// If the world is full or the position lies outside the map.
     pub fn spawn(&mut self, position: Vec3, yaw: f32, limit: usize, ticket: Ticket) -> Result<NpcId, NpcError> {
         self.spawn_as(ProfileIdx::default(), position, yaw, limit, ticket)
     }
@@ -123,9 +100,6 @@ impl HostedWorld {
     }
 
     /// Removes an NPC.
-    ///
-    /// # Errors
-    /// If the NPC does not exist.
     pub fn despawn(&mut self, id: NpcId) -> Result<(), NpcError> {
         self.log_replaced_attempt(id);
         self.leave_worker(id);
@@ -137,9 +111,6 @@ impl HostedWorld {
     }
 
     /// Sends an NPC to a goal, m; returns the number of the attempt that begins.
-    ///
-    /// # Errors
-    /// If the NPC does not exist or is down, or the goal lies outside the map.
     pub fn set_goal(&mut self, id: NpcId, goal: Vec3) -> Result<u32, NpcError> {
         self.check_inside(goal, "goal")?;
         let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
@@ -161,9 +132,6 @@ impl HostedWorld {
 
     /// Places an NPC at `position` (m) with heading `yaw` (rad), at rest and without a goal. Revives an NPC that is
     /// down.
-    ///
-    /// # Errors
-    /// If the NPC does not exist, or the position lies outside the map.
     pub fn teleport(&mut self, id: NpcId, position: Vec3, yaw: f32) -> Result<(), NpcError> {
         self.check_inside(position, "position")?;
         self.log_replaced_attempt(id);
@@ -176,42 +144,27 @@ impl HostedWorld {
     }
 
     /// The client that spawned an NPC.
-    ///
-    /// # Errors
-    /// If it does not exist.
     pub fn owner_of(&self, id: NpcId) -> Result<&str, NpcError> {
         self.records.get(&id).map(|record| record.ticket.client()).ok_or(NpcError::Unknown(id))
     }
 
     /// State of one NPC.
-    ///
-    /// # Errors
-    /// If the NPC does not exist.
     pub fn npc(&self, id: NpcId) -> Result<NpcState, NpcError> {
         let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
         Ok(self.describe(id, record))
     }
 
     /// Returns the plan that an NPC follows; `None` if it follows none.
-    ///
-    /// # Errors
-    /// If the NPC does not exist.
     pub fn plan(&self, id: NpcId) -> Result<Option<Arc<NpcPlan>>, NpcError> {
         Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.plan.clone())
     }
 
     /// Returns the last attempts of an NPC that ended with an outcome, at most 32, the latest last.
-    ///
-    /// # Errors
-    /// If the NPC does not exist.
     pub fn history(&self, id: NpcId) -> Result<Vec<EndedAttempt>, NpcError> {
         Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.history.iter().copied().collect())
     }
 
     /// Casts the rays of an NPC and returns their hits.
-    ///
-    /// # Errors
-    /// If the NPC does not exist.
     pub fn sight(&self, id: NpcId) -> Result<Sight, NpcError> {
         Ok(self.world.sight(self.records.get(&id).ok_or(NpcError::Unknown(id))?.slot))
     }
@@ -258,9 +211,6 @@ impl HostedWorld {
     }
 
     /// Samples `count` random places where a character with this body can stand.
-    ///
-    /// # Errors
-    /// If the map has no navigable ground.
     pub fn sample_ground(
         map: &Map,
         body: &CharacterProfile,

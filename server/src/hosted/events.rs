@@ -162,10 +162,8 @@ impl EventLog {
         self.kept.push_back(NpcEvent { sequence: self.written, tick, time, npc, kind });
     }
 
-    /// Returns the events after the sequence number `after`, at most `limit`; 0 means from the oldest event kept.
-    ///
-    /// # Errors
-    /// If some of these events are no longer kept, or `after` is greater than the latest number that readers may see.
+    /// Returns the events after the sequence number `after`, at most `limit`; 0 means from the oldest event kept. Fails
+    /// if some of these events are no longer kept, or `after` is greater than the latest number that readers may see.
     pub fn after(&self, after: u64, limit: usize) -> Result<Vec<NpcEvent>, EventsLost> {
         let latest = self.latest();
         if after != 0 && after < self.dropped || after > latest {

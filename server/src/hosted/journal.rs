@@ -83,9 +83,6 @@ impl FleetSave {
     }
 
     /// Decodes what [`encode`](Self::encode) returned.
-    ///
-    /// # Errors
-    /// If `bytes`, which are at `place`, are no such save, of another version, or damaged.
     pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
         let damaged = |_| SavedError::Damaged(place.to_owned());
         let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
@@ -113,9 +110,6 @@ impl Journal {
     }
 
     /// Decodes what [`encode`](Self::encode) returned.
-    ///
-    /// # Errors
-    /// If `bytes` are no journal.
     pub fn decode(through: u64, bytes: &[u8]) -> Result<Self, SealError> {
         let entries: Vec<Entry> = postcard::from_bytes(bytes).map_err(|_| SealError::Damaged)?;
         let is_sound = entries.is_sorted_by(|a, b| a.sequence < b.sequence)

@@ -9,32 +9,18 @@ use surefoot_world::{MoverId, MoverOrder, MoverState, PACE_RANGE, Player, Player
 
 /// Why a mover or a player cannot be changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum LivingError {
-    /// The map has no mover of that name.
     #[error("world {0} has no mover `{1}`: ListMovers names them")]
     NoSuchMover(WorldId, String),
-    /// The mover has no such stop, cannot cycle, or the pace is out of range.
     #[error("{field}: {message}")]
-    Order {
-        /// Field of the request.
-        field: &'static str,
-        /// The allowed values.
-        message: String,
-    },
-    /// There is no such player.
+    Order { field: &'static str, message: String },
     #[error("world {0} has no player {1}")]
     NoSuchPlayer(WorldId, u32),
-    /// The world has the maximum number of players.
     #[error("world {0} has {MAX_PLAYERS} players, the most allowed: remove one first")]
     TooManyPlayers(WorldId),
-    /// The position of a player lies outside the map.
     #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
-    Outside {
-        /// Field of the request.
-        field: &'static str,
-        /// Extent of the map, m.
-        extent: [f32; 3],
-    },
+    Outside { field: &'static str, extent: [f32; 3] },
 }
 
 /// Destination of a mover.
@@ -59,10 +45,8 @@ impl HostedWorld {
         self.world.movers()
     }
 
-    /// Sets the destination and the pace (in multiples of the default) of a mover. Returns its index and state.
-    ///
-    /// # Errors
-    /// If there is no such mover, or the order is invalid. Nothing changes then.
+    /// Sets the destination and the pace (in multiples of the default) of a mover. Returns its index and state. An
+    /// invalid order changes nothing.
     pub fn set_mover(
         &mut self,
         name: &str,
@@ -84,9 +68,6 @@ impl HostedWorld {
     }
 
     /// Adds a valid player, and returns its id.
-    ///
-    /// # Errors
-    /// If the world has too many players, or the position is outside the map.
     pub fn spawn_player(&mut self, player: Player) -> Result<PlayerSlot, LivingError> {
         self.check_on_map(player.feet, "position")?;
         if self.world.players().count() >= MAX_PLAYERS {
@@ -95,10 +76,8 @@ impl HostedWorld {
         Ok(self.world.spawn_player(player))
     }
 
-    /// Moves players: id, position of the feet, m, and velocity, m/s.
-    ///
-    /// # Errors
-    /// If one of them does not exist, or leaves the map. No player is moved then.
+    /// Moves players: id, position of the feet, m, and velocity, m/s. If one of them does not exist or leaves the map,
+    /// no player is moved.
     pub fn move_players(&mut self, moves: &[(PlayerSlot, Vec3, Vec3)]) -> Result<(), LivingError> {
         let players: BTreeSet<PlayerSlot> = self.world.players().map(|(slot, _)| slot).collect();
         for (slot, feet, _) in moves {
@@ -114,9 +93,6 @@ impl HostedWorld {
     }
 
     /// Removes a player.
-    ///
-    /// # Errors
-    /// If it does not exist.
     pub fn remove_player(&mut self, slot: PlayerSlot) -> Result<(), LivingError> {
         if self.world.remove_player(slot) { Ok(()) } else { Err(LivingError::NoSuchPlayer(self.id, slot.0)) }
     }

@@ -50,9 +50,6 @@ pub struct MapEdited {
 
 impl MapEdit {
     /// The pieces of the map of `world` after the edit.
-    ///
-    /// # Errors
-    /// If a piece to remove does not exist.
     pub fn apply(&self, world: WorldId, pieces: &[Piece]) -> Result<Vec<Piece>, EditError> {
         let mut pieces = if self.clear { Vec::new() } else { pieces.to_vec() };
         for name in &self.remove {
@@ -72,10 +69,7 @@ impl HostedWorld {
     }
 
     /// Replaces the map by `map`, which was made from revision `from`, and notifies workers. Returns `None` and changes
-    /// nothing if the map has another revision by now.
-    ///
-    /// # Errors
-    /// If an NPC would be enclosed. Nothing changes then.
+    /// nothing if the map has another revision by now. If an NPC would be enclosed, nothing changes.
     pub fn edit(&mut self, from: u64, map: Arc<Map>) -> Result<Option<MapEdited>, EditError> {
         if from != self.map_revision {
             return Ok(None);

@@ -92,36 +92,22 @@ struct SavedNpc {
 
 /// Why a world cannot be saved or restored.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the texts say what the variants mean")]
 pub enum SavedError {
-    /// The file cannot be read or written.
     #[error("{0}: {1}")]
     Io(PathBuf, std::io::Error),
-    /// Another process has locked the folder.
     #[error("{} is used by another server: give each its own folder (--state)", .0.display())]
     InUse(PathBuf),
-    /// Not all worlds could be saved in time.
     #[error("saving took longer than {} s: the previous saves of some worlds are kept", .0.as_secs_f32())]
     TooSlow(Duration),
-    /// Another version of the program has written it.
     #[error("{place} was written by version {written} of this format, this server reads version {read}")]
-    Version {
-        /// The file or blob.
-        place: PathBuf,
-        /// Its version.
-        written: u32,
-        /// The version that can be read.
-        read: u32,
-    },
-    /// The file is no save of a world, or it is truncated or corrupted.
+    Version { place: PathBuf, written: u32, read: u32 },
     #[error("{0} is damaged (truncated, or checksum mismatch); it was left in place")]
     Damaged(PathBuf),
-    /// The program that saved the world generated a different map from the spec.
     #[error("world {0} was saved with a different map: this version generates it differently")]
     OtherMap(WorldId),
-    /// The imported map of the world cannot be read.
     #[error("world {0}: {1}")]
     File(WorldId, surefoot_levels::FileError),
-    /// A piece on the map is not valid.
     #[error("world {0}: {1}")]
     Pieces(WorldId, PieceError),
 }
@@ -157,9 +143,6 @@ impl WorldSave {
     }
 
     /// Generates or decodes the world's map, and adds its pieces.
-    ///
-    /// # Errors
-    /// If the map cannot be decoded, or it is not the one that the world was saved with.
     pub fn maps(&self) -> Result<RestoredMap, SavedError> {
         let base = Arc::new(match &self.source {
             SavedMap::Spec(spec) => surefoot_generate::generate(spec),
@@ -171,9 +154,6 @@ impl WorldSave {
     }
 
     /// Adds the world's pieces to its base map.
-    ///
-    /// # Errors
-    /// If it is not the one that the world was saved with.
     pub fn maps_on(&self, base: Arc<Map>) -> Result<RestoredMap, SavedError> {
         let map = base.holding(&self.pieces).map_err(|error| SavedError::Pieces(self.id, error))?;
         if map.hash() == self.map && self.state.fits(self.bodies.len(), &map) {
@@ -194,9 +174,6 @@ impl WorldSave {
     }
 
     /// Decodes what [`encode`](Self::encode) returned.
-    ///
-    /// # Errors
-    /// If `bytes`, which are at `place`, are no saved world, of another version, damaged or inconsistent.
     pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
         let damaged = || SavedError::Damaged(place.to_owned());
         let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
@@ -205,9 +182,6 @@ impl WorldSave {
     }
 
     /// Reads a file.
-    ///
-    /// # Errors
-    /// If it cannot be read, or [`decode`](Self::decode) refuses it.
     pub fn read(path: &Path) -> Result<Self, SavedError> {
         let bytes = std::fs::read(path).map_err(|error| SavedError::Io(path.to_owned(), error))?;
         Self::decode(&bytes, path)
@@ -235,9 +209,6 @@ pub struct StateFolder {
 
 impl StateFolder {
     /// Creates the folder if it does not exist, and locks it.
-    ///
-    /// # Errors
-    /// If that fails, or another process has locked it.
     pub fn open(path: &Path) -> Result<Self, SavedError> {
         let fail = |error| SavedError::Io(path.to_owned(), error);
         std::fs::create_dir_all(path).map_err(fail)?;
@@ -250,9 +221,6 @@ impl StateFolder {
     }
 
     /// The saved worlds by file name, ordered by id. The files are not read.
-    ///
-    /// # Errors
-    /// If the folder cannot be read.
     pub fn files(&self) -> Result<BTreeMap<WorldId, PathBuf>, SavedError> {
         let fail = |error| SavedError::Io(self.path.clone(), error);
         let mut found = BTreeMap::new();
@@ -269,19 +237,14 @@ impl StateFolder {
         Ok(found)
     }
 
-    /// Replaces the save of a world, atomically. It is durable when this returns.
-    ///
-    /// # Errors
-    /// If it cannot be written; the previous save is kept.
+    /// Replaces the save of a world, atomically. It is durable when this returns. If that fails, the previous save is
+    /// kept.
     pub fn replace(&self, saved: &WorldSave) -> Result<(), SavedError> {
         let path = self.file_of(saved.id);
         durable::replace(&path, &saved.encode()).map_err(|error| SavedError::Io(path, error))
     }
 
     /// Deletes the save of a world.
-    ///
-    /// # Errors
-    /// If the file cannot be removed.
     pub fn remove(&self, id: WorldId) -> Result<(), SavedError> {
         let path = self.file_of(id);
         match durable::remove(&path) {

@@ -22,9 +22,6 @@ const MAX_YAW: f64 = std::f64::consts::TAU;
 const MAX_GOAL_M: f64 = 1500.0;
 
 /// Reads the settings of a new environment on the map of `source`, or on a game's own level.
-///
-/// # Errors
-/// If a number is out of range.
 pub fn env_settings(request: &wire::CreateEnvRequest, source: Option<BaseMap>) -> Result<EnvSettings, FieldError> {
     let body = convert::body(request.body.as_ref())?;
     let episodes =
@@ -58,10 +55,6 @@ fn env_goals(goals: &[wire::EnvGoal]) -> Result<Vec<Goal>, FieldError> {
 }
 
 /// Reads the actions and the routes of an environment's NPCs.
-///
-/// # Errors
-/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, a value is not finite, a route is out of
-/// range, or an NPC has two routes.
 pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Result<(Vec<Action>, Vec<Route>), Status> {
     let wire::EnvActions { actions, routes } = actions.ok_or(FieldError::Missing("actions"))?;
     let values = convert::unpack(&actions, npc_count * ACTION_LEN, "actions.actions")?;
@@ -94,7 +87,6 @@ fn at_most(limit: usize, found: usize, field: &'static str, what: &'static str) 
     if found <= limit { Ok(()) } else { Err(FieldError::Count { field, what, found, limit }) }
 }
 
-/// Converts the result of a step of an environment.
 pub fn results_to_wire(results: StepResults) -> wire::EnvResults {
     let ends = results.ended.iter().map(|ended| wire::EnvEnd {
         npc: ended.npc_idx as u32,

@@ -13,7 +13,6 @@ use tonic::Status;
 const DEFAULT_RADIUS_M: f32 = 0.3;
 const DEFAULT_HEIGHT_M: f32 = 1.8;
 
-/// Converts a mover.
 pub fn mover_to_wire(mover: &Mover) -> wire::Mover {
     wire::Mover {
         name: mover.name.clone(),
@@ -45,10 +44,6 @@ pub fn mover_state_to_wire(idx: usize, state: &MoverState, pose: MoverStop) -> w
     }
 }
 
-/// Reads the destination of a mover.
-///
-/// # Errors
-/// INVALID_ARGUMENT if `cycle` is false.
 pub fn destination(request: &wire::SetMoverRequest) -> Result<Option<Destination>, Status> {
     use wire::set_mover_request::Where;
     Ok(match request.r#where {
@@ -60,7 +55,6 @@ pub fn destination(request: &wire::SetMoverRequest) -> Result<Option<Destination
     })
 }
 
-/// Converts a player.
 pub fn player_to_wire(slot: PlayerSlot, player: &Player) -> wire::Player {
     wire::Player {
         player_id: slot.0,
@@ -72,10 +66,6 @@ pub fn player_to_wire(slot: PlayerSlot, player: &Player) -> wire::Player {
     }
 }
 
-/// Reads a new player.
-///
-/// # Errors
-/// INVALID_ARGUMENT if its size is out of range, or its position or contact is invalid.
 pub fn player(request: &wire::SpawnPlayerRequest) -> Result<Player, Status> {
     let usual = |value: f32, usual: f32| if value == 0.0 { usual } else { value };
     let size = |value: f32, range: std::ops::RangeInclusive<f32>, field| {
@@ -97,10 +87,6 @@ pub fn player(request: &wire::SpawnPlayerRequest) -> Result<Player, Status> {
     }
 }
 
-/// Reads a move of a player.
-///
-/// # Errors
-/// If a number is missing or not finite.
 pub fn player_move(request: &wire::PlayerMove) -> Result<(PlayerSlot, Vec3, Vec3), FieldError> {
     let feet = convert::point(request.position.as_ref(), "moves.position")?;
     let velocity = request.velocity.as_ref().map(|velocity| convert::point(Some(velocity), "moves.velocity"));

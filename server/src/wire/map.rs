@@ -12,7 +12,6 @@ pub const MAX_SURVEYED: f64 = 8.0;
 /// Most places that a survey lists.
 pub const MAX_CUT_OFF: f64 = 10_000.0;
 
-/// Converts a survey.
 pub fn survey_to_wire(survey: &Survey) -> wire::Survey {
     wire::Survey {
         body: Some(convert::body_to_wire(&survey.body)),
@@ -38,7 +37,6 @@ pub fn tile_to_wire(tile: &TileMesh, tile_count: usize) -> wire::GetMeshResponse
     }
 }
 
-/// Converts the features of a map.
 pub fn features_to_wire(map: &Map) -> wire::GetFeaturesResponse {
     let placed = map.placed();
     let line = |from, to, two_way| wire::LineFeature {
@@ -60,7 +58,7 @@ pub fn features_to_wire(map: &Map) -> wire::GetFeaturesResponse {
     let pads =
         placed.pads.iter().map(|pad| wire::PadFeature { centre: Some(convert::to_wire(pad.centre)), speed: pad.speed });
     wire::GetFeaturesResponse {
-        size: Some(convert::map_size_to_wire(map.size())),
+        size: Some(map.size().into()),
         pools: pools.collect(),
         pads: pads.collect(),
         zip_lines: placed.zip_lines.iter().map(|it| line(it.from, it.to, false)).collect(),

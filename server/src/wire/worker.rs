@@ -24,11 +24,7 @@ const MAX_NAME: usize = 64;
 /// Most waypoints in a plan.
 const MAX_WAYPOINTS: usize = 4096;
 
-/// Reads a worker's answer.
-///
-/// # Errors
-/// INVALID_ARGUMENT if an array has the wrong length or lists an NPC twice. An invalid number affects only its NPC: it
-/// is left out and counted.
+/// Reads a worker's answer. An invalid number affects only its NPC: it is left out and counted.
 pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
     let count = batch.npc_ids.len();
     let values = convert::unpack(&batch.actions, count * ACTION_LEN, "actions.actions")?;
@@ -88,10 +84,6 @@ fn npc_plan(plan: Option<wire::NpcPlan>) -> Result<NpcPlan, FieldError> {
 }
 
 /// Reads the first message of a worker.
-///
-/// # Errors
-/// INVALID_ARGUMENT if it is not a hello or a field is out of range, FAILED_PRECONDITION if the worker expects other
-/// observations.
 pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     let Some(wire::work_request::Message::Hello(hello)) = first.and_then(|request| request.message) else {
         return Err(status::failure(Reason::MalformedRequest, "the first message must be hello"));
@@ -115,10 +107,7 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     Ok(Hello { name: hello.name, policy: hello.policy, capacity: hello.capacity, sees_others })
 }
 
-/// Converts a message to a worker.
-///
-/// # Errors
-/// A [`Goodbye`](crate::messages::Goodbye) becomes the status that ends the stream.
+/// Converts a message to a worker. A [`Goodbye`](crate::messages::Goodbye) becomes the status that ends the stream.
 pub fn to_worker(message: ToWorker) -> Result<wire::WorkResponse, Status> {
     use wire::work_response::Message;
     let message = match message {

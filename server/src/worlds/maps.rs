@@ -15,7 +15,6 @@ const MAX_TRIES: usize = 8;
 /// The places on a map that a body can reach.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    /// The body.
     pub body: CharacterProfile,
     /// Number of places where it can stand, on a grid of 1.25 m.
     pub places: usize,
@@ -55,9 +54,6 @@ impl Survey {
 
 impl Worlds {
     /// Samples `count` random places of a world where a character can stand. Calls of one client run one by one.
-    ///
-    /// # Errors
-    /// If there is no such world, or its map has no navigable ground.
     pub async fn sample_ground(
         &self,
         caller: &Caller,
@@ -78,9 +74,6 @@ impl Worlds {
 
     /// Surveys a map for each body, and lists at most `max_cut_off` places that the body cannot reach. Surveys of one
     /// client run one by one; each continues when its caller disconnects.
-    ///
-    /// # Errors
-    /// If the map cannot be made.
     pub async fn survey(
         &self,
         caller: &Caller,
@@ -101,9 +94,6 @@ impl Worlds {
     }
 
     /// Edits the map of a world. The edit is applied as a whole or not at all. The new map is made in the background.
-    ///
-    /// # Errors
-    /// If there is no such world, it belongs to another client, or the edit is not possible.
     pub async fn edit(&self, caller: &Caller, id: WorldId, edit: MapEdit) -> Result<MapEdited, WorldsError> {
         let handle = self.handle_to_change(caller, id)?;
         for _ in 0..MAX_TRIES {

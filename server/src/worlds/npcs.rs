@@ -16,17 +16,11 @@ const MAX_LOOKUPS: usize = 16;
 
 impl Worlds {
     /// Adds an NPC for the caller.
-    ///
-    /// # Errors
-    /// If there are too many, or the position lies outside the map.
     pub async fn spawn(&self, caller: &Caller, world: WorldId, order: SpawnOrder) -> Result<NpcId, WorldsError> {
         self.spawn_many(caller, world, vec![Ok(order)]).await?.pop().expect("one result for one order")
     }
 
     /// Adds NPCs for the caller. Each has its own result.
-    ///
-    /// # Errors
-    /// If there is no such world, it belongs to another client, or its thread does not answer.
     pub async fn spawn_many(
         &self,
         caller: &Caller,
@@ -112,9 +106,6 @@ impl Worlds {
     }
 
     /// Runs `call` on the world of `npc`.
-    ///
-    /// # Errors
-    /// If there is no such NPC, its world's thread does not answer, or `call` fails.
     pub async fn with_npc<R: Send + 'static>(
         &self,
         caller: &Caller,

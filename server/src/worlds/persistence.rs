@@ -25,9 +25,6 @@ const DECODE_FACTOR: u64 = 8;
 
 impl Worlds {
     /// Opens the configured store or folder for saved worlds. A folder is locked against other processes.
-    ///
-    /// # Errors
-    /// If the folder cannot be created, or another process uses it.
     pub fn open_state(&self) -> Result<(), SavedError> {
         let config = &self.inner.config;
         let store = match (&config.store, &config.state) {
@@ -40,7 +37,6 @@ impl Worlds {
         Ok(())
     }
 
-    /// The store of saved worlds.
     pub(crate) fn store(&self) -> Option<&Arc<dyn WorldStore>> {
         self.inner.store.get()
     }
@@ -56,9 +52,6 @@ impl Worlds {
     }
 
     /// The server that has a world; `None` if there is no such world.
-    ///
-    /// # Errors
-    /// If the store of the fleet does not answer.
     pub async fn locate(&self, id: WorldId) -> Result<Option<ServerInfo>, WorldsError> {
         match self.shared_store() {
             Some(shared) => Ok(shared.locate(id).await?),
@@ -67,9 +60,6 @@ impl Worlds {
     }
 
     /// All servers of the fleet; only this one without a fleet.
-    ///
-    /// # Errors
-    /// If the store of the fleet does not answer.
     pub async fn servers(&self) -> Result<Vec<ServerInfo>, WorldsError> {
         match self.shared_store() {
             Some(shared) => Ok(shared.servers().await?),
@@ -84,9 +74,6 @@ impl Worlds {
 
     /// Restores saved worlds until the server shuts down. A world that cannot be restored is logged, and its file is
     /// not changed; no other world gets its id.
-    ///
-    /// # Errors
-    /// If the store cannot be read.
     pub async fn restore_all(&self) -> Result<(), StoreError> {
         let Some(store) = self.store() else { return Ok(()) };
         for id in store.list().await? {
@@ -162,9 +149,6 @@ impl Worlds {
     }
 
     /// Restores one world and starts it, unless `lease_epoch` has ended.
-    ///
-    /// # Errors
-    /// If its save cannot be read or used, or there is no room for it.
     pub(crate) async fn restore(&self, id: WorldId, lease_epoch: LeaseEpoch) -> Result<(), StoreError> {
         let Some(store) = self.store() else { return Ok(()) };
         let LoadedWorld { world: saved, since } = store.read(id).await?;
@@ -221,10 +205,7 @@ impl Worlds {
     }
 
     /// Saves all worlds, if there is a store; with `is_last` they end. If a world cannot be saved within `limit`, its
-    /// previous save is kept.
-    ///
-    /// # Errors
-    /// The first error. The other worlds are saved nevertheless.
+    /// previous save is kept. Returns the first error; the other worlds are saved nevertheless.
     pub async fn save_all(&self, is_last: bool, limit: Duration) -> Result<(), StoreError> {
         if self.store().is_none() {
             return Ok(());

@@ -2,7 +2,7 @@
 //! those that failed and wait for a pause. All others are restored after the next claim.
 
 use crate::ids::WorldId;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 use tokio::sync::Semaphore;
@@ -46,24 +46,20 @@ impl Default for Takeovers {
 }
 
 impl Takeovers {
-    fn entries(&self) -> MutexGuard<'_, Entries> {
-        self.entries.lock()
-    }
-
     /// Notes that a world is being restored, until [`end`](Self::end).
     pub fn begin(&self, id: WorldId) {
-        self.entries().restoring.insert(id);
+        self.entries.lock().restoring.insert(id);
     }
 
     /// Notes that a world is no longer being restored.
     pub fn end(&self, id: WorldId) {
-        self.entries().restoring.remove(&id);
+        self.entries.lock().restoring.remove(&id);
     }
 
     /// Begins a pause for a world that cannot be restored here, or has panicked.
     pub fn note_failure(&self, id: WorldId) {
         let now = Instant::now();
-        let mut entries = self.entries();
+        let mut entries = self.entries.lock();
         entries.failures.retain(|_, failure| failure.is_recent(now));
         let pause = entries.failures.get(&id).map_or(PAUSES[0], |failure| (failure.pause * 2).min(PAUSES[1]));
         entries.failures.insert(id, Failure { pause, until: now + pause });
@@ -72,7 +68,7 @@ impl Takeovers {
     /// Worlds that are being restored, or wait for a pause.
     pub fn ids(&self) -> BTreeSet<WorldId> {
         let now = Instant::now();
-        let entries = self.entries();
+        let entries = self.entries.lock();
         let paused = entries.failures.iter().filter(|(_, failure)| now < failure.until).map(|(&id, _)| id);
         entries.restoring.iter().copied().chain(paused).collect()
     }
@@ -85,7 +81,7 @@ mod tests {
     #[test]
     fn a_world_that_fails_again_is_left_alone_for_longer() {
         let takeovers = Takeovers::default();
-        let pause = |id| takeovers.entries().failures[&WorldId(id)].pause;
+        let pause = |id| takeovers.entries.lock().failures[&WorldId(id)].pause;
         for expected in [1, 2, 4, 8, 16, 32, 60, 60] {
             takeovers.note_failure(WorldId(7));
             assert_eq!(pause(7), Duration::from_secs(expected));
@@ -96,7 +92,7 @@ mod tests {
         assert_eq!(takeovers.ids(), [7, 8, 9].map(WorldId).into());
         takeovers.end(WorldId(8));
         let long_ago = Failure { pause: PAUSES[1], until: Instant::now() };
-        takeovers.entries().failures.insert(WorldId(7), long_ago);
+        takeovers.entries.lock().failures.insert(WorldId(7), long_ago);
         assert_eq!(takeovers.ids(), [WorldId(9)].into());
         takeovers.note_failure(WorldId(7));
         assert_eq!(pause(7), PAUSES[1], "a pause that has just ended counts");

@@ -14,7 +14,7 @@ use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, Traffic, store as cache};
-use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
+use surefoot_planner_service::{PlannerConfig, edits_from_wire, layer_from_wire, layer_to_wire, settings_from_wire};
 use surefoot_policy::{ActorConfig, Batch, Manifest, Policy, Scratch};
 use surefoot_proto::plans;
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
@@ -23,7 +23,7 @@ use surefoot_server::ids::WorkerId;
 use surefoot_server::messages::{Answer, Decision, Hello, ToWorker};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
-use surefoot_server::{NpcId, WorldId, wire as server_wire};
+use surefoot_server::{NpcId, WorldId, worker};
 use surefoot_world::map::{MapSize, Outline, Placed, Pool};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
@@ -104,7 +104,7 @@ pub fn world_messages(bytes: &[u8]) {
         let _ = accepted(convert::in_range(f64::from(request.rate_hz), 0.0, 60.0, "rate_hz"));
     }
     if let Some(request) = message::<wire::WorkRequest>(bytes) {
-        let _ = accepted(server_wire::worker::hello(Some(request.clone())));
+        let _ = accepted(worker::hello(Some(request.clone())));
         if let Some(wire::work_request::Message::Actions(batch)) = request.message {
             answer(&batch);
         }
@@ -140,7 +140,7 @@ fn lockstep_world() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
 /// Checks an answer of the first worker and applies it if it is valid; returns whether it is. In either case the second
 /// worker's NPC must continue. NPCs are numbered from [`FIRST_NPC`], and the third is the second worker's.
 pub fn answer(batch: &wire::ActionBatch) -> bool {
-    let Some(checked) = accepted(server_wire::worker::answer(batch.clone())) else { return false };
+    let Some(checked) = accepted(worker::answer(batch.clone())) else { return false };
     assert_eq!(checked.decisions.len(), batch.npc_ids.len());
     let (mut world, _queues) = lockstep_world();
     world.answer(WorkerId(1), checked);
@@ -165,11 +165,9 @@ pub fn answer(batch: &wire::ActionBatch) -> bool {
 pub fn planner_messages(bytes: &[u8]) {
     if let Some(request) = message::<plan::StartBuildRequest>(bytes) {
         let _ = accepted(convert::map_spec(request.map.as_ref()));
-        if let Some(settings) =
-            accepted(planner_wire::settings_from_wire(request.settings.as_ref(), &PlannerConfig::default()))
-        {
+        if let Some(settings) = accepted(settings_from_wire(request.settings.as_ref(), &PlannerConfig::default())) {
             let back = plans::settings_to_wire(&settings);
-            let again = planner_wire::settings_from_wire(Some(&back), &PlannerConfig::default());
+            let again = settings_from_wire(Some(&back), &PlannerConfig::default());
             assert_eq!(plans::settings_to_wire(&again.expect("just written")), back);
         }
     }
@@ -192,12 +190,12 @@ pub fn planner_messages(bytes: &[u8]) {
         }
     }
     if let Some(request) = message::<plan::PutLayerRequest>(bytes)
-        && let Some(layer) = accepted(planner_wire::layer_from_wire(request.layer.as_ref()))
+        && let Some(layer) = accepted(layer_from_wire(request.layer.as_ref()))
     {
         layer_round_trips(&layer);
     }
     if let Some(request) = message::<plan::AppendEditsRequest>(bytes)
-        && let Some(edits) = accepted(planner_wire::edits_from_wire(&request.edits))
+        && let Some(edits) = accepted(edits_from_wire(&request.edits))
     {
         layer_round_trips(&Layer { name: request.layer, edits });
     }
@@ -205,10 +203,7 @@ pub fn planner_messages(bytes: &[u8]) {
 
 fn layer_round_trips(layer: &Layer) {
     if accepted(layer.validate()).is_some() {
-        assert_eq!(
-            planner_wire::layer_from_wire(Some(&planner_wire::layer_to_wire(layer))).expect("just written"),
-            *layer
-        );
+        assert_eq!(layer_from_wire(Some(&layer_to_wire(layer))).expect("just written"), *layer);
         assert_eq!(cache::decode_layer(&cache::encode_layer(layer)).expect("just written"), *layer);
     }
 }

@@ -1,6 +1,6 @@
 //! `surefoot challenge`.
 
-use crate::processes::{Process, connect, free_address, start};
+use crate::processes::{Services, Setup};
 use anyhow::{Context, bail};
 use flate2::Compression;
 use flate2::read::GzDecoder;
@@ -310,8 +310,6 @@ struct HostedScore {
 
 fn host_set(args: &HostArgs) -> anyhow::Result<()> {
     let (set, folder) = load_set(&args.set)?;
-    let own = if args.server.is_none() { Some(OwnServices::start(args.at_once, args.workers)?) } else { None };
-    let uri = args.server.clone().or_else(|| own.as_ref().map(|own| own.server_uri.clone())).expect("one of them");
     let hosting = Hosting {
         lockstep: args.lockstep,
         at_once: args.at_once as usize,
@@ -320,12 +318,13 @@ fn host_set(args: &HostArgs) -> anyhow::Result<()> {
     };
     let credentials = args.credentials.credentials()?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let (cache, npcs) = (tempfile::tempdir()?, 2 * args.at_once as usize);
+    let setup = Setup { workers: args.workers.into(), ..Setup::new(npcs, cache.path()) };
+    let own = if args.server.is_none() { Some(runtime.block_on(Services::start(setup))?) } else { None };
+    let uri = args.server.as_ref().or_else(|| own.as_ref().map(|own| &own.server_uri)).expect("one of them");
     let bar = progress_bar(set.maps.len() as u64, "hosting");
     let hosted = runtime.block_on(async {
-        if own.is_some() {
-            connect(&uri).await?;
-        }
-        let link = credentials.dial(&uri)?.connect_lazy();
+        let link = credentials.dial(uri)?.connect_lazy();
         let hosted = host(link, &set, hosting, |map| {
             bar.set_message(map.to_owned());
             bar.inc(1);
@@ -359,30 +358,6 @@ fn host_set(args: &HostArgs) -> anyhow::Result<()> {
         hosted.score.ends.iter().map(|(end, count)| format!("{end} {count}")).collect::<Vec<_>>().join(", "),
     );
     Ok(())
-}
-
-/// A server, a planner and workers, each in its own process. They end when this value is dropped.
-struct OwnServices {
-    server_uri: String,
-    _workers: Vec<Process>,
-    _services: [Process; 2],
-    _cache: tempfile::TempDir,
-}
-
-impl OwnServices {
-    fn start(npcs: u32, workers: u16) -> anyhow::Result<Self> {
-        let (server, planner) = (free_address()?.to_string(), free_address()?.to_string());
-        let (server_uri, planner_uri) = (format!("http://{server}"), format!("http://{planner}"));
-        let (npcs, cache) = ((2 * npcs).to_string(), tempfile::tempdir()?);
-        let folder = cache.path().to_str().context("the path of the folder for temporary files is not UTF-8")?;
-        let services = [
-            start(&["serve", "--listen", &server, "--max-npcs-per-client", &npcs])?,
-            start(&["plan", "--listen", &planner, "--cache", folder])?,
-        ];
-        let work = ["work", "--server", &server_uri, "--planner", &planner_uri, "--npcs", &npcs];
-        let workers = (0..workers).map(|_| start(&work)).collect::<anyhow::Result<_>>()?;
-        Ok(Self { server_uri, _workers: workers, _services: services, _cache: cache })
-    }
 }
 
 /// Scores as a Markdown table.

@@ -9,9 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use surefoot_cli::commands::endpoint::{CredentialArgs, EndpointArgs};
-use surefoot_cli::commands::map::{
-    file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers,
-};
+use surefoot_cli::commands::map::{file_name, level_files, load_body, load_level};
 use surefoot_cli::commands::{game, parse_seconds, parse_seeds, revision};
 use surefoot_net::client::Credentials;
 use surefoot_net::serving::Endpoint;
@@ -68,13 +66,13 @@ pub struct Args {
     #[arg(long, value_name = "METRES")]
     height: Option<u32>,
     /// Features of the training maps: paper, all or none, followed by changes, such as all,lava=0
-    #[arg(long, value_name = "LIST", value_parser = parse_features)]
+    #[arg(long, value_name = "LIST")]
     features: Option<Features>,
     /// Movers of the training maps: none or all, followed by changes, such as all,doors=0
-    #[arg(long, value_name = "LIST", value_parser = parse_movers)]
+    #[arg(long, value_name = "LIST")]
     movers: Option<MoverDensities>,
     /// Kinds of the training maps: terrain, islands, interior, arena, tower, open; several take turns by seed
-    #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = parse_kind)]
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
     kind: Vec<MapKind>,
     /// Body to train: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of a
     /// profile

@@ -1,4 +1,5 @@
-//! Plots of results as SVG. Every plot takes plain numbers; the caller knows what they were measured on.
+//! Plots of results as SVG. Every plot takes plain numbers; the caller knows what they were measured on. A plot fails if
+//! its file cannot be written.
 
 use crate::ReportError;
 use plotters::prelude::*;
@@ -35,9 +36,6 @@ pub struct DistanceBin {
 
 /// Plots success by straight-line distance, with one line for each named list of bins. A point is `middle_m` metres
 /// below the upper end of its bin, with its interval as a vertical bar; bins with fewer than 30 attempts are omitted.
-///
-/// # Errors
-/// If the file cannot be written.
 pub fn success_by_distance(rows: &[(&str, Vec<DistanceBin>)], middle_m: f32, path: &Path) -> Result<(), ReportError> {
     const FEWEST: usize = 30;
     let middle = |bin: &DistanceBin| f64::from(bin.far_m - middle_m);
@@ -57,9 +55,6 @@ pub fn success_by_distance(rows: &[(&str, Vec<DistanceBin>)], middle_m: f32, pat
 }
 
 /// Plots tick times, ms, by number of NPCs, with the limit that they should stay below.
-///
-/// # Errors
-/// If the file cannot be written.
 pub fn tick_times(mut lines: Vec<Line<'_>>, limit_ms: f64, path: &Path) -> Result<(), ReportError> {
     let most = 1.05 * farthest_of(&lines);
     let longest = lines.iter().flat_map(|(_, points)| points).map(|point| point.1).fold(limit_ms, f64::max);
@@ -131,9 +126,6 @@ pub struct BarGroup<'a> {
 }
 
 /// Plots success on the splits of maps, with a group of bars for each model and the paper's result on test maps.
-///
-/// # Errors
-/// If the file cannot be written.
 pub fn generalisation(groups: &[BarGroup<'_>], path: &Path) -> Result<(), ReportError> {
     let splits = groups.first().map_or(0, |group| group.bars.len());
     draw(path, |area| {
@@ -199,9 +191,6 @@ pub struct RangeAxes<'a> {
 }
 
 /// Plots a mean with its interval for each row and series, the first row on top.
-///
-/// # Errors
-/// If the file cannot be written.
 pub fn ranges(axes: RangeAxes<'_>, rows: &[RangeRow<'_>], path: &Path) -> Result<(), ReportError> {
     const ROW_HEIGHT: u32 = 34;
     const LABELS_WIDTH: u32 = 330;
@@ -274,9 +263,6 @@ fn sizes(outcomes: &[SizeOutcome], size: impl Fn(&SizeOutcome) -> usize) -> Vec<
 }
 
 /// Plots a heat map of success by numbers of vertices and neighbours.
-///
-/// # Errors
-/// If the file cannot be written.
 pub fn sweep(outcomes: &[SizeOutcome], path: &Path) -> Result<(), ReportError> {
     let rates = || outcomes.iter().map(|outcome| 100.0 * outcome.rate);
     let (low, high) = (rates().fold(100.0, f64::min), rates().fold(0.0, f64::max));
@@ -313,9 +299,6 @@ pub fn sweep(outcomes: &[SizeOutcome], path: &Path) -> Result<(), ReportError> {
 }
 
 /// Plots build and search times by number of vertices, with one line for each number of neighbours.
-///
-/// # Errors
-/// If the file cannot be written.
 pub fn run_time(outcomes: &[SizeOutcome], path: &Path) -> Result<(), ReportError> {
     let most = outcomes.iter().map(|outcome| outcome.total_s).fold(1.0, f64::max);
     let widest = outcomes.iter().map(|outcome| outcome.vertices).max().unwrap_or(1) as f64;

@@ -236,24 +236,28 @@ fn ability_colour(ability: Ability) -> Colour {
     }
 }
 
+/// How a surface other than rock is drawn: its colour in full light, its colour in legends, and its name there.
+fn look(surface: Surface) -> Option<([f32; 3], Colour, &'static str)> {
+    Some(match surface {
+        Surface::Ground => return None,
+        Surface::Water => ([50.0, 110.0, 220.0], [50, 110, 220], "water"),
+        Surface::Lava => ([265.0, 100.0, 20.0], [245, 90, 20], "lava"),
+        Surface::Pad => ([275.0, 240.0, 40.0], [255, 225, 40], "jump pad"),
+        Surface::ZipLine => ([255.0, 80.0, 200.0], [255, 80, 200], "zip line"),
+        Surface::Teleporter => ([160.0, 90.0, 265.0], [150, 80, 255], "teleporter"),
+        Surface::Jetpack => ([80.0, 265.0, 225.0], [80, 255, 220], "jetpack"),
+    })
+}
+
 /// Legend of a picture of `map`: the colours of what is on the map, with names.
 pub fn legend(map: &Map) -> Vec<(Colour, &'static str)> {
     let placed = map.placed();
-    let pool = |surface: Surface| placed.pools.iter().any(|pool| Surface::from(pool.liquid) == surface);
-    [
-        (true, [120, 145, 110], "ground"),
-        (true, [125, 105, 95], "too steep"),
-        (!placed.buildings.is_empty(), [190, 170, 160], "building"),
-        (pool(Surface::Water), [50, 110, 220], "water"),
-        (pool(Surface::Lava), [245, 90, 20], "lava"),
-        (!placed.pads.is_empty(), [255, 225, 40], "jump pad"),
-        (!placed.zip_lines.is_empty(), [255, 80, 200], "zip line"),
-        (!placed.teleporters.is_empty(), [150, 80, 255], "teleporter"),
-        (!placed.jetpacks.is_empty(), [80, 255, 220], "jetpack"),
-    ]
-    .into_iter()
-    .filter_map(|(shown, colour, name)| shown.then_some((colour, name)))
-    .collect()
+    let pools = placed.pools.iter().map(|pool| Surface::from(pool.liquid));
+    let on_map: Vec<Surface> = pools.chain(placed.devices().map(|device| device.kind.surface())).collect();
+    let looks = Surface::ALL.iter().filter(|surface| on_map.contains(surface)).filter_map(|surface| look(*surface));
+    let building = (!placed.buildings.is_empty()).then_some(([190, 170, 160], "building"));
+    let ground = [([120, 145, 110], "ground"), ([125, 105, 95], "too steep")].into_iter().chain(building);
+    ground.chain(looks.map(|(_, colour, name)| (colour, name))).collect()
 }
 
 fn colour_at(map: &Map, view: View, projection: &Projection, point: Vec3, islands: Option<&Ground>) -> Colour {
@@ -294,27 +298,17 @@ fn base_colour(map: &Map, place: Vec3, normal: Vec3, hit: RayHit, islands: Optio
                 && inside.y < building.base.y + building.height
         })
     };
-    match hit.surface {
-        Surface::Water => [50.0, 110.0, 220.0],
-        Surface::Lava => [265.0, 100.0, 20.0],
-        Surface::Pad => [275.0, 240.0, 40.0],
-        Surface::ZipLine => [255.0, 80.0, 200.0],
-        Surface::Teleporter => [160.0, 90.0, 265.0],
-        Surface::Jetpack => [80.0, 265.0, 225.0],
-        Surface::Ground => {
-            let island = islands.filter(|_| is_walkable).and_then(|ground| ground.at(place));
-            if let Some(cell) = island {
-                return island_colour(cell.island);
-            }
-            if on_building() {
-                return if is_walkable { [200.0, 178.0, 168.0] } else { [168.0, 146.0, 138.0] };
-            }
-            if is_walkable {
-                [92.0 + height * 120.0, 132.0 + height * 62.0, 82.0 + height * 104.0]
-            } else {
-                [128.0, 108.0, 97.0]
-            }
-        }
+    if let Some((colour, ..)) = look(hit.surface) {
+        return colour;
+    }
+    if let Some(cell) = islands.filter(|_| is_walkable).and_then(|ground| ground.at(place)) {
+        return island_colour(cell.island);
+    }
+    match (on_building(), is_walkable) {
+        (true, true) => [200.0, 178.0, 168.0],
+        (true, false) => [168.0, 146.0, 138.0],
+        (false, true) => [92.0 + height * 120.0, 132.0 + height * 62.0, 82.0 + height * 104.0],
+        (false, false) => [128.0, 108.0, 97.0],
     }
 }
 

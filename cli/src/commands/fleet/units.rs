@@ -14,6 +14,7 @@ use surefoot_fleet::work::dispatch::{Dispatcher, Threads, Work};
 use surefoot_fleet::work::job::{Answer, Job, JobKind, Opened, Refusal};
 use surefoot_fleet::work::map_cache::{MapCache, MapRef};
 use surefoot_fleet::work::{maps, probes, prover};
+use surefoot_net::metrics::family;
 use surefoot_planner::{Attach, BuildSettings};
 use surefoot_policy::Policy;
 use surefoot_rollout::FollowConfig;
@@ -50,11 +51,7 @@ impl prover::Runner for Runner {
     }
 
     fn metrics(&self) -> String {
-        let probes = self.probes.load(Ordering::Relaxed);
-        format!(
-            "# HELP surefoot_probes_total Probes run.\n# TYPE surefoot_probes_total counter\nsurefoot_probes_total \
-             {probes}\n"
-        )
+        family("probes_total", "counter", "Probes run.", [("", self.probes.load(Ordering::Relaxed) as f64)])
     }
 }
 
@@ -214,9 +211,6 @@ impl Work for Units<'_> {
 
 /// Has the units run that are missing in the folder of an evaluation, on provers and on `threads` of this process, and
 /// saves them there. Call this from a thread that may block.
-///
-/// # Errors
-/// If a unit cannot be run or saved, or a level cannot be given to provers.
 pub fn gather(
     (dispatcher, maps): (&Dispatcher, &MapCache),
     policy: &Policy,

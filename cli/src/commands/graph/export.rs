@@ -2,7 +2,7 @@
 
 use super::{Loaded, Target};
 use crate::commands::core_count;
-use crate::terminal::{print_json, progress_bar};
+use crate::terminal::{print_json, progress_bar, with_spinner};
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -136,7 +136,7 @@ impl Args {
 /// Measures the edges that the NavMesh cannot walk, and makes links of those that shorten paths.
 fn links(args: &Args, loaded: &Loaded) -> (LinkSet, Summary) {
     let (graph, context) = (&loaded.graph, &loaded.context);
-    let reach = Reach::survey(&context.map, &context.profile, core_count());
+    let reach = with_spinner("surveying the level", || Reach::survey(&context.map, &context.profile, core_count()));
     let island_at = |at| Some(reach.ground.at(at)?.island);
     let islands: Vec<Option<u32>> = graph.vertices().map(|vertex| island_at(graph.position(vertex))).collect();
     let profile = &context.profile;
@@ -148,7 +148,7 @@ fn links(args: &Args, loaded: &Loaded) -> (LinkSet, Summary) {
     let shaped = needed.iter().zip(shapes).filter_map(|(&edge, shape)| Some(ShapedEdge { edge, shape: shape? }));
     let shaped: Vec<ShapedEdge<'_>> = shaped.filter(|it| it.shape.driven() >= args.min_driven).collect();
     let max_detour = (!args.all_links).then_some(args.max_detour);
-    let set = LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at).on_level(loaded.origin);
+    let set = LinkSet { origin: loaded.origin, ..LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at) };
     let left_out = needed.len() - shaped.len();
     let summary = Summary { links: set.links.len(), left_out, connected: set.connected };
     (set, summary)

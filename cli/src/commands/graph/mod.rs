@@ -14,7 +14,7 @@ use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use surefoot_game_client::{Game, probes};
+use surefoot_game_client::probes;
 use surefoot_planner::edits::{Unapplied, apply_layers};
 use surefoot_planner::store::{GraphStore, LevelId};
 use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Progress};
@@ -96,10 +96,6 @@ impl Loaded {
 }
 
 impl Target {
-    fn settings(&self) -> anyhow::Result<BuildSettings> {
-        Ok(self.graph.settings()?)
-    }
-
     fn context_with_origin(&self) -> anyhow::Result<(ProbeContext, Option<Vec3>)> {
         let (map, origin) = self.source.load_with_origin()?;
         let profile = self.body.profile()?;
@@ -126,35 +122,30 @@ impl Target {
     }
 
     fn load_in(&self, context: ProbeContext, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
-        let settings = self.settings()?;
+        let settings = self.graph.settings()?;
         let store = self.cache.open()?;
         let id = graphs::id_of(&context, &settings);
         if let Some(game) = self.world.connect()? {
             if changed_from.is_some() {
                 bail!("--changed-from cannot be combined with --world: a game proves all edges again");
             }
-            let (built, cached) = (build_in(&game, &context, &settings)?, false);
-            return self.edited(store, Loaded::of(context, None, built, cached, None), settings);
+            // It is not cached, because games have no identity.
+            let built = with_bar(|progress| probes::build(&game, &context, &settings, core_count(), progress))?;
+            return self.edited(store, Loaded::of(context, None, built, false, None), settings);
         }
         let mut retried = None;
-        let (built, cached) = match (store.get(&id)?, changed_from) {
-            (Some(built), _) => (built, true),
-            (None, None) => (build_with_bar(&context, &settings)?, false),
-            (None, Some(earlier)) => {
-                let source = Source { map: earlier.to_owned(), ..self.source.clone() };
-                let old = ProbeContext { map: Arc::new(source.load()?), ..context.clone() };
-                let (graph, _) = get_or_build(&store, &old, &settings)?;
-                let updated = with_bar(|progress| {
-                    let old = (&graph.graph, &*old.map);
-                    graphs::update(old, &context, &settings, core_count(), progress)
-                })?;
-                retried = Some(updated.retried);
-                (updated.built, false)
-            }
-        };
-        if !cached {
-            store.put(&id, &built)?;
-        }
+        let (built, cached) = get_or_make(&store, &id, || {
+            let Some(earlier) = changed_from else { return build_with_bar(&context, &settings) };
+            let source = Source { map: earlier.to_owned(), ..self.source.clone() };
+            let old = ProbeContext { map: Arc::new(source.load()?), ..context.clone() };
+            let old_id = graphs::id_of(&old, &settings);
+            let (graph, _) = get_or_make(&store, &old_id, || build_with_bar(&old, &settings))?;
+            let updated = with_bar(|progress| {
+                graphs::update((&graph.graph, &*old.map), &context, &settings, core_count(), progress)
+            })?;
+            retried = Some(updated.retried);
+            Ok(updated.built)
+        })?;
         self.edited(store, Loaded::of(context, Some(id), built, cached, retried), settings)
     }
 
@@ -172,19 +163,18 @@ impl Target {
     }
 }
 
-fn get_or_build(store: &DiskStore, context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<(Built, bool)> {
-    let id = graphs::id_of(context, settings);
-    if let Some(built) = store.get(&id)? {
+/// Returns a graph from the cache, or else makes and caches it; and whether it was in the cache.
+fn get_or_make(
+    store: &DiskStore,
+    id: &GraphId,
+    make: impl FnOnce() -> anyhow::Result<Built>,
+) -> anyhow::Result<(Built, bool)> {
+    if let Some(built) = store.get(id)? {
         return Ok((built, true));
     }
-    let built = build_with_bar(context, settings)?;
-    store.put(&id, &built)?;
+    let built = make()?;
+    store.put(id, &built)?;
     Ok((built, false))
-}
-
-/// Builds a graph whose edges are proved in a game. It is not cached, because games have no identity.
-fn build_in(game: &Game, context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<Built> {
-    with_bar(|progress| probes::build(game, context, settings, core_count(), progress))
 }
 
 fn build_with_bar(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<Built> {
@@ -214,12 +204,4 @@ fn print_unapplied(unapplied: &[Unapplied]) {
     for unapplied in unapplied {
         println!("edit {} of layer `{}` is unapplied: {}", unapplied.index, unapplied.layer, unapplied.reason);
     }
-}
-
-fn check_scale(scale: f32, map: &Map) -> anyhow::Result<()> {
-    let side = map.extent().x.max(map.extent().z);
-    if !(0.1..=16.0).contains(&scale) || scale * side > 8192.0 {
-        bail!("--scale is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
-    }
-    Ok(())
 }

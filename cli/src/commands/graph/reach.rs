@@ -2,7 +2,8 @@
 
 use super::{Loaded, Target};
 use crate::commands::core_count;
-use crate::terminal::print_json;
+use crate::commands::map::check_scale;
+use crate::terminal::{print_json, with_spinner};
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -28,10 +29,10 @@ pub struct Args {
     #[command(flatten)]
     target: Target,
     /// Fail if a smaller share of all places to stand can be reached from the largest region
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     min_reachable: Option<f64>,
     /// Fail if a smaller share of ordered vertex pairs has a path
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     min_connected: Option<f64>,
     /// Fail if the graph has more one-way traps than this
     #[arg(long, value_name = "N")]
@@ -86,8 +87,9 @@ struct Check {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     let Loaded { context, graph, .. } = &loaded;
-    super::check_scale(args.scale, &context.map)?;
-    let survey = Reach::survey_far(&context.map, &context.profile, core_count());
+    check_scale(args.scale, &context.map)?;
+    let survey =
+        with_spinner("surveying the level", || Reach::survey_far(&context.map, &context.profile, core_count()));
     let report = args.report(&survey, graph);
     if let Some(path) = &args.png {
         draw(&loaded, &survey, args.scale).save(path)?;
@@ -154,6 +156,12 @@ impl Args {
         }
         checks
     }
+}
+
+/// Parses a share from 0 to 1.
+fn parse_share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "must be a share from 0 to 1, such as 0.98 for 98 %".to_owned())
 }
 
 /// Regions that cannot be reached from the largest one.

@@ -2,6 +2,7 @@
 
 use super::{Loaded, Target};
 use crate::commands::core_count;
+use crate::commands::map::check_scale;
 use crate::terminal::print_json;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -45,7 +46,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(args.changed_from.as_deref())?;
     let Loaded { context, graph, .. } = &loaded;
-    super::check_scale(args.scale, &context.map)?;
+    check_scale(args.scale, &context.map)?;
     if let Some(path) = &args.png {
         let router = Router::new(graph.clone(), DEFAULT_LABEL_LIMIT, core_count());
         let mut picture = Picture::top_view(&context.map, args.scale);

@@ -3,13 +3,12 @@
 mod show;
 mod source;
 
-pub use source::{
-    BodyArg, Generated, Source, file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers,
-};
+pub use show::check_scale;
+pub use source::{BodyArg, Generated, Source, file_name, level_files, load_body, load_level};
 
 use crate::commands::fleet::{BlobsArg, NatsArg};
 use crate::commands::parse_seeds;
-use crate::terminal::progress_bar;
+use crate::terminal::{progress_bar, with_spinner};
 use anyhow::{Context, bail};
 use source::{import_level, read};
 use std::path::{Path, PathBuf};
@@ -230,7 +229,9 @@ fn record(args: &RecordArgs) -> anyhow::Result<()> {
     let map = Arc::new(args.source.load()?);
     let policy = Policy::shipped().context("cannot use the shipped model")?;
     let decision_count = args.ticks / u64::from(TICKS_PER_DECISION);
-    let recording = surefoot_rollout::crowd::record(map, &policy, args.npcs as usize, decision_count)?;
+    let recording = with_spinner("recording", || {
+        surefoot_rollout::crowd::record(map, &policy, args.npcs as usize, decision_count)
+    })?;
     println!("{} ticks, {} inputs", recording.tick_count(), recording.input_count());
     write(&args.out, &recording.encode())
 }
@@ -250,7 +251,7 @@ fn replay(args: &ReplayArgs) -> anyhow::Result<()> {
         (None, None) => bail!("the recording was made on an imported map: give its file with --map"),
     };
     let started = Instant::now();
-    recording.replay(Arc::new(map), None)?;
+    with_spinner("replaying", || recording.replay(Arc::new(map), None))?;
     println!("the replay reached the same state in {:.2} s", started.elapsed().as_secs_f64());
     Ok(())
 }

@@ -2,8 +2,9 @@
 
 use super::source::{BodyArg, Source};
 use crate::commands::core_count;
-use crate::terminal::print_json;
+use crate::terminal::{print_json, with_spinner};
 use anyhow::bail;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 use surefoot_report::render::{self, Picture, View};
@@ -55,7 +56,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let map = args.source.load()?;
     let seconds = started.elapsed().as_secs_f64();
     let profile = args.body.profile()?;
-    let reach = (args.stats || args.islands).then(|| Reach::survey(&map, &profile, core_count()));
+    let reach = (args.stats || args.islands)
+        .then(|| with_spinner("surveying the map", || Reach::survey(&map, &profile, core_count())));
     if let Some(path) = &args.png {
         draw(args, &map, reach.as_ref())?.save(path)?;
     }
@@ -79,11 +81,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "triangles": map.mesh().triangles().len(),
         "memory_mb": map.memory_bytes() as f64 / 1.0e6,
         "load_s": seconds,
-        "features": counts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+        "features": counts.into_iter().collect::<BTreeMap<_, _>>(),
     });
     let stats = reach.as_ref().filter(|_| args.stats).map(Stats::of);
-    if let (Some(stats), Some(object)) = (&stats, description.as_object_mut()) {
-        object.extend(stats.to_json());
+    if let Some(stats) = &stats {
+        stats.add_to(&mut description);
     }
     if args.json {
         return print_json(&description);
@@ -109,9 +111,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 fn draw(args: &Args, map: &Map, reach: Option<&Reach>) -> anyhow::Result<Picture> {
     let side = map.extent().x.max(map.extent().z);
     let scale = args.scale.unwrap_or((1000.0 / side).min(8.0));
-    if !(0.1..=16.0).contains(&scale) || scale * side > 8192.0 {
-        bail!("--scale is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
-    }
+    check_scale(scale, map)?;
     let view = match args.section {
         Some(y) if !(0.0..=map.extent().y).contains(&y) => {
             bail!("--section is {y}, the map reaches from 0 to {} m", map.extent().y)
@@ -128,6 +128,15 @@ fn draw(args: &Args, map: &Map, reach: Option<&Reach>) -> anyhow::Result<Picture
     }
     picture.add_legend(&format!("map {}", args.source.map), &entries);
     Ok(picture)
+}
+
+/// Checks the scale of a picture.
+pub fn check_scale(scale: f32, map: &Map) -> anyhow::Result<()> {
+    let side = map.extent().x.max(map.extent().z);
+    if !(0.1..=16.0).contains(&scale) || scale * side > 8192.0 {
+        bail!("--scale is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
+    }
+    Ok(())
 }
 
 /// How a map is connected.
@@ -156,33 +165,21 @@ impl Stats {
         }
     }
 
-    fn to_json(&self) -> serde_json::Map<String, serde_json::Value> {
-        let table = |rows: &[(&'static str, f64)]| -> serde_json::Value {
-            rows.iter().map(|&(name, share)| (name.to_owned(), share.into())).collect::<serde_json::Map<_, _>>().into()
-        };
-        [
-            ("walk_connected", self.walk.into()),
-            ("all_connected", self.all.into()),
-            ("islands", self.island_count.into()),
-            ("places", self.place_count.into()),
-            ("cut_off_without", table(&self.needs)),
-        ]
-        .into_iter()
-        .map(|(name, value): (&str, serde_json::Value)| (name.to_owned(), value))
-        .collect()
+    fn add_to(&self, description: &mut serde_json::Value) {
+        description["walk_connected"] = self.walk.into();
+        description["all_connected"] = self.all.into();
+        description["islands"] = self.island_count.into();
+        description["places"] = self.place_count.into();
+        description["cut_off_without"] = serde_json::json!(self.needs.iter().copied().collect::<BTreeMap<_, _>>());
     }
 
     fn print(&self) {
         println!("random goals connected on foot: {:.1} %", self.walk * 100.0);
         println!("random goals connected by every means: {:.1} %", self.all * 100.0);
         println!("{} islands among {} places to stand (1.25 m apart)", self.island_count, self.place_count);
-        let list = |rows: &[(&'static str, f64)]| {
-            let mut rows: Vec<_> = rows.iter().filter(|(_, share)| *share >= 0.0005).collect();
-            rows.sort_by(|a, b| b.1.total_cmp(&a.1));
-            let texts: Vec<String> =
-                rows.iter().map(|(name, share)| format!("{} {:.1} %", name.replace('_', " "), share * 100.0)).collect();
-            texts.join(", ")
-        };
-        println!("cut off without: {}", list(&self.needs));
+        let mut needs: Vec<_> = self.needs.iter().filter(|(_, share)| *share >= 0.0005).collect();
+        needs.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let needs = needs.iter().map(|(name, share)| format!("{} {:.1} %", name.replace('_', " "), share * 100.0));
+        println!("cut off without: {}", needs.collect::<Vec<_>>().join(", "));
     }
 }

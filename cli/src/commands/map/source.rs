@@ -1,7 +1,7 @@
 //! Which map and which body a command works on: the flags, and loading.
 
 use crate::commands::core_count;
-use crate::terminal::progress_bar;
+use crate::terminal::{progress_bar, with_spinner};
 use anyhow::{Context, bail};
 use std::path::Path;
 use surefoot_generate::Stage;
@@ -61,32 +61,17 @@ pub struct Generated {
     #[arg(long, default_value_t = 80, value_name = "METRES")]
     pub height: u32,
     /// Features of a generated map: paper, all or none, followed by changes, such as all,lava=0,zip_lines=2
-    #[arg(long, default_value = "paper", value_name = "LIST", value_parser = parse_features)]
+    #[arg(long, default_value = "paper", value_name = "LIST")]
     pub features: Features,
     /// Kind of a generated map: terrain (the paper's), islands, interior, arena, tower or open
-    #[arg(long, default_value = "terrain", value_name = "KIND", value_parser = parse_kind)]
+    #[arg(long, default_value = "terrain", value_name = "KIND")]
     pub kind: MapKind,
     /// Movers of a generated map: none or all, followed by changes, such as all,doors=0 or lifts,crates=2
-    #[arg(long, default_value = "none", value_name = "LIST", value_parser = parse_movers)]
+    #[arg(long, default_value = "none", value_name = "LIST")]
     pub movers: MoverDensities,
     /// Do not add pads and zip lines to unreachable ground of a generated map
     #[arg(long)]
     pub no_repair: bool,
-}
-
-/// Parses densities of movers.
-pub fn parse_movers(text: &str) -> Result<MoverDensities, String> {
-    text.parse()
-}
-
-/// Parses a kind of map.
-pub fn parse_kind(text: &str) -> Result<MapKind, String> {
-    text.parse()
-}
-
-/// Parses features.
-pub fn parse_features(text: &str) -> Result<Features, String> {
-    text.parse()
 }
 
 impl Generated {
@@ -103,7 +88,9 @@ impl Generated {
 
 /// The files of a list of maps, if it names files and not seeds.
 pub fn level_files(maps: &str) -> Option<Vec<&Path>> {
-    let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !word.contains("..");
+    let is_seed = |word: &str| word.parse::<u64>().is_ok();
+    let is_range = |word: &str| word.split_once("..").is_some_and(|(first, last)| is_seed(first) && is_seed(last));
+    let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !is_range(word);
     maps.split(',').any(is_file).then(|| maps.split(',').map(Path::new).collect())
 }
 
@@ -143,12 +130,13 @@ pub(super) fn import_level(level: &Path, sidecar: Option<&Path>, options: &Impor
         .map(|path| std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())))
         .transpose()?;
     let extension = level.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    let imported = match extension.as_deref() {
-        Some("glb" | "gltf") => surefoot_levels::import_gltf(&bytes, sidecar.as_deref(), options),
-        Some("obj") => surefoot_levels::import_obj(&bytes, sidecar.as_deref(), options),
+    let import = match extension.as_deref() {
+        Some("glb" | "gltf") => surefoot_levels::import_gltf,
+        Some("obj") => surefoot_levels::import_obj,
         _ => bail!("{} is not a .glb, .gltf or .obj file", level.display()),
-    }
-    .with_context(|| format!("cannot import {}", level.display()))?;
+    };
+    let imported = with_spinner("importing the level", || import(&bytes, sidecar.as_deref(), options))
+        .with_context(|| format!("cannot import {}", level.display()))?;
     for warning in &imported.warnings {
         eprintln!("warning: {warning}");
     }

@@ -11,6 +11,7 @@ use crate::ride_stops::RideStops;
 use crate::settings::{BuildSettings, Site};
 use std::collections::{BTreeMap, BTreeSet};
 use surefoot_world::float::hypot;
+use surefoot_world::map::DeviceKind;
 use surefoot_world::{CharacterProfile, Map, MoverAt, MoverId, Vec3};
 
 /// A candidate edge: an ordered pair of vertices.
@@ -105,33 +106,16 @@ pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], kno
         let pairs = sources.iter().flat_map(|&from| targets.iter().map(move |&to| EdgeKey::new(from, to)));
         found.extend(pairs.filter(|key| key.from != key.to));
     };
-    let placed = map.placed();
-    for pad in &placed.pads {
-        let rise = 0.5 * pad.speed * pad.speed / profile.gravity + 2.0;
-        let landings = closest(&grid, vertices, pad.centre, THROW_M, LANDINGS, |at| {
-            (JUMP_RISE_M..=rise).contains(&(at.y - pad.centre.y))
+    for device in map.placed().devices().filter(|device| profile.uses(device.kind)) {
+        let Some(rise) = profile.rise_by(device) else {
+            device.entrances().for_each(|way| join(&beside(way.from), &beside(way.exit())));
+            continue;
+        };
+        let reach = if device.kind == DeviceKind::Pad { THROW_M } else { JETPACK_M };
+        let landings = closest(&grid, vertices, device.from, reach, LANDINGS, |at| {
+            (JUMP_RISE_M..=rise).contains(&(at.y - device.from.y))
         });
-        join(&beside(pad.centre), &landings);
-    }
-    if profile.uses_jetpacks {
-        for jetpack in &placed.jetpacks {
-            let rise = profile.jetpack_climb_speed * jetpack.fuel;
-            let landings = closest(&grid, vertices, jetpack.centre, JETPACK_M, LANDINGS, |at| {
-                (JUMP_RISE_M..=rise).contains(&(at.y - jetpack.centre.y))
-            });
-            join(&beside(jetpack.centre), &landings);
-        }
-    }
-    if profile.uses_zip_lines {
-        for line in &placed.zip_lines {
-            join(&beside(line.from), &beside(line.path()[2]));
-        }
-    }
-    for teleporter in &placed.teleporters {
-        join(&beside(teleporter.from), &beside(teleporter.to));
-        if teleporter.two_way {
-            join(&beside(teleporter.to), &beside(teleporter.from));
-        }
+        join(&beside(device.from), &landings);
     }
     for (from, &ledge) in (0..).zip(vertices) {
         let below = closest(&grid, vertices, ledge, DROP_REACH_M, DROPS, |at| ledge.y - at.y > DROP_M);
@@ -200,75 +184,4 @@ fn closest(
         .collect();
     keep_nearest(&mut near, count);
     near.into_iter().map(|(_, idx)| idx).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rand::rngs::ChaCha8Rng;
-    use rand::{RngExt, SeedableRng};
-    use surefoot_world::StopIdx;
-
-    /// Vertices of several densities: on a plane, stacked, in a line, in two crowds, and many at the same places.
-    fn vertices(kind: u32, count: usize) -> Vec<Vec3> {
-        let mut rng = ChaCha8Rng::seed_from_u64(u64::from(kind));
-        let mut within = |side: f32| Vec3::new(rng.random_range(0.0..side), 0.0, rng.random_range(0.0..side));
-        let place = |idx: usize| {
-            let at = within(200.0);
-            match kind {
-                0 => at.with_y((idx % 5) as f32 * 3.0),
-                1 => Vec3::new(7.0, at.x, 7.0),
-                2 => at.with_z(3.0),
-                3 => at / 50.0 + if idx.is_multiple_of(9) { Vec3::X * 900.0 } else { Vec3::ZERO },
-                _ => (at / 40.0).round() * 40.0,
-            }
-        };
-        (0..count).map(place).collect()
-    }
-
-    #[test]
-    fn neighbours_are_those_of_a_search_through_all_vertices() {
-        for (kind, count) in (0..5).flat_map(|kind| [2, 7, 60, 500].map(|count| (kind, count))) {
-            let vertices = vertices(kind, count);
-            for neighbours in [1, 12, 64] {
-                let through_all = (0..count as u32).flat_map(|from| {
-                    let distance = |to: u32| vertices[from as usize].distance_squared(vertices[to as usize]);
-                    let mut others: Vec<u32> = (0..count as u32).filter(|to| *to != from).collect();
-                    others.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
-                    others.into_iter().take(neighbours).map(move |to| EdgeKey::new(from, to))
-                });
-                let expected: Vec<Candidate> = through_all.collect();
-                let found = nearest_of(0..count as u32, &vertices, neighbours);
-                assert_eq!(found, expected, "kind {kind}, {count} vertices, {neighbours}");
-            }
-        }
-    }
-
-    #[test]
-    fn berths_are_joined_to_each_other_by_rides_and_to_the_nearest_ground() {
-        let mut vertices = vertices(0, 200);
-        vertices.extend([0.0, 4.0, 8.0].map(|height| Vec3::new(100.0, height, 100.0)));
-        vertices.push(Vec3::new(103.0, 0.0, 100.0));
-        let mut ride_stops = vec![None; 200];
-        let at = |(mover, stop)| Some(MoverAt { mover: MoverId(mover), stop: StopIdx(stop) });
-        ride_stops.extend([(3, 0), (3, 1), (3, 2), (9, 0)].map(at));
-        let found = by_ride_stops(&ride_stops, &vertices, &[EdgeKey::new(200, 202)]);
-        let rides: Vec<Candidate> = found.iter().copied().filter(|key| key.from.0.min(key.to.0) >= 200).collect();
-        let expected = [(200, 201), (201, 200), (201, 202), (202, 200), (202, 201)];
-        assert_eq!(
-            rides,
-            expected.map(|(from, to)| EdgeKey::new(from, to)),
-            "one is known, and none leads to the other lift"
-        );
-        for ride_stop in 200..204 {
-            let at = vertices[ride_stop as usize];
-            let mut near: Vec<u32> = (0..200).filter(|idx| vertices[*idx as usize].distance(at) <= BOARD_M).collect();
-            near.sort_by(|a, b| vertices[*a as usize].distance(at).total_cmp(&vertices[*b as usize].distance(at)));
-            near.truncate(BOARDINGS);
-            near.sort_unstable();
-            let boards = |key: &&Candidate| key.to.0 == ride_stop && key.from.0 < 200;
-            assert_eq!(found.iter().filter(boards).map(|key| key.from.0).collect::<Vec<_>>(), near);
-            assert!(near.iter().all(|&to| found.contains(&EdgeKey::new(ride_stop, to))));
-        }
-    }
 }

@@ -10,6 +10,7 @@ use crate::ids::EdgeKey;
 use crate::regression::{Logistic, dot, sigmoid};
 use std::collections::HashMap;
 use surefoot_world::float::hypot;
+use surefoot_world::map::DeviceKind;
 use surefoot_world::mesh::Surface;
 use surefoot_world::navigable::DOWN;
 use surefoot_world::{Map, Vec3};
@@ -64,7 +65,8 @@ pub fn measure(map: &Map, from: Vec3, to: Vec3) -> Geometry {
     let length = offset.length().max(1.0e-3);
     let sight = map.mesh().cast_ray(from + chest, offset / length, length);
     let blocked = sight.filter(|hit| hit.surface.is_solid()).map_or(0.0, |hit| 1.0 - hit.distance / length);
-    let pad = map.nearest_pad(from).filter(|pad| pad.centre.distance(from) < PAD_M && climb > JUMPS_M[0]);
+    let pad = map.placed().nearest(DeviceKind::Pad, from);
+    let pad = pad.filter(|pad| pad.from.distance(from) < PAD_M && climb > JUMPS_M[0]);
     let between = BETWEEN as f32;
     [
         1.0,

@@ -21,13 +21,13 @@ use crate::ids::{EdgeKey, VertexId};
 use crate::legs::{LegModel, death_share};
 use crate::needs::Ride;
 use crate::price::{Caution, price};
-use crate::search::csr::Csr;
 use crate::search::frontier::Frontier;
 use crate::settings::{BuildError, Probing};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
+use surefoot_world::csr::Csr;
 use surefoot_world::parallel::with_threads;
 use surefoot_world::{Ability, Chance, MoverAt, Vec3};
 

@@ -1,10 +1,10 @@
 //! The ways that the survey finds: walks over its cells and links between its islands, and the shortest of them between
 //! vertices.
 
-use crate::search::csr::Csr;
 use crate::search::frontier::Frontier;
 use std::cmp::Reverse;
 use surefoot_world::Vec3;
+use surefoot_world::csr::Csr;
 use surefoot_world::reach::Reach;
 use surefoot_world::reach::ground::{Ground, NEIGHBOURS, SPACING_M};
 
@@ -172,11 +172,8 @@ impl<'a> Ways<'a> {
     /// The cells within `reach_m` to which a straight walk leads from `cell`, itself included.
     fn covered_from(&self, cell: usize, reach_m: f32) -> impl Iterator<Item = usize> {
         let feet = self.ground.cells()[cell].feet;
-        let (column, row) = self.ground.column_of(feet);
-        let span = (reach_m / SPACING_M) as i32;
-        (row - span..=row + span)
-            .flat_map(move |z| (column - span..=column + span).map(move |x| (x, z)))
-            .flat_map(|(x, z)| self.ground.column(x, z))
+        self.ground
+            .around(feet, (reach_m / SPACING_M) as i32)
             .filter(move |&idx| self.ground.cells()[idx].feet.distance(feet) <= reach_m)
             .filter(move |&idx| self.walks_straight(cell as u32, idx as u32))
     }

@@ -292,12 +292,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 100,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(100))]
 
         #[test]
         fn evidence_stays_sound_and_strangers_count_half_as_much_as_probes(reports in reports()) {

@@ -6,7 +6,6 @@
 //! decisions, too. Such edges keep their evidence until live evidence corrects it. This is the cost of probing so
 //! little.
 
-use crate::aabb::Aabb;
 use crate::build::candidates::Candidate;
 use crate::build::placement::around;
 use crate::build::{BuildStats, Builder, Built, candidates, untried};
@@ -21,8 +20,8 @@ use crate::settings::{BuildError, BuildSettings};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::atomic::Ordering;
 use surefoot_world::character::MoveScratch;
-use surefoot_world::map::Piece;
-use surefoot_world::{Map, Vec3, navigable};
+use surefoot_world::map::{Device, Piece};
+use surefoot_world::{Aabb, Map, Vec3, navigable};
 
 /// Side of the columns in which changes are recorded, m.
 const CELL_M: f32 = 1.0;
@@ -50,7 +49,7 @@ pub struct Change {
 }
 
 impl Change {
-    /// Compares two maps: all triangles, pads, zip lines, teleporters, jetpacks and movers.
+    /// Compares two maps: all triangles, devices and movers.
     pub fn between(old: &Map, new: &Map) -> Self {
         if old.built_hash() == new.built_hash() {
             return Self::of_pieces(old.pieces(), new.pieces());
@@ -63,27 +62,16 @@ impl Change {
         let mut change = Self::default();
         for (map, others) in [(old, &after), (new, &before)] {
             for triangle in map.mesh().triangles().iter().filter(|triangle| !others.contains(&key(triangle))) {
-                let [a, b, c] = triangle.corners();
-                change.add(Aabb { low: a.min(b).min(c), high: a.max(b).max(c) });
+                change.add(triangle.bounds().into());
             }
         }
         let spots = |map: &Map| -> BTreeSet<Vec<u32>> {
-            let placed = map.placed();
-            let pads = placed.pads.iter().map(|pad| (pad.centre, [pad.speed, 0.0, 0.0]));
-            let lines = placed.zip_lines.iter().map(|line| (line.from, line.path()[2].to_array()));
-            let teleporters = placed.teleporters.iter().map(|device| (device.from, device.to.to_array()));
-            let jetpacks = placed.jetpacks.iter().map(|jetpack| (jetpack.centre, [jetpack.fuel, 0.0, 0.0]));
-            pads.chain(lines)
-                .chain(teleporters)
-                .chain(jetpacks)
-                .map(|(at, rest)| at.to_array().into_iter().chain(rest).map(f32::to_bits).collect())
-                .collect()
+            let bits = |it: Device| it.numbers().map(f32::to_bits).chain([it.kind as u32]).collect::<Vec<u32>>();
+            map.placed().devices().map(bits).collect()
         };
         for (map, other) in [(old, new), (new, old)] {
             for mover in map.movers().iter().filter(|mover| !other.movers().contains(mover)) {
-                for (low, high) in (0..mover.stops.len()).map(|stop| mover.bounds_at(stop)) {
-                    change.add(Aabb { low, high });
-                }
+                (0..mover.stops.len()).for_each(|stop| change.add(mover.bounds_at(stop).into()));
             }
         }
         for spot in spots(old).symmetric_difference(&spots(new)) {
@@ -97,9 +85,8 @@ impl Change {
     fn of_pieces(old: &[Piece], new: &[Piece]) -> Self {
         let mut change = Self::default();
         for (pieces, others) in [(old, new), (new, old)] {
-            for (low, high) in pieces.iter().filter(|piece| !others.contains(piece)).map(Piece::bounds) {
-                change.add(Aabb { low, high });
-            }
+            let changed = pieces.iter().filter(|piece| !others.contains(piece));
+            changed.for_each(|piece| change.add(piece.bounds().into()));
         }
         change
     }
@@ -352,12 +339,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 300,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(300))]
 
         #[test]
         fn a_box_is_touched_if_any_of_its_columns_is(changed in prop::collection::vec(boxes(), 0..5), area in boxes()) {

@@ -4,7 +4,7 @@ use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::plan::Leg;
 use crate::price::EdgeCost;
-use crate::search::csr::Csr;
+use surefoot_world::csr::Csr;
 use surefoot_world::{Ability, Vec3};
 
 /// Index of an edge in the arrays; edges that leave the same vertex are contiguous.

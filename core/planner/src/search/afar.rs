@@ -77,20 +77,7 @@ impl Router {
     /// Returns the vertex nearest to the goal among those that a path leads to from any of `starts`.
     fn nearest_reachable(&self, query: &Query, starts: &[Attachment]) -> Option<VertexId> {
         let reached = self.reached_from(starts, query);
-        let mut best: Option<(f32, VertexId)> = None;
-        self.vertices.visit_from(query.goal, |bound, vertices| {
-            if best.is_some_and(|(least, _)| bound > least) {
-                return false;
-            }
-            for &(at, vertex) in vertices {
-                let distance = at.distance_squared(query.goal);
-                if best.is_none_or(|(least, _)| distance < least) && reached.contains(vertex) {
-                    best = Some((distance, vertex));
-                }
-            }
-            true
-        });
-        best.map(|(_, vertex)| vertex)
+        self.nearest_vertex(query.goal, |vertex| reached.contains(vertex))
     }
 
     /// The vertices that open paths lead to from any of `from`, these included. All vertices of an island reach the
@@ -167,12 +154,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 500,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(500))]
 
         /// The definition: one search from each start and each goal.
         #[test]

@@ -2,10 +2,10 @@
 //! flood.
 
 use crate::ids::{EdgeKey, VertexId};
-use crate::search::csr::Csr;
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use std::ops::Range;
+use surefoot_world::csr::Csr;
 
 /// Greatest number of islands that a [`Closure`] has; the bits take 8 MB.
 const MAX_ISLANDS: usize = 8192;
@@ -235,12 +235,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 64,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(64))]
 
         #[test]
         fn what_is_reached_is_what_a_walk_reaches(

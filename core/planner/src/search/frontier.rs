@@ -139,12 +139,7 @@ mod tests {
     const COUNT: u32 = 20;
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: 300,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
+        #![proptest_config(crate::properties::cases(300))]
 
         #[test]
         fn costs_are_those_of_petgraph(

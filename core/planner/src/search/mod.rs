@@ -10,7 +10,6 @@ pub(crate) mod adjacency;
 mod afar;
 pub(crate) mod attach;
 pub(crate) mod connectivity;
-pub(crate) mod csr;
 pub(crate) mod frontier;
 pub(crate) mod labels;
 pub mod traffic;
@@ -180,16 +179,17 @@ impl Router {
 
     /// Finds the cheapest plan from the vertex nearest to the start to the one nearest to the goal.
     fn find_path_between_nearest(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
-        let starts: Vec<Attachment> =
-            self.nearest_vertex(query.start).map(|vertex| (vertex, 0.0)).into_iter().collect();
-        let goals: Vec<Attachment> = self.nearest_vertex(query.goal).map(|vertex| (vertex, 0.0)).into_iter().collect();
+        let nearest = |point| self.nearest_vertex(point, |_| true).map(|vertex| (vertex, 0.0));
+        let starts: Vec<Attachment> = nearest(query.start).into_iter().collect();
+        let goals: Vec<Attachment> = nearest(query.goal).into_iter().collect();
         match self.join(&starts, &goals, query, repriced) {
             Some(path) => self.assemble(query, &path),
             None => self.direct(query, Some(self.explain(query, &starts, &goals))),
         }
     }
 
-    fn nearest_vertex(&self, point: Vec3) -> Option<VertexId> {
+    /// The vertex nearest to `point` among those that `accept` accepts.
+    fn nearest_vertex(&self, point: Vec3, accept: impl Fn(VertexId) -> bool) -> Option<VertexId> {
         let mut best: Option<(f32, VertexId)> = None;
         self.vertices.visit_from(point, |bound, vertices| {
             if best.is_some_and(|(least, _)| bound > least) {
@@ -197,7 +197,7 @@ impl Router {
             }
             for &(at, vertex) in vertices {
                 let distance = at.distance_squared(point);
-                if best.is_none_or(|(least, _)| distance < least) {
+                if best.is_none_or(|(least, _)| distance < least) && accept(vertex) {
                     best = Some((distance, vertex));
                 }
             }

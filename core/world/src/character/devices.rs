@@ -3,7 +3,7 @@
 use super::body::{Body, Ride, Support};
 use super::profile::CharacterProfile;
 use crate::map::features::ZIP_LIFT_M;
-use crate::map::{CollisionMap, Zone};
+use crate::map::{CollisionMap, DeviceKind};
 use crate::{Ability, AbilitySet, TICK_SECONDS, Vec3};
 
 /// Share of the speed that a body keeps when it lets go of a zip line.
@@ -12,38 +12,28 @@ const ZIP_RELEASE_SHARE: f32 = 0.4;
 impl Body {
     pub(super) fn enter_devices(&mut self, map: &CollisionMap, profile: &CharacterProfile, used: &mut AbilitySet) {
         let device = map.device_at(self.feet);
-        if !matches!(device, Some(Zone::Teleporter(_) | Zone::TeleporterBack(_))) {
-            self.teleport_locked = false;
-        }
-        match device {
-            Some(Zone::Pad(idx)) if self.velocity.y <= 0.0 => {
-                self.velocity.y = map.placed().pads[idx as usize].speed;
+        self.teleport_locked &= device.is_some_and(|device| device.kind == DeviceKind::Teleporter);
+        let Some(device) = device.filter(|device| profile.uses(device.kind)) else { return };
+        match device.kind {
+            DeviceKind::Pad if self.velocity.y <= 0.0 => {
+                self.velocity.y = device.power;
                 self.leave_ground();
                 used.insert(Ability::Pad);
             }
-            Some(Zone::ZipLine(line_idx)) if profile.uses_zip_lines => {
-                self.ride = Some(Ride { line_idx, distance: 0.0 });
+            DeviceKind::ZipLine => {
+                self.ride = Some(Ride { line_idx: device.idx, distance: 0.0 });
                 self.leave_ground();
                 self.jump_pending = false;
                 used.insert(Ability::ZipLine);
             }
-            Some(Zone::Teleporter(idx)) if !self.teleport_locked => {
-                self.teleport_to(map.placed().teleporters[idx as usize].to, used);
+            DeviceKind::Teleporter if !self.teleport_locked => {
+                self.feet = device.exit() + Vec3::new(0.0, 0.1, 0.0);
+                self.teleport_locked = true;
+                used.insert(Ability::Teleporter);
             }
-            Some(Zone::TeleporterBack(idx)) if !self.teleport_locked => {
-                self.teleport_to(map.placed().teleporters[idx as usize].from, used);
-            }
-            Some(Zone::Jetpack(idx)) if profile.uses_jetpacks => {
-                self.fuel = self.fuel.max(map.placed().jetpacks[idx as usize].fuel);
-            }
-            _ => {}
+            DeviceKind::Jetpack => self.fuel = self.fuel.max(device.power),
+            DeviceKind::Pad | DeviceKind::Teleporter => {}
         }
-    }
-
-    fn teleport_to(&mut self, place: Vec3, used: &mut AbilitySet) {
-        self.feet = place + Vec3::new(0.0, 0.1, 0.0);
-        self.teleport_locked = true;
-        used.insert(Ability::Teleporter);
     }
 
     /// Rides a zip line for one tick. The cable determines the motion until its end, or until the body lets go by a

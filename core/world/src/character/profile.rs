@@ -1,5 +1,6 @@
 //! Character profiles: the size and the motion of a kind of character.
 
+use crate::map::{Device, DeviceKind};
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 
@@ -103,6 +104,24 @@ impl CharacterProfile {
         let mut raw = self.0.clone();
         change(&mut raw);
         raw.try_into()
+    }
+
+    /// Whether the character can use devices of a kind.
+    pub fn uses(&self, kind: DeviceKind) -> bool {
+        match kind {
+            DeviceKind::Pad | DeviceKind::Teleporter => true,
+            DeviceKind::ZipLine => self.uses_zip_lines,
+            DeviceKind::Jetpack => self.uses_jetpacks,
+        }
+    }
+
+    /// Greatest height above a device to which it takes the character, m; `None` for devices that lead to a place.
+    pub fn rise_by(&self, device: Device) -> Option<f32> {
+        match device.kind {
+            DeviceKind::Pad => Some(0.5 * device.power * device.power / self.gravity + 2.0),
+            DeviceKind::Jetpack => Some(self.jetpack_climb_speed * device.power),
+            DeviceKind::ZipLine | DeviceKind::Teleporter => None,
+        }
     }
 }
 

@@ -1,12 +1,13 @@
 //! [`CollisionMap`]: what bodies move on and what catches them.
 
-use super::features::{CATCH_HEIGHT_M, DISC_RADIUS_M, Jetpack, Liquid, Pad, Placed};
+use super::device::Device;
+use super::features::{Liquid, Placed};
 use super::hash::MapHash;
 use super::mover::Mover;
 use super::piece::Piece;
 use super::spec::{MapSize, MapSpec};
 use super::surfaces;
-use super::zones::{Zone, ZoneGrid};
+use super::zones::Zones;
 use crate::Vec3;
 use crate::mesh::{Mesh, Surface, Triangle};
 use std::sync::Arc;
@@ -20,7 +21,7 @@ pub struct CollisionMap {
     pub(super) size: MapSize,
     pub(super) mesh: Mesh,
     pub(super) placed: Placed,
-    pub(super) zones: ZoneGrid,
+    pub(super) zones: Zones,
     pub(super) movers: Arc<[Mover]>,
     pub(super) pieces: Vec<Piece>,
     pub(super) hash: MapHash,
@@ -39,7 +40,7 @@ impl CollisionMap {
             spec,
             size,
             mesh: Mesh::new(triangles, extent),
-            zones: ZoneGrid::new(extent, &placed),
+            zones: Zones::new(extent, &placed),
             movers: Arc::default(),
             pieces: Vec::new(),
             hash,
@@ -120,15 +121,9 @@ impl CollisionMap {
         feet.y < 0.0 || feet.x < 0.0 || feet.z < 0.0 || feet.x > extent.x || feet.z > extent.z
     }
 
-    /// Pools and devices near `point` that may contain it; most places have none.
-    pub fn zones_near(&self, point: Vec3) -> &[Zone] {
-        self.zones.near(point.x, point.z)
-    }
-
     /// The liquid that covers `feet` by more than `depth` metres.
     pub fn liquid_at(&self, feet: Vec3, depth: f32) -> Option<Liquid> {
-        self.zones_near(feet).iter().find_map(|zone| {
-            let Zone::Pool(idx) = zone else { return None };
+        self.zones.pools.at(feet).iter().find_map(|idx| {
             let pool = &self.placed.pools[*idx as usize];
             let offset = feet - pool.centre;
             let covered = offset.y < -depth && offset.y > -(pool.depth + 1.0);
@@ -136,43 +131,10 @@ impl CollisionMap {
         })
     }
 
-    /// The device that catches a character with its feet at `feet`; never a [`Zone::Pool`].
-    pub fn device_at(&self, feet: Vec3) -> Option<Zone> {
-        self.zones_near(feet).iter().copied().find(|&zone| self.device_centre(zone).is_some_and(|c| catches(c, feet)))
+    /// The device that catches a character with its feet at `feet`; `from` is the end that they are at.
+    pub fn device_at(&self, feet: Vec3) -> Option<Device> {
+        self.zones.entrances.at(feet).iter().find(|entrance| entrance.catches(feet)).copied()
     }
-
-    /// Centre of the disc where a device is entered, m; `None` for a pool.
-    pub fn device_centre(&self, zone: Zone) -> Option<Vec3> {
-        Some(match zone {
-            Zone::Pool(_) => return None,
-            Zone::Pad(idx) => self.placed.pads[idx as usize].centre,
-            Zone::ZipLine(idx) => self.placed.zip_lines[idx as usize].from,
-            Zone::Teleporter(idx) => self.placed.teleporters[idx as usize].from,
-            Zone::TeleporterBack(idx) => self.placed.teleporters[idx as usize].to,
-            Zone::Jetpack(idx) => self.placed.jetpacks[idx as usize].centre,
-        })
-    }
-
-    /// The pad nearest to `point` within [`DEVICE_RANGE_M`].
-    pub fn nearest_pad(&self, point: Vec3) -> Option<&Pad> {
-        self.placed.nearest_pad(point)
-    }
-
-    /// The jetpack nearest to `point` within [`DEVICE_RANGE_M`].
-    pub fn nearest_jetpack(&self, point: Vec3) -> Option<&Jetpack> {
-        self.placed.nearest_jetpack(point)
-    }
-
-    /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`; see
-    /// [`Placed::best_transport`].
-    pub fn best_transport(&self, point: Vec3, goal: Vec3) -> Option<(Vec3, Vec3)> {
-        self.placed.best_transport(point, goal)
-    }
-}
-
-fn catches(centre: Vec3, feet: Vec3) -> bool {
-    let offset = feet - centre;
-    offset.y.abs() < CATCH_HEIGHT_M && offset.x * offset.x + offset.z * offset.z < DISC_RADIUS_M * DISC_RADIUS_M
 }
 
 impl From<Liquid> for Surface {

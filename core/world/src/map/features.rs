@@ -215,54 +215,6 @@ pub struct Placed {
     pub caves: Vec<Cave>,
 }
 
-/// Range within which an NPC senses devices, m.
-pub const DEVICE_RANGE_M: f32 = 50.0;
-
-impl Placed {
-    /// The jump pad nearest to `point` within [`DEVICE_RANGE_M`].
-    pub fn nearest_pad(&self, point: Vec3) -> Option<&Pad> {
-        nearest(&self.pads, |pad| pad.centre.distance_squared(point))
-    }
-
-    /// The jetpack nearest to `point` within [`DEVICE_RANGE_M`].
-    pub fn nearest_jetpack(&self, point: Vec3) -> Option<&Jetpack> {
-        nearest(&self.jetpacks, |jetpack| jetpack.centre.distance_squared(point))
-    }
-
-    /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`: the smallest sum of the
-    /// distances to the entrance and from the exit, among entrances within [`DEVICE_RANGE_M`].
-    pub fn best_transport(&self, point: Vec3, goal: Vec3) -> Option<(Vec3, Vec3)> {
-        let lines = self.zip_lines.iter().map(|line| (line.from, line.to));
-        let teleporters = self.teleporters.iter().flat_map(|teleporter| {
-            let back = teleporter.two_way.then_some((teleporter.to, teleporter.from));
-            std::iter::once((teleporter.from, teleporter.to)).chain(back)
-        });
-        let mut best: Option<(f32, (Vec3, Vec3))> = None;
-        for (entrance, exit) in lines.chain(teleporters) {
-            let squared = entrance.distance_squared(point);
-            if squared > DEVICE_RANGE_M * DEVICE_RANGE_M {
-                continue;
-            }
-            let sum = squared.sqrt() + exit.distance(goal);
-            if best.is_none_or(|(least, _)| sum < least) {
-                best = Some((sum, (entrance, exit)));
-            }
-        }
-        best.map(|(_, ends)| ends)
-    }
-}
-
-fn nearest<T>(devices: &[T], squared: impl Fn(&T) -> f32) -> Option<&T> {
-    let mut best = (DEVICE_RANGE_M * DEVICE_RANGE_M, None);
-    for device in devices {
-        let distance = squared(device);
-        if distance < best.0 {
-            best = (distance, Some(device));
-        }
-    }
-    best.1
-}
-
 /// Gravity for which pad speeds are computed, m/s2.
 pub const PAD_GRAVITY: f32 = 20.0;
 /// Extra height of a pad's throw, m (released environment).

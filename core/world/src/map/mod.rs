@@ -5,6 +5,7 @@
 
 mod block;
 mod collision;
+mod device;
 pub mod features;
 mod hash;
 pub mod mover;
@@ -16,9 +17,10 @@ pub mod zones;
 use crate::mesh::{Cones, Triangle};
 pub use block::Block;
 pub use collision::CollisionMap;
+pub use device::{DEVICE_RANGE_M, Device, DeviceKind};
 pub use features::{
-    Building, CATCH_HEIGHT_M, Cave, DEVICE_RANGE_M, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau,
-    Pool, Ravine, Teleporter, ZipLine,
+    Building, CATCH_HEIGHT_M, Cave, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau, Pool, Ravine,
+    Teleporter, ZipLine,
 };
 pub use hash::MapHash;
 pub use mover::{Mover, MoverError, MoverKind, MoverStop};
@@ -26,8 +28,7 @@ pub use piece::{Piece, PieceError, PieceShape};
 pub use spec::{Features, MapKind, MapSize, MapSpec, MoverDensities, RawMapSpec, SpecError};
 use std::ops::Deref;
 use std::sync::Arc;
-pub use zones::Zone;
-use zones::ZoneGrid;
+use zones::Zones;
 
 /// Geometry with everything placed on it, ready for bodies that sense it.
 #[derive(Debug)]
@@ -85,7 +86,7 @@ impl Map {
         let mesh = self.mesh.with_added(triangles);
         let cones = self.cones.with_added(&mesh);
         let hash = if pieces.is_empty() { self.built_hash } else { self.built_hash.with(&pieces) };
-        let zones = ZoneGrid::new(self.extent(), &placed);
+        let zones = Zones::new(self.extent(), &placed);
         let movers = self.movers.clone();
         let collision = CollisionMap { mesh, zones, placed, movers, pieces, hash, ..self.collision };
         Ok(Self { collision, cones })

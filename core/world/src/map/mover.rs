@@ -8,6 +8,7 @@ use crate::mesh::{Surface, Triangle};
 use crate::{StopIdx, StopSet, TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
+use strum::{IntoStaticStr, VariantArray};
 
 /// Most movers of a map.
 pub const MAX_MOVERS: usize = 1024;
@@ -25,8 +26,9 @@ pub(crate) const FARTHEST_M: f32 = 10_000.0;
 pub const LONGEST_S: f32 = 600.0;
 
 /// What a mover is to those who use it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, VariantArray, IntoStaticStr)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum MoverKind {
     /// Closed at stop 0, open at the last stop.
     Door,
@@ -44,25 +46,11 @@ pub enum MoverKind {
 
 impl MoverKind {
     /// All kinds.
-    pub const ALL: [MoverKind; 6] = [
-        MoverKind::Door,
-        MoverKind::Lift,
-        MoverKind::Platform,
-        MoverKind::Floor,
-        MoverKind::Conveyor,
-        MoverKind::Crate,
-    ];
+    pub const ALL: &[MoverKind] = Self::VARIANTS;
 
     /// Lower-case name, as in levels.
     pub fn name(self) -> &'static str {
-        match self {
-            MoverKind::Door => "door",
-            MoverKind::Lift => "lift",
-            MoverKind::Platform => "platform",
-            MoverKind::Floor => "floor",
-            MoverKind::Conveyor => "conveyor",
-            MoverKind::Crate => "crate",
-        }
+        self.into()
     }
 
     /// Whether bodies ride on it from stop to stop, and call it.

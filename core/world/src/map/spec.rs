@@ -49,8 +49,9 @@ fn yes() -> bool {
 
 /// What the ground of a generated map is like. Only terrain and open terrain have every feature; the others have
 /// devices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, strum::IntoStaticStr)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum MapKind {
     /// The paper's: rolling and terraced ground with overhangs over a floor of rock.
     #[default]
@@ -74,14 +75,7 @@ impl MapKind {
 
     /// Lower-case name, as in commands and files.
     pub fn name(self) -> &'static str {
-        match self {
-            MapKind::Terrain => "terrain",
-            MapKind::Islands => "islands",
-            MapKind::Interior => "interior",
-            MapKind::Arena => "arena",
-            MapKind::Tower => "tower",
-            MapKind::Open => "open",
-        }
+        self.into()
     }
 }
 
@@ -108,80 +102,87 @@ pub struct MapSize {
     pub depth: u32,
 }
 
-/// Density of each feature: 0 places none, 1 is the usual amount, at most [`MAX_DENSITY`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Features {
-    /// Flat-topped columns of rock.
-    pub plateaus: f32,
-    /// Houses with storeys and solid blocks.
-    pub buildings: f32,
-    /// Water pools (drown after five seconds).
-    pub water: f32,
-    /// Lava pools (burn at once).
-    pub lava: f32,
-    /// Jump pads; 0 also keeps the generator from adding pads to ground without an entrance or exit.
-    pub pads: f32,
-    /// Zip lines.
-    pub zip_lines: f32,
-    /// Winding cuts in the ground.
-    pub ravines: f32,
-    /// Tunnels through rock.
-    pub caves: f32,
-    /// Teleporters, one- and two-way.
-    pub teleporters: f32,
-    /// Jetpack pick-ups.
-    pub jetpacks: f32,
-}
-
-impl Default for Features {
-    /// The paper's set: no ravines, caves, teleporters or jetpacks.
-    fn default() -> Self {
-        Self {
-            plateaus: 1.0,
-            buildings: 1.0,
-            water: 1.0,
-            lava: 1.0,
-            pads: 1.0,
-            zip_lines: 1.0,
-            ravines: 0.0,
-            caves: 0.0,
-            teleporters: 0.0,
-            jetpacks: 0.0,
+/// Declares densities: each with its default.
+macro_rules! densities {
+    ($(#[$doc:meta])* $name:ident in $path:literal { $($(#[$field_doc:meta])* $field:ident: $default:literal,)+ }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+        pub struct $name {
+            $($(#[$field_doc])* pub $field: f32,)+
         }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $default,)+ }
+            }
+        }
+
+        impl $name {
+            /// All at their usual density.
+            pub fn all() -> Self {
+                Self { $($field: 1.0,)+ }
+            }
+
+            /// None of them.
+            pub fn none() -> Self {
+                Self { $($field: 0.0,)+ }
+            }
+
+            /// Each density with the path of its field inside the spec.
+            pub fn named(&self) -> [(&'static str, f32); [$($default),+].len()] {
+                { *self }.named_mut().map(|(name, density)| (name, *density))
+            }
+
+            fn named_mut(&mut self) -> [(&'static str, &mut f32); [$($default),+].len()] {
+                [$((concat!($path, ".", stringify!($field)), &mut self.$field),)+]
+            }
+        }
+    };
+}
+
+densities! {
+    /// Density of each feature: 0 places none, 1 is the usual amount, at most [`MAX_DENSITY`]. The default is the
+    /// paper's set: no ravines, caves, teleporters or jetpacks.
+    Features in "features" {
+        /// Flat-topped columns of rock.
+        plateaus: 1.0,
+        /// Houses with storeys and solid blocks.
+        buildings: 1.0,
+        /// Water pools (drown after five seconds).
+        water: 1.0,
+        /// Lava pools (burn at once).
+        lava: 1.0,
+        /// Jump pads; 0 also keeps the generator from adding pads to ground without an entrance or exit.
+        pads: 1.0,
+        /// Zip lines.
+        zip_lines: 1.0,
+        /// Winding cuts in the ground.
+        ravines: 0.0,
+        /// Tunnels through rock.
+        caves: 0.0,
+        /// Teleporters, one- and two-way.
+        teleporters: 0.0,
+        /// Jetpack pick-ups.
+        jetpacks: 0.0,
     }
 }
 
-impl Features {
-    /// All features at their usual density.
-    pub fn all() -> Self {
-        Self { ravines: 1.0, caves: 1.0, teleporters: 1.0, jetpacks: 1.0, ..Self::default() }
-    }
-
-    /// No features: bare terrain.
-    pub fn none() -> Self {
-        let mut features = Self::default();
-        features.named_mut().into_iter().for_each(|(_, density)| *density = 0.0);
-        features
-    }
-
-    /// Each density with the path of its field inside the spec.
-    pub fn named(&self) -> [(&'static str, f32); 10] {
-        { *self }.named_mut().map(|(name, density)| (name, *density))
-    }
-
-    fn named_mut(&mut self) -> [(&'static str, &mut f32); 10] {
-        [
-            ("features.plateaus", &mut self.plateaus),
-            ("features.buildings", &mut self.buildings),
-            ("features.water", &mut self.water),
-            ("features.lava", &mut self.lava),
-            ("features.pads", &mut self.pads),
-            ("features.zip_lines", &mut self.zip_lines),
-            ("features.ravines", &mut self.ravines),
-            ("features.caves", &mut self.caves),
-            ("features.teleporters", &mut self.teleporters),
-            ("features.jetpacks", &mut self.jetpacks),
-        ]
+densities! {
+    /// Density of each kind of mover: 0 places none (the default), 1 is the usual amount, at most [`MAX_DENSITY`]. Maps
+    /// have fewer where there is no room: a lift needs a cliff, a platform a gap.
+    MoverDensities in "movers" {
+        /// Doors that open and shut by turns, in gaps between walls.
+        doors: 0.0,
+        /// Lifts at cliffs and walls.
+        lifts: 0.0,
+        /// Platforms that go to and fro over gaps.
+        platforms: 0.0,
+        /// Floors over gaps that are there and away by turns.
+        floors: 0.0,
+        /// Conveyors on level ground.
+        conveyors: 0.0,
+        /// Crates on level ground.
+        crates: 0.0,
     }
 }
 
@@ -191,58 +192,8 @@ impl FromStr for Features {
     /// Parses an optional `paper` (the default), `all` or `none`, then changes: `all,lava=0,zip_lines=2`; a bare name
     /// means density 1.
     fn from_str(text: &str) -> Result<Self, String> {
-        let mut features = Self::default();
-        for (position, word) in text.split(',').map(str::trim).enumerate() {
-            match word {
-                "paper" | "all" | "none" if position > 0 => return Err(format!("`{word}` can only come first")),
-                "paper" => {}
-                "all" => features = Self::all(),
-                "none" => features = Self::none(),
-                _ => set_density("feature", &mut features.named_mut(), word)?,
-            }
-        }
-        Ok(features)
-    }
-}
-
-/// Density of each kind of mover: 0 places none (the default), 1 is the usual amount, at most [`MAX_DENSITY`]. Maps
-/// have fewer where there is no room: a lift needs a cliff, a platform a gap.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct MoverDensities {
-    /// Doors that open and shut by turns, in gaps between walls.
-    pub doors: f32,
-    /// Lifts at cliffs and walls.
-    pub lifts: f32,
-    /// Platforms that go to and fro over gaps.
-    pub platforms: f32,
-    /// Floors over gaps that are there and away by turns.
-    pub floors: f32,
-    /// Conveyors on level ground.
-    pub conveyors: f32,
-    /// Crates on level ground.
-    pub crates: f32,
-}
-
-impl MoverDensities {
-    /// All kinds at their usual density.
-    pub fn all() -> Self {
-        Self { doors: 1.0, lifts: 1.0, platforms: 1.0, floors: 1.0, conveyors: 1.0, crates: 1.0 }
-    }
-
-    /// Each density with the path of its field inside the spec.
-    pub fn named(&self) -> [(&'static str, f32); 6] {
-        { *self }.named_mut().map(|(name, density)| (name, *density))
-    }
-
-    fn named_mut(&mut self) -> [(&'static str, &mut f32); 6] {
-        [
-            ("movers.doors", &mut self.doors),
-            ("movers.lifts", &mut self.lifts),
-            ("movers.platforms", &mut self.platforms),
-            ("movers.floors", &mut self.floors),
-            ("movers.conveyors", &mut self.conveyors),
-            ("movers.crates", &mut self.crates),
-        ]
+        let presets = [("paper", Self::default()), ("all", Self::all()), ("none", Self::none())];
+        parse(text, "feature", &presets, Self::named_mut)
     }
 }
 
@@ -252,17 +203,26 @@ impl FromStr for MoverDensities {
     /// Parses an optional `none` (the default) or `all`, then changes: `all,doors=0,lifts=2`; a bare name means density
     /// 1.
     fn from_str(text: &str) -> Result<Self, String> {
-        let mut movers = Self::default();
-        for (position, word) in text.split(',').map(str::trim).enumerate() {
-            match word {
-                "all" | "none" if position > 0 => return Err(format!("`{word}` can only come first")),
-                "none" => {}
-                "all" => movers = Self::all(),
-                _ => set_density("kind of mover", &mut movers.named_mut(), word)?,
-            }
-        }
-        Ok(movers)
+        parse(text, "kind of mover", &[("all", Self::all()), ("none", Self::none())], Self::named_mut)
     }
+}
+
+/// Parses an optional preset, then changes.
+fn parse<T: Copy + Default, const N: usize>(
+    text: &str,
+    what: &str,
+    presets: &[(&str, T)],
+    named: fn(&mut T) -> [(&'static str, &mut f32); N],
+) -> Result<T, String> {
+    let mut densities = T::default();
+    for (position, word) in text.split(',').map(str::trim).enumerate() {
+        match presets.iter().find(|(name, _)| *name == word) {
+            Some(_) if position > 0 => return Err(format!("`{word}` can only come first")),
+            Some((_, preset)) => densities = *preset,
+            None => set_density(what, &mut named(&mut densities), word)?,
+        }
+    }
+    Ok(densities)
 }
 
 /// Sets the density that `word` names, such as `lava=2`; a bare name means density 1.

@@ -1,5 +1,6 @@
 //! Surfaces that rays hit and bodies pass through: those of pools and the discs of devices.
 
+use super::device::Device;
 use super::features::{DISC_RADIUS_M, Outline, Placed, Pool};
 use crate::Vec3;
 use crate::mesh::{Surface, Triangle};
@@ -14,16 +15,9 @@ const DISC_SIDES: usize = 16;
 pub(super) fn add(placed: &Placed, triangles: &mut Vec<Triangle>) {
     add_pools(&placed.pools, triangles);
     let lift = Vec3::new(0.0, DISC_LIFT_M, 0.0);
-    let mut device = |centre: Vec3, surface| add_disc(triangles, centre + lift, DISC_RADIUS_M, surface);
-    placed.pads.iter().for_each(|pad| device(pad.centre, Surface::Pad));
-    placed.zip_lines.iter().for_each(|line| device(line.from, Surface::ZipLine));
-    for teleporter in &placed.teleporters {
-        device(teleporter.from, Surface::Teleporter);
-        if teleporter.two_way {
-            device(teleporter.to, Surface::Teleporter);
-        }
+    for entrance in placed.devices().flat_map(Device::entrances) {
+        add_disc(triangles, entrance.from + lift, DISC_RADIUS_M, entrance.kind.surface());
     }
-    placed.jetpacks.iter().for_each(|jetpack| device(jetpack.centre, Surface::Jetpack));
 }
 
 /// Adds the surfaces of pools.

@@ -2,8 +2,8 @@
 
 use super::ray::{RayHit, stretch_within};
 use super::triangle::Triangle;
-use crate::Vec3;
 use crate::cells::{CellLists, Cells};
+use crate::{Aabb, Vec3};
 
 /// Side of a cell, m.
 const CELL_M: f32 = 16.0;
@@ -23,9 +23,8 @@ pub(super) struct Added {
 impl Added {
     /// `None` if there is nothing.
     pub fn new(triangles: Vec<Triangle>) -> Option<Self> {
-        let corners = triangles.iter().map(Triangle::bounds);
-        let (low, high) = corners.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)))?;
-        let (low, high) = (low - Vec3::splat(SLACK_M), high + Vec3::splat(SLACK_M));
+        let bounds = triangles.iter().map(|triangle| Aabb::from(triangle.bounds())).reduce(Aabb::union)?;
+        let Aabb { low, high } = bounds.widened(SLACK_M);
         let cells = Cells::over(low, high, CELL_M);
         let lists = CellLists::new(cells, triangles.iter().map(Triangle::bounds).zip(0..));
         Some(Self { triangles, low, high, lists })

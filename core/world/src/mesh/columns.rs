@@ -7,7 +7,7 @@
 
 use super::lanes::LANES;
 use super::triangle::{Surface, Triangle};
-use crate::Vec3;
+use crate::{Aabb, Vec3};
 use rayon::prelude::*;
 
 /// Slack around columns, heights and stretches of rays, m, so that both sides of a border find a triangle on it.
@@ -142,24 +142,13 @@ struct Band {
     blocks: Vec<(u32, u8)>,
 }
 
-/// Horizontal bounds and heights of all triangles.
-struct Bounds {
-    low: Vec3,
-    high: Vec3,
-}
-
 impl Columns {
     pub fn new(triangles: &[Triangle]) -> Self {
-        let bounds = triangles.iter().fold(Bounds { low: Vec3::MAX, high: Vec3::MIN }, |bounds, triangle| {
-            let (low, high) = triangle.bounds();
-            Bounds { low: bounds.low.min(low), high: bounds.high.max(high) }
-        });
-        if triangles.is_empty() {
-            return Self::empty(MAX_SIDE_M, &Bounds { low: Vec3::ZERO, high: Vec3::ZERO });
-        }
-        let mut side = column_side(triangles, &bounds);
+        let bounds = triangles.iter().map(|triangle| Aabb::from(triangle.bounds())).reduce(Aabb::union);
+        let Some(bounds) = bounds else { return Self::empty(MAX_SIDE_M, Aabb::at(Vec3::ZERO)) };
+        let mut side = column_side(triangles, bounds);
         loop {
-            if let Some(columns) = Self::with_side(triangles, side, &bounds) {
+            if let Some(columns) = Self::with_side(triangles, side, bounds) {
                 return columns;
             }
             side *= 2.0;
@@ -167,7 +156,7 @@ impl Columns {
     }
 
     /// `None` if the columns would need too much memory, because many triangles span much of the level.
-    fn with_side(triangles: &[Triangle], side: f32, bounds: &Bounds) -> Option<Self> {
+    fn with_side(triangles: &[Triangle], side: f32, bounds: Aabb) -> Option<Self> {
         let mut columns = Self::empty(side, bounds);
         if triangles.iter().map(|triangle| columns.most_columns(triangle)).sum::<usize>() > MAX_ENTRIES {
             return None;
@@ -203,7 +192,7 @@ impl Columns {
         ((x1 - x0 + 1) * (z1 - z0 + 1)) as usize
     }
 
-    fn empty(side: f32, bounds: &Bounds) -> Self {
+    fn empty(side: f32, bounds: Aabb) -> Self {
         let size = bounds.high - bounds.low;
         let count = |length: f32| ((length / side) as i32 + 1).max(1);
         let counts = (count(size.x), count(size.z));
@@ -407,7 +396,7 @@ impl Columns {
 }
 
 /// Side of a column, m, for which most columns that are not empty have one block.
-fn column_side(triangles: &[Triangle], bounds: &Bounds) -> f32 {
+fn column_side(triangles: &[Triangle], bounds: Aabb) -> f32 {
     let size = bounds.high - bounds.low;
     let area = size.x * size.z;
     let cell_m = DENSITY_CELL_M.max((area / MAX_DENSITY_CELLS).sqrt());

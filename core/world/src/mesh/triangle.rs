@@ -1,12 +1,14 @@
 //! One triangle: its surface, its intersection with a ray, and its contact with a capsule.
 
 use crate::Vec3;
+use strum::{IntoStaticStr, VariantArray};
 
 /// Barycentric slack that stops rays at the seams between neighbouring triangles.
 pub(super) const SEAM_SLACK: f32 = 1.0e-4;
 
 /// Surface of a triangle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, VariantArray, IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[repr(u8)]
 pub enum Surface {
     /// Rock, buildings and plateaus: solid.
@@ -27,15 +29,12 @@ pub enum Surface {
 
 impl Surface {
     /// All surfaces in the order of their numbers.
-    pub const ALL: [Surface; 7] = [
-        Surface::Ground,
-        Surface::Water,
-        Surface::Lava,
-        Surface::Pad,
-        Surface::ZipLine,
-        Surface::Teleporter,
-        Surface::Jetpack,
-    ];
+    pub const ALL: &[Surface] = Self::VARIANTS;
+
+    /// Name in snake case, as in levels.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
 
     /// Whether bodies collide with the surface.
     pub fn is_solid(self) -> bool {

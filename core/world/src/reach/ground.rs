@@ -96,6 +96,13 @@ impl Ground {
         self.starts[idx] as usize..self.starts[idx + 1] as usize
     }
 
+    /// Indices of the places at most `span` columns and rows from a point, row by row.
+    pub fn around(&self, point: Vec3, span: i32) -> impl Iterator<Item = usize> {
+        let (column, row) = self.column_of(point);
+        let columns = move |z: i32| (column - span..=column + span).map(move |x| (x, z));
+        (row - span..=row + span).flat_map(columns).flat_map(|(x, z)| self.column(x, z))
+    }
+
     /// The place nearest to `feet`, at most one column away and less than 0.8 m higher or lower.
     pub fn at(&self, feet: Vec3) -> Option<&Cell> {
         self.index_at(feet).map(|idx| &self.cells[idx])
@@ -103,21 +110,9 @@ impl Ground {
 
     /// Index of the place nearest to `feet`, as for [`at`](Self::at).
     pub fn index_at(&self, feet: Vec3) -> Option<usize> {
-        let (column, row) = self.column_of(feet);
-        let mut best: Option<(f32, usize)> = None;
-        for z in row - 1..=row + 1 {
-            for x in column - 1..=column + 1 {
-                for idx in self.column(x, z) {
-                    let at = self.cells[idx].feet;
-                    let distance = at.distance_squared(feet);
-                    let near = (at.y - feet.y).abs() < 0.8;
-                    if near && best.is_none_or(|(least, _)| distance < least) {
-                        best = Some((distance, idx));
-                    }
-                }
-            }
-        }
-        best.map(|(_, idx)| idx)
+        let near = self.around(feet, 1).filter(|&idx| (self.cells[idx].feet.y - feet.y).abs() < 0.8);
+        let distance = |idx: &usize| self.cells[*idx].feet.distance_squared(feet);
+        near.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 
     /// Index of the cell to which one can walk from a cell in the direction `NEIGHBOURS[neighbour]`: the one nearest in

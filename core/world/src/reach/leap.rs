@@ -46,9 +46,7 @@ pub fn land(
         let used = leaper.body.tick(map, profile, &action, scratch);
         leaper.jumps_made += u32::from(used.contains(Ability::Jump)) + u32::from(used.contains(Ability::DoubleJump));
         let feet = leaper.body.feet;
-        let meets_device =
-            [Ability::Pad, Ability::ZipLine, Ability::Teleporter].into_iter().any(|device| used.contains(device));
-        if meets_device || map.is_outside(feet) || map.liquid_at(feet, 0.0).is_some() {
+        if used.meets_device() || map.is_outside(feet) || map.liquid_at(feet, 0.0).is_some() {
             return None;
         }
         leaper.has_left_ground |= !leaper.body.is_grounded();

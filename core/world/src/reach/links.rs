@@ -6,7 +6,7 @@ use super::limits::JumpLimits;
 use super::{Link, Means};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::float::horizontal;
-use crate::map::CollisionMap;
+use crate::map::{CollisionMap, Device, DeviceKind};
 use crate::{Vec3, navigable};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -165,19 +165,14 @@ impl IslandSearch<'_> {
 
 /// For each island from which a character can step onto a device at `centre`, the nearest cell, by island.
 pub fn cells_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
-    let (column, row) = ground.column_of(centre);
     let mut nearest: BTreeMap<u32, (f32, u32)> = BTreeMap::new();
-    for z in row - 2..=row + 2 {
-        for x in column - 2..=column + 2 {
-            for idx in ground.column(x, z) {
-                let Cell { feet, island } = ground.cells()[idx];
-                let offset = feet - centre;
-                let distance = horizontal(offset);
-                let is_nearer = nearest.get(&island).is_none_or(|&(least, _)| distance < least);
-                if offset.y.abs() < 0.8 && distance < 2.4 && is_nearer {
-                    nearest.insert(island, (distance, idx as u32));
-                }
-            }
+    for idx in ground.around(centre, 2) {
+        let Cell { feet, island } = ground.cells()[idx];
+        let offset = feet - centre;
+        let distance = horizontal(offset);
+        let is_nearer = nearest.get(&island).is_none_or(|&(least, _)| distance < least);
+        if offset.y.abs() < 0.8 && distance < 2.4 && is_nearer {
+            nearest.insert(island, (distance, idx as u32));
         }
     }
     nearest.into_values().map(|(_, idx)| idx).collect()
@@ -195,19 +190,22 @@ pub fn between<'a>(
     takeoffs.iter().map(link).filter(|link| link.from != link.to)
 }
 
+/// Links by a teleporter between the ground beside its ends.
+pub fn by_teleporter(ground: &Ground, teleporter: Device) -> impl Iterator<Item = Link> {
+    teleporter.entrances().flat_map(|way| {
+        let (near, far) = (cells_beside(ground, way.from), cells_beside(ground, way.exit()));
+        let links = far.iter().flat_map(|&cell| between(ground, &near, cell, Means::Teleporter));
+        links.collect::<Vec<_>>()
+    })
+}
+
 /// Up to six cells of each island within `reach` metres of `centre` and below `rise` metres above it, from near to far.
 pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f32) -> Vec<Cell> {
-    let (column, row) = ground.column_of(centre);
-    let span = (reach / SPACING_M) as i32;
     let mut by_island: BTreeMap<u32, Vec<(f32, Cell)>> = BTreeMap::new();
-    for z in row - span..=row + span {
-        for x in column - span..=column + span {
-            for cell in &ground.cells()[ground.column(x, z)] {
-                let distance = horizontal(cell.feet - centre);
-                if distance <= reach && cell.feet.y - centre.y < rise {
-                    by_island.entry(cell.island).or_default().push((distance, *cell));
-                }
-            }
+    for cell in ground.around(centre, (reach / SPACING_M) as i32).map(|idx| ground.cells()[idx]) {
+        let distance = horizontal(cell.feet - centre);
+        if distance <= reach && cell.feet.y - centre.y < rise {
+            by_island.entry(cell.island).or_default().push((distance, cell));
         }
     }
     by_island
@@ -226,43 +224,31 @@ pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f3
 fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
     let mut scratch = MoveScratch::default();
     let island = |cell: u32| ground.cells()[cell as usize].island;
-    let mut throw = |centre: Vec3, leap: Leap, rise: f32, means: Means, scratch: &mut MoveScratch| {
-        let takeoffs = cells_beside(ground, centre);
+    for device in map.placed().devices().filter(|device| profile.uses(device.kind)) {
+        let takeoffs = cells_beside(ground, device.from);
+        let (leap, means) = match device.kind {
+            DeviceKind::Pad => (Leap::Pad(device.power), Means::Pad),
+            DeviceKind::Jetpack => (Leap::Jetpack(device.power), Means::Jetpack),
+            DeviceKind::Teleporter => {
+                links.extend(by_teleporter(ground, device));
+                continue;
+            }
+            DeviceKind::ZipLine => {
+                let landing = ride(map, profile, device.from, &mut scratch).and_then(|feet| ground.index_at(feet));
+                links.extend(landing.iter().flat_map(|&to| between(ground, &takeoffs, to as u32, Means::ZipLine)));
+                continue;
+            }
+        };
+        let rise = profile.rise_by(device).unwrap_or_default();
         let mut reached: Vec<u32> = Vec::new();
-        for target in targets_around(ground, centre, THROW_REACH_M, rise) {
+        for target in targets_around(ground, device.from, THROW_REACH_M, rise) {
             if reached.contains(&target.island) || takeoffs.iter().any(|&cell| island(cell) == target.island) {
                 continue;
             }
-            let landed = leap::land(map, profile, centre, target.feet, leap, scratch);
+            let landed = leap::land(map, profile, device.from, target.feet, leap, &mut scratch);
             if let Some(landing) = landed.and_then(|feet| ground.index_at(feet)) {
                 reached.push(ground.cells()[landing].island);
                 links.extend(between(ground, &takeoffs, landing as u32, means));
-            }
-        }
-    };
-    for pad in &map.placed().pads {
-        let rise = 0.5 * pad.speed * pad.speed / profile.gravity + 2.0;
-        throw(pad.centre, Leap::Pad(pad.speed), rise, Means::Pad, &mut scratch);
-    }
-    if profile.uses_jetpacks {
-        for jetpack in &map.placed().jetpacks {
-            let rise = profile.jetpack_climb_speed * jetpack.fuel;
-            throw(jetpack.centre, Leap::Jetpack(jetpack.fuel), rise, Means::Jetpack, &mut scratch);
-        }
-    }
-    for teleporter in &map.placed().teleporters {
-        let (near, far) = (cells_beside(ground, teleporter.from), cells_beside(ground, teleporter.to));
-        links.extend(far.iter().flat_map(|&cell| between(ground, &near, cell, Means::Teleporter)));
-        if teleporter.two_way {
-            links.extend(near.iter().flat_map(|&cell| between(ground, &far, cell, Means::Teleporter)));
-        }
-    }
-    if profile.uses_zip_lines {
-        for line in &map.placed().zip_lines {
-            let takeoffs = cells_beside(ground, line.from);
-            let landed = ride(map, profile, line.from, &mut scratch);
-            if let Some(landing) = landed.and_then(|feet| ground.index_at(feet)) {
-                links.extend(between(ground, &takeoffs, landing as u32, Means::ZipLine));
             }
         }
     }

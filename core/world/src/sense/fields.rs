@@ -2,7 +2,7 @@
 
 use super::{LastDecision, SenseContext};
 use crate::character::{Body, RawCharacterProfile};
-use crate::map::DEVICE_RANGE_M;
+use crate::map::{DEVICE_RANGE_M, DeviceKind};
 use crate::{Episode, Vec3};
 
 /// Greatest number of jumps in the air that an observation tells apart.
@@ -170,6 +170,7 @@ impl<'a> Senses<'a> {
     fn new(context: SenseContext<'a>, body: &'a Body, episode: &'a Episode, last: &'a LastDecision) -> Self {
         let goal = body.to_local(episode.goal - body.feet);
         let bearing = |place: Option<Vec3>| place.map_or_else(Bearing::default, |place| Bearing::of(body, place));
+        let nearest = |kind| context.placed.nearest(kind, body.feet).map(|device| device.from);
         let transport = context.placed.best_transport(body.feet, episode.goal);
         Self {
             context,
@@ -181,10 +182,10 @@ impl<'a> Senses<'a> {
             goal_direction: goal / goal.length().max(1.0e-3),
             velocity: body.to_local(body.velocity),
             change: body.to_local(body.velocity - last.velocity),
-            pad: bearing(context.placed.nearest_pad(body.feet).map(|pad| pad.centre)),
+            pad: bearing(nearest(DeviceKind::Pad)),
             entrance: bearing(transport.map(|(entrance, _)| entrance)),
             exit_proximity: transport.map_or(0.0, |(_, exit)| proximity(exit.distance(episode.goal))),
-            jetpack: bearing(context.placed.nearest_jetpack(body.feet).map(|jetpack| jetpack.centre)),
+            jetpack: bearing(nearest(DeviceKind::Jetpack)),
         }
     }
 

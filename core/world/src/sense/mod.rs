@@ -219,7 +219,7 @@ pub fn ray_surface(observation: &[f32], ray: usize) -> Surface {
         surface_channel(surface)
             .is_some_and(|(channel, value)| (observation[channel * RAY_COUNT + ray] - value).abs() < 0.1)
     };
-    Surface::ALL.into_iter().find(shows).unwrap_or(Surface::Ground)
+    Surface::ALL.iter().copied().find(shows).unwrap_or(Surface::Ground)
 }
 
 /// Hides zip lines and teleporters from an observation, as if none were near.

@@ -106,17 +106,11 @@ impl Connection {
     }
 
     /// Makes a world of `count` characters of this connection.
-    ///
-    /// # Errors
-    /// As [`begin`](Self::begin).
     pub fn open(&mut self, profile: &CharacterProfile, count: usize) -> Result<(), String> {
         self.call(Kind::Open, &wire::open(profile, count), 0..=0, OPEN_LIMIT).map(drop)
     }
 
     /// Asks for places to stand, m.
-    ///
-    /// # Errors
-    /// As [`begin`](Self::begin).
     pub fn places(&mut self, seed: u64) -> Result<Vec<Vec3>, String> {
         wire::read_places(self.call(Kind::Places, &wire::places(seed), 0..=12 * MAX_PLACES, OPEN_LIMIT)?)
     }

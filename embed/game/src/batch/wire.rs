@@ -96,9 +96,6 @@ pub(super) fn hello() -> Vec<u8> {
 }
 
 /// Checks the answer to a hello.
-///
-/// # Errors
-/// Says what the other side has otherwise.
 pub(super) fn read_hello(body: &[u8]) -> Result<(), String> {
     let mut reader = Reader(body);
     for (name, expected) in HELLO {
@@ -151,9 +148,6 @@ pub(super) fn places(seed: u64) -> Vec<u8> {
 }
 
 /// Reads an answer with places, m.
-///
-/// # Errors
-/// Says what is wrong with it.
 pub(super) fn read_places(body: &[u8]) -> Result<Vec<Vec3>, String> {
     if !body.len().is_multiple_of(12) {
         return Err(format!("its places have {} bytes, which is no multiple of 12", body.len()));
@@ -185,9 +179,6 @@ pub(super) fn decided_bytes(Decision { actions, placements }: Decision<'_>) -> u
 }
 
 /// Reads the answer to a decision, which has [`decided_bytes`].
-///
-/// # Errors
-/// Says what is wrong with it.
 pub(super) fn read_decided(body: &[u8], Decision { actions, placements }: Decision<'_>) -> Result<Decided, String> {
     let mut reader = Reader(body);
     let mut decided = Decided::default();

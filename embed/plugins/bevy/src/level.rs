@@ -98,6 +98,6 @@ impl SurefootLevel {
             let indices = (0..corners.len() as u32 / 3).map(|idx| [3 * idx, 3 * idx + 1, 3 * idx + 2]).collect();
             SurfaceMesh { surface, is_solid: surface.is_solid(), corners, indices }
         };
-        Surface::ALL.into_iter().map(mesh_of).filter(|mesh| !mesh.corners.is_empty()).collect()
+        Surface::ALL.iter().copied().map(mesh_of).filter(|mesh| !mesh.corners.is_empty()).collect()
     }
 }

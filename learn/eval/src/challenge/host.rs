@@ -237,14 +237,5 @@ impl<'s> Hall<'s> {
 
 /// An attempt with the end and the duration that the server reported.
 fn attempt(end: End, seconds: f32) -> AttemptResult {
-    AttemptResult {
-        end,
-        decisions: (seconds / DECISION_SECONDS).ceil() as u32,
-        replans: 0,
-        length: 0.0,
-        plans: 0,
-        promised: None,
-        promised_arrival: None,
-        fault: None,
-    }
+    AttemptResult::without_plans(end, (seconds / DECISION_SECONDS).ceil() as u32, 0.0)
 }

@@ -243,17 +243,7 @@ impl Trial {
     }
 
     fn ended(&self, end: End) -> AttemptResult {
-        let decisions = self.ticks.div_ceil(TICKS_PER_DECISION);
-        AttemptResult {
-            end,
-            decisions,
-            replans: 0,
-            length: self.length,
-            plans: 0,
-            promised: None,
-            promised_arrival: None,
-            fault: None,
-        }
+        AttemptResult::without_plans(end, self.ticks.div_ceil(TICKS_PER_DECISION), self.length)
     }
 }
 

@@ -86,14 +86,20 @@ fn pair(starts: Vec<Vec3>, goals: Vec<Vec3>, rng: &mut ChaCha8Rng) -> Vec<Goal> 
     starts.into_iter().zip(goals).map(|(start, goal)| Goal { start, yaw: random_yaw(rng), goal }).collect()
 }
 
+/// A hall 22 m deep between walls, from x = 2 m to `end`.
+fn hall(end: f32) -> Blocks {
+    let mut blocks = Blocks::default();
+    blocks.ground([2.0, 2.0], [end, 24.0]);
+    blocks.wall([1.0, 1.0], [end + 1.0, 2.0]);
+    blocks.wall([1.0, 24.0], [end + 1.0, 25.0]);
+    blocks.wall([1.0, 2.0], [2.0, 24.0]);
+    blocks.wall([end, 2.0], [end + 1.0, 24.0]);
+    blocks
+}
+
 /// Two rooms with one door of 1.2 m between them.
 pub fn two_rooms() -> Map {
-    let mut blocks = Blocks::default();
-    blocks.ground([2.0, 2.0], [44.0, 24.0]);
-    blocks.wall([1.0, 1.0], [45.0, 2.0]);
-    blocks.wall([1.0, 24.0], [45.0, 25.0]);
-    blocks.wall([1.0, 2.0], [2.0, 24.0]);
-    blocks.wall([44.0, 2.0], [45.0, 24.0]);
+    let mut blocks = hall(44.0);
     blocks.wall([22.8, 2.0], [23.2, 12.4]);
     blocks.wall([22.8, 13.6], [23.2, 24.0]);
     blocks.map(46, 26)
@@ -109,12 +115,7 @@ pub fn through_the_door(seed: u64) -> Vec<Goal> {
 
 /// A corridor 4 m wide and 60 m long between two rooms.
 pub fn corridor() -> Map {
-    let mut blocks = Blocks::default();
-    blocks.ground([2.0, 2.0], [104.0, 24.0]);
-    blocks.wall([1.0, 1.0], [105.0, 2.0]);
-    blocks.wall([1.0, 24.0], [105.0, 25.0]);
-    blocks.wall([1.0, 2.0], [2.0, 24.0]);
-    blocks.wall([104.0, 2.0], [105.0, 24.0]);
+    let mut blocks = hall(104.0);
     blocks.wall([23.0, 2.0], [83.0, 11.0]);
     blocks.wall([23.0, 15.0], [83.0, 24.0]);
     blocks.map(106, 26)

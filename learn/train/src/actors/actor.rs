@@ -13,7 +13,7 @@ use rand::rngs::ChaCha8Rng;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use surefoot_net::client::{Credentials, LinkError};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
@@ -194,21 +194,12 @@ impl Session {
         Ok(session(responses))
     }
 
-    /// Waits for a message from the learner.
+    /// Waits for a message from the learner; `None` if none has arrived after `limit`.
     fn receive(&self, limit: Duration) -> Result<Option<ToActor>, Broken> {
         match self.responses.recv_timeout(limit) {
             Ok(message) => message.map(Some).map_err(|status| Broken::of(&status)),
             Err(RecvTimeoutError::Timeout) => Ok(None),
             Err(RecvTimeoutError::Disconnected) => Err(Broken::Lost("it closed the connection".to_owned())),
-        }
-    }
-
-    /// Returns a message from the learner if one has arrived.
-    fn poll(&self) -> Result<Option<ToActor>, Broken> {
-        match self.responses.try_recv() {
-            Ok(message) => message.map(Some).map_err(|status| Broken::of(&status)),
-            Err(TryRecvError::Empty) => Ok(None),
-            Err(TryRecvError::Disconnected) => Err(Broken::Lost("it closed the connection".to_owned())),
         }
     }
 
@@ -245,7 +236,7 @@ impl Actor {
             session.send(step)?;
         }
         while !stop.load(Ordering::Relaxed) {
-            while let Some(message) = session.poll()? {
+            while let Some(message) = session.receive(Duration::ZERO)? {
                 self.note(message)?;
             }
             while self.unacknowledged.len() >= MAX_UNACKNOWLEDGED && !stop.load(Ordering::Relaxed) {

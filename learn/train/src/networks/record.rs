@@ -6,9 +6,6 @@ use burn::tensor::{Bytes, DType};
 use surefoot_policy::CheckpointError;
 
 /// Serializes a module's parameters.
-///
-/// # Errors
-/// If the module cannot be encoded.
 pub fn module_bytes<M: Module>(module: &M) -> Result<Vec<u8>, CheckpointError> {
     module.valid().into_record().into_bytes().map(|bytes| bytes.to_vec()).map_err(decode)
 }

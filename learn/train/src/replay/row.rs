@@ -45,17 +45,19 @@ mod long_array {
 }
 
 impl Row {
+    const EMPTY: Self = Self {
+        proximity: [0; RAY_COUNT],
+        surface: [0; RAY_COUNT],
+        state: [0.0; STATE_LEN],
+        action: [0.0; ACTION_LEN],
+        reward: 0.0,
+        kind: RowKind::Boundary,
+        is_fresh: false,
+    };
+
     /// Packs an observation without others; action, reward and kind are placeholders.
     pub fn pack(observation: &[f32]) -> Self {
-        let mut row = Row {
-            proximity: [0; RAY_COUNT],
-            surface: [0; RAY_COUNT],
-            state: [0.0; STATE_LEN],
-            action: [0.0; ACTION_LEN],
-            reward: 0.0,
-            kind: RowKind::Boundary,
-            is_fresh: false,
-        };
+        let mut row = Self::EMPTY;
         for ray in 0..RAY_COUNT {
             row.proximity[ray] = (observation[ray] * f32::from(u16::MAX)).round() as u16;
             row.surface[ray] = sense::ray_surface(observation, ray) as u8;
@@ -150,15 +152,7 @@ pub fn rows_from_bytes(bytes: &[u8], npc_count: usize) -> Result<Step, RowError>
             2 => RowKind::Boundary,
             _ => return Err(refuse("an unknown kind")),
         };
-        let mut row = Row {
-            proximity: [0; RAY_COUNT],
-            surface: [0; RAY_COUNT],
-            state: [0.0; STATE_LEN],
-            action: [0.0; ACTION_LEN],
-            reward: reward[0],
-            kind,
-            is_fresh: flags[1] != 0,
-        };
+        let mut row = Row { reward: reward[0], kind, is_fresh: flags[1] != 0, ..Row::EMPTY };
         let pairs = proximity.as_chunks::<2>().0.iter();
         row.proximity.iter_mut().zip(pairs).for_each(|(value, pair)| *value = u16::from_le_bytes(*pair));
         row.surface.copy_from_slice(surface);

@@ -2,14 +2,14 @@
 
 use crate::config::TrainConfig;
 use crate::experience::{ExperienceSender, Meters};
+use crate::rng::random_action;
+use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use rand::{RngExt, SeedableRng};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
 use surefoot_policy::{Batch, Scratch, noise};
 use surefoot_world::Action;
-use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::OBSERVATION_LEN;
 
 /// Most NPCs of a batch, unless one environment has more.
@@ -81,9 +81,7 @@ impl InferenceThread {
         let mut actions = Vec::new();
         let before = self.experience.meters.decisions.fetch_add(row_count as u64, Ordering::Relaxed);
         if before < self.random_decisions {
-            let rng = &mut self.rng;
-            let mut draw = || [(); ACTION_LEN].map(|()| rng.random_range(-1.0..1.0));
-            actions.extend((0..row_count).map(|_| Action::from_array(draw()).expect("drawn actions are finite")));
+            actions.extend((0..row_count).map(|_| random_action(&mut self.rng)));
         } else {
             let noise = noise::for_rows(&mut self.rng, 1.0, row_count);
             let batch = Batch { observations: &observations, memory: &mut memory, noise: &noise };

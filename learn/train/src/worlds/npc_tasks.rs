@@ -171,13 +171,12 @@ impl NpcTasks {
     /// Sends an NPC to a new start after the next step.
     fn respawn(&mut self, npc_idx: usize) {
         let yaw = random_yaw(&mut self.rng);
-        let does_retry = !self.arena.failures.is_empty() && self.rng.random_bool(self.config.retry_share);
-        let (start, waypoints) = if does_retry {
-            let (start, goal) = self.arena.take_failure(&mut self.rng);
-            (start, vec![goal])
-        } else {
-            let start = self.arena.random_point(&mut self.rng);
-            (start, self.draw_waypoints(start))
+        let (start, waypoints) = match self.arena.draw_retry(&self.config, &mut self.rng) {
+            Some((start, goal)) => (start, vec![goal]),
+            None => {
+                let start = self.arena.random_point(&mut self.rng);
+                (start, self.draw_waypoints(start))
+            }
         };
         self.tasks[npc_idx].leaving = Some(Route { npc_idx, start: Some((start, yaw)), waypoints });
     }
@@ -192,9 +191,7 @@ impl NpcTasks {
     }
 
     fn draw_goal(&mut self, from: Vec3) -> Vec3 {
-        let near = self.rng.random_bool(self.config.near_share);
-        let band = if near { self.config.near_goals } else { self.config.far_goals };
-        self.arena.goal(from, band, &mut self.rng)
+        self.arena.goal(from, &self.config, &mut self.rng)
     }
 
     /// Stores the running attempt for a retry, if it began on the ground.

@@ -3,7 +3,7 @@
 
 use crate::blobs::{BlobId, Blobs};
 use crate::database::Database;
-use crate::error::FleetError;
+use crate::error::{DATABASE, FleetError};
 use crate::membership::Membership;
 use crate::notifications;
 use parking_lot::Mutex;
@@ -59,20 +59,12 @@ impl PlannerDb {
         patience: Duration,
         call: impl Future<Output = Result<T, FleetError>>,
     ) -> Result<T, StoreError> {
-        let silent = || FleetError::new(self.database.place(), format!("no answer within {} s", patience.as_secs()));
+        let silent = || FleetError::new(DATABASE, format!("no answer within {} s", patience.as_secs()));
         let within = async { tokio::time::timeout(patience, call).await.unwrap_or_else(|_| Err(silent())) };
         self.runtime.block_on(within).map_err(for_clients)
     }
 
-    /// Converts a failure of a query.
-    pub fn failed(&self, error: sqlx::Error) -> FleetError {
-        FleetError { kind: kind_of(&error), ..self.database.failed(error) }
-    }
-
     /// Renews the lease, or joins again if it has expired.
-    ///
-    /// # Errors
-    /// If the database does not answer.
     pub async fn renew_lease(&self) -> Result<(), FleetError> {
         if !self.membership.renew().await? {
             let expired = self.membership.id();
@@ -83,18 +75,13 @@ impl PlannerDb {
     }
 
     /// Begins a transaction.
-    ///
-    /// # Errors If the database is unavailable.
-    pub async fn begin(&self) -> Result<Transaction<'static, Postgres>, FleetError> {
-        self.database.pool.begin().await.map_err(|error| self.failed(error))
+    pub async fn begin(&self) -> Result<Transaction<'static, Postgres>, sqlx::Error> {
+        self.database.pool.begin().await
     }
 
     /// Notifies all planners, once the transaction of `connection` is committed.
-    ///
-    /// # Errors If the database is unavailable.
-    pub async fn notify(&self, connection: &mut PgConnection, note: &Note) -> Result<(), FleetError> {
-        let sent = notifications::notify(connection, CHANNEL, &note.encode(self.membership.id())).await;
-        sent.map_err(|error| self.failed(error))
+    pub async fn notify(&self, connection: &mut PgConnection, note: &Note) -> Result<(), sqlx::Error> {
+        notifications::notify(connection, CHANNEL, &note.encode(self.membership.id())).await
     }
 }
 
@@ -108,19 +95,6 @@ fn for_clients(error: FleetError) -> StoreError {
     };
     let reason = format!("{reason}; the log of the planner has details");
     StoreError { place: PLACE.to_owned(), reason, kind: error.kind }
-}
-
-/// Whether a query that failed may succeed later.
-fn kind_of(error: &sqlx::Error) -> StoreErrorKind {
-    // Lost connections, rollbacks, read-only standbys, want of resources or locks, shutdowns, failures of the system.
-    const PASSING: [&str; 7] = ["08", "25", "40", "53", "55", "57", "58"];
-    let sqlx::Error::Database(refusal) = error else { return StoreErrorKind::Unavailable };
-    let is_passing = |code: &str| PASSING.iter().any(|class| code.starts_with(class));
-    if refusal.code().is_none_or(|code| is_passing(&code)) {
-        StoreErrorKind::Unavailable
-    } else {
-        StoreErrorKind::Refused
-    }
 }
 
 /// A notification.

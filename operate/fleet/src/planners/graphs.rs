@@ -4,54 +4,45 @@
 use super::db::{BLOB_PATIENCE, Note, PlannerDb, unsigned};
 use super::operations::phase_of;
 use crate::blobs::BlobId;
-use crate::error::FleetError;
+use crate::error::{DATABASE, FleetError};
 use std::sync::atomic::Ordering;
 use surefoot_planner::store::{StoreError, StoreErrorKind, decode_entry, encode_entry};
 use surefoot_planner::{BuildStats, Built, GraphId};
-use surefoot_planner_service::failpoint;
-use surefoot_planner_service::jobs::BuildId;
 use surefoot_planner_service::replicas::{BuildStatus, ClaimOutcome, Token};
+use surefoot_planner_service::{BuildId, failpoint};
 use tracing::warn;
 
-/// See [`GraphStore::get`](surefoot_planner::store::GraphStore::get).
-pub fn get(db: &PlannerDb, id: &GraphId) -> Result<Option<Built>, StoreError> {
-    db.block_for(BLOB_PATIENCE, async {
-        let row = sqlx::query!(
-            r#"UPDATE graphs SET used_at = now() WHERE id = $1 AND blob IS NOT NULL RETURNING blob AS "blob!", times"#,
-            &id.0[..],
-        );
-        let row = row.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))?;
-        let Some(row) = row else { return Ok(None) };
-        let blob = blob_id(&row.blob);
-        let decoded = match db.blobs.get(blob).await {
-            Ok(Some(bytes)) => decode_entry(&bytes),
-            Ok(None) => Err("there is no such blob".to_owned()),
-            Err(error) if error.kind == StoreErrorKind::Lost => Err(error.reason),
-            Err(error) => return Err(error),
-        };
-        let Built { graph, stats } = match decoded {
-            Ok(built) => built,
-            Err(reason) => {
-                warn!(graph = %id, %blob, reason, "planner: the blob of a graph is lost; the graph is built again");
-                return forget_blob(db, id, blob).await.map(|()| None);
-            }
-        };
-        let [placing_s, probing_s, seconds] = row.times[..] else { return Ok(Some(Built { graph, stats })) };
-        Ok(Some(Built { graph, stats: BuildStats { placing_s, probing_s, seconds, ..stats } }))
-    })
+pub async fn get(db: &PlannerDb, id: &GraphId) -> Result<Option<Built>, FleetError> {
+    let row = sqlx::query!(
+        r#"UPDATE graphs SET used_at = now() WHERE id = $1 AND blob IS NOT NULL RETURNING blob AS "blob!", times"#,
+        &id.0[..],
+    );
+    let row = row.fetch_optional(&db.database.pool).await?;
+    let Some(row) = row else { return Ok(None) };
+    let blob = BlobId::of_row(&row.blob);
+    let decoded = match db.blobs.get(blob).await {
+        Ok(Some(bytes)) => decode_entry(&bytes),
+        Ok(None) => Err("there is no such blob".to_owned()),
+        Err(error) if error.kind == StoreErrorKind::Lost => Err(error.reason),
+        Err(error) => return Err(error),
+    };
+    let Built { graph, stats } = match decoded {
+        Ok(built) => built,
+        Err(reason) => {
+            warn!(graph = %id, %blob, reason, "planner: the blob of a graph is lost; the graph is built again");
+            return forget_blob(db, id, blob).await.map(|()| None);
+        }
+    };
+    let [placing_s, probing_s, seconds] = row.times[..] else { return Ok(Some(Built { graph, stats })) };
+    Ok(Some(Built { graph, stats: BuildStats { placing_s, probing_s, seconds, ..stats } }))
 }
 
 /// Notes that a graph has no blob, unless it has a new one. Its recipe and evidence stay.
 async fn forget_blob(db: &PlannerDb, graph: &GraphId, BlobId(blob): BlobId) -> Result<(), FleetError> {
     let forgotten = sqlx::query!("UPDATE graphs SET blob = NULL WHERE id = $1 AND blob = $2", &graph.0[..], &blob[..]);
-    forgotten.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
+    Ok(forgotten.execute(&db.database.pool).await.map(drop)?)
 }
 
-fn blob_id(bytes: &[u8]) -> BlobId {
-    BlobId(bytes.try_into().expect("the table has hashes of 32 bytes only"))
-}
-
-/// See [`Replicas::claim`](surefoot_planner_service::replicas::Replicas::claim).
 pub fn claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<ClaimOutcome, StoreError> {
     db.building.lock().insert(graph.0);
     let claimed = db.block(async {
@@ -59,7 +50,7 @@ pub fn claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<ClaimOut
             Some(claim) => Ok(claim),
             None => {
                 db.renew_lease().await?;
-                let dead = || FleetError::new(db.database.place(), "the lease of this planner has expired");
+                let dead = || FleetError::new(DATABASE, "the lease of this planner has expired");
                 try_claim(db, graph, build).await?.ok_or_else(dead)
             }
         }
@@ -72,7 +63,6 @@ pub fn claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<ClaimOut
 
 /// Returns `None` if the lease of this planner has expired.
 async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Option<ClaimOutcome>, FleetError> {
-    let fail = |error| db.failed(error);
     let member = db.membership.id();
     let mut transaction = db.begin().await?;
     let token = sqlx::query_scalar!(
@@ -86,21 +76,21 @@ async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Op
         member,
         build.bits() as i64,
     );
-    let token = token.fetch_optional(&mut *transaction).await.map_err(fail)?;
+    let token = token.fetch_optional(&mut *transaction).await?;
     let found = sqlx::query!(
         r#"SELECT EXISTS (SELECT FROM graphs WHERE id = $1 AND blob IS NOT NULL) AS "is_published!",
                   EXISTS (SELECT FROM members WHERE id = $2 AND expires_at > now()) AS "lives!""#,
         &graph.0[..],
         member,
     );
-    let found = found.fetch_one(&mut *transaction).await.map_err(fail)?;
+    let found = found.fetch_one(&mut *transaction).await?;
     if found.is_published {
         // The claim is not needed.
-        transaction.rollback().await.map_err(fail)?;
+        transaction.rollback().await?;
         return Ok(Some(ClaimOutcome::Published));
     }
     if let Some(token) = token {
-        transaction.commit().await.map_err(fail)?;
+        transaction.commit().await?;
         return Ok(Some(ClaimOutcome::Ours(Token(token))));
     }
     if !found.lives {
@@ -111,7 +101,7 @@ async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Op
          WHERE claims.graph = $1",
         &graph.0[..],
     );
-    let posted = posted.fetch_optional(&mut *transaction).await.map_err(fail)?;
+    let posted = posted.fetch_optional(&mut *transaction).await?;
     Ok(Some(ClaimOutcome::Theirs(posted.map(|row| BuildStatus {
         phase: phase_of(row.stage),
         done: unsigned(row.probes_done),
@@ -119,19 +109,17 @@ async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Op
     }))))
 }
 
-/// See [`Replicas::release`](surefoot_planner_service::replicas::Replicas::release). If it fails, [`sweep`] releases
-/// the claim.
+/// If this fails, [`sweep`] releases the claim.
 pub fn release(db: &PlannerDb, graph: &GraphId) {
     db.building.lock().remove(&graph.0);
     let released = db.block(async {
-        let fail = |error| db.failed(error);
         let mut transaction = db.begin().await?;
         let gone =
             sqlx::query!("DELETE FROM claims WHERE graph = $1 AND member = $2", &graph.0[..], db.membership.id());
-        if gone.execute(&mut *transaction).await.map_err(fail)?.rows_affected() > 0 {
+        if gone.execute(&mut *transaction).await?.rows_affected() > 0 {
             db.notify(&mut transaction, &Note::Graph(*graph)).await?;
         }
-        transaction.commit().await.map_err(fail)
+        Ok(transaction.commit().await?)
     });
     if let Err(error) = released {
         warn!(%error, %graph, "planner: cannot release the claim of a build yet");
@@ -139,13 +127,10 @@ pub fn release(db: &PlannerDb, graph: &GraphId) {
 }
 
 /// Removes claims of this planner for which it does not build, and those of planners that have died.
-///
-/// # Errors If the database is unavailable.
 pub async fn sweep(db: &PlannerDb) -> Result<(), FleetError> {
-    let fail = |error| db.failed(error);
     let newest =
         sqlx::query_scalar!(r#"SELECT CASE WHEN is_called THEN last_value ELSE 0 END AS "newest!" FROM tokens"#);
-    let newest = newest.fetch_one(&db.database.pool).await.map_err(fail)?;
+    let newest = newest.fetch_one(&db.database.pool).await?;
     // `building` contains every claim up to this token: a build is added before its claim gets a token. Later claims
     // are kept.
     let building: Vec<Vec<u8>> = db.building.lock().iter().map(|id| id.to_vec()).collect();
@@ -156,10 +141,9 @@ pub async fn sweep(db: &PlannerDb) -> Result<(), FleetError> {
         &building,
         newest,
     );
-    gone.execute(&db.database.pool).await.map(drop).map_err(fail)
+    Ok(gone.execute(&db.database.pool).await.map(drop)?)
 }
 
-/// See [`Replicas::publish`](surefoot_planner_service::replicas::Replicas::publish).
 pub fn publish(
     db: &PlannerDb,
     graph: &GraphId,
@@ -174,11 +158,10 @@ pub fn publish(
     let blob = db.block_for(BLOB_PATIENCE, db.blobs.put(bytes))?;
     failpoint("stored");
     let is_published = db.block(async {
-        let fail = |error| db.failed(error);
         let mut transaction = db.begin().await?;
         // The lock keeps the claim from being taken over. The lease is checked after the lock, which may take long.
         let locked = sqlx::query!("SELECT token FROM claims WHERE graph = $1 FOR UPDATE", &graph.0[..]);
-        locked.fetch_optional(&mut *transaction).await.map_err(fail)?;
+        locked.fetch_optional(&mut *transaction).await?;
         let holds = sqlx::query_scalar!(
             r#"SELECT true AS "holds!" FROM claims JOIN members ON members.id = claims.member
                WHERE claims.graph = $1 AND claims.token = $2 AND members.expires_at > clock_timestamp()
@@ -186,8 +169,8 @@ pub fn publish(
             &graph.0[..],
             token,
         );
-        if holds.fetch_optional(&mut *transaction).await.map_err(fail)?.is_none() {
-            transaction.rollback().await.map_err(fail)?;
+        if holds.fetch_optional(&mut *transaction).await?.is_none() {
+            transaction.rollback().await?;
             return Ok(false);
         }
         let stored = sqlx::query!(
@@ -201,11 +184,11 @@ pub fn publish(
             &times[..],
             token,
         );
-        stored.execute(&mut *transaction).await.map_err(fail)?;
+        stored.execute(&mut *transaction).await?;
         let done = sqlx::query!("DELETE FROM claims WHERE graph = $1", &graph.0[..]);
-        done.execute(&mut *transaction).await.map_err(fail)?;
+        done.execute(&mut *transaction).await?;
         db.notify(&mut transaction, &Note::Graph(*graph)).await?;
-        transaction.commit().await.map_err(fail)?;
+        transaction.commit().await?;
         Ok(true)
     })?;
     if is_published {
@@ -217,22 +200,16 @@ pub fn publish(
     Ok(is_published)
 }
 
-/// See [`Replicas::recipe`](surefoot_planner_service::replicas::Replicas::recipe).
-pub fn recipe(db: &PlannerDb, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError> {
-    db.block(async {
-        let found = sqlx::query_scalar!("SELECT recipe FROM graphs WHERE id = $1", &graph.0[..]);
-        found.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))
-    })
+pub async fn recipe(db: &PlannerDb, graph: &GraphId) -> Result<Option<Vec<u8>>, FleetError> {
+    let found = sqlx::query_scalar!("SELECT recipe FROM graphs WHERE id = $1", &graph.0[..]);
+    Ok(found.fetch_optional(&db.database.pool).await?)
 }
 
-/// See [`Replicas::note_recipe`](surefoot_planner_service::replicas::Replicas::note_recipe).
-pub fn note_recipe(db: &PlannerDb, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError> {
-    db.block(async {
-        let noted = sqlx::query!(
-            "INSERT INTO graphs (id, recipe, times, token) VALUES ($1, $2, '{}', 0) ON CONFLICT DO NOTHING",
-            &graph.0[..],
-            recipe,
-        );
-        noted.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
-    })
+pub async fn note_recipe(db: &PlannerDb, graph: &GraphId, recipe: &[u8]) -> Result<(), FleetError> {
+    let noted = sqlx::query!(
+        "INSERT INTO graphs (id, recipe, times, token) VALUES ($1, $2, '{}', 0) ON CONFLICT DO NOTHING",
+        &graph.0[..],
+        recipe,
+    );
+    Ok(noted.execute(&db.database.pool).await.map(drop)?)
 }

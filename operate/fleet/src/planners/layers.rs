@@ -2,85 +2,73 @@
 
 use super::db::{Note, PLACE, PlannerDb, signed, unsigned};
 use super::receipts;
+use crate::error::FleetError;
 use surefoot_planner::edits::Layer;
-use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, Receipt, StoreError, decode_layer, encode_layer};
+use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, Receipt, decode_layer, encode_layer};
 
-/// See [`GraphStore::layers`](surefoot_planner::store::GraphStore::layers).
-pub fn read(db: &PlannerDb, level: &LevelId) -> Result<LevelLayers, StoreError> {
-    db.block(async {
-        // One statement reads version and layers at the same time.
-        let rows = sqlx::query!(
-            r#"SELECT version, name AS "name?", content AS "content?" FROM level_versions LEFT JOIN layers USING (level)
-               WHERE level = $1"#,
-            &level.0[..],
-        );
-        let rows = rows.fetch_all(&db.database.pool).await.map_err(|error| db.failed(error))?;
-        let mut found = LevelLayers::default();
-        for row in rows {
-            found.version = unsigned(row.version);
-            let (Some(name), Some(content)) = (row.name, row.content) else { continue };
-            match decode_layer(&content) {
-                Ok(layer) => found.layers.push(layer),
-                Err(reason) => {
-                    found.damaged.push(DamagedLayer { name, place: PLACE.to_owned(), reason });
-                }
-            }
+pub async fn read(db: &PlannerDb, level: &LevelId) -> Result<LevelLayers, FleetError> {
+    // One statement reads version and layers at the same time.
+    let rows = sqlx::query!(
+        r#"SELECT version, name AS "name?", content AS "content?" FROM level_versions LEFT JOIN layers USING (level)
+           WHERE level = $1"#,
+        &level.0[..],
+    );
+    let rows = rows.fetch_all(&db.database.pool).await?;
+    let mut found = LevelLayers::default();
+    for row in rows {
+        found.version = unsigned(row.version);
+        let (Some(name), Some(content)) = (row.name, row.content) else { continue };
+        match decode_layer(&content) {
+            Ok(layer) => found.layers.push(layer),
+            Err(reason) => found.damaged.push(DamagedLayer { name, place: PLACE.to_owned(), reason }),
         }
-        found.layers.sort_by(|a, b| a.name.cmp(&b.name));
-        found.damaged.sort_by(|a, b| a.name.cmp(&b.name));
-        Ok(found)
-    })
+    }
+    found.layers.sort_by(|a, b| a.name.cmp(&b.name));
+    found.damaged.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(found)
 }
 
-/// See [`GraphStore::replace_layer`](surefoot_planner::store::GraphStore::replace_layer).
-pub fn replace(
+pub async fn replace(
     db: &PlannerDb,
     level: &LevelId,
     version: u64,
     layer: &Layer,
     receipt: Option<&Receipt>,
-) -> Result<bool, StoreError> {
+) -> Result<bool, FleetError> {
     let (level_bytes, content) = (&level.0[..], encode_layer(layer));
-    db.block(async {
-        let fail = |error| db.failed(error);
-        let mut transaction = db.begin().await?;
-        let begun = sqlx::query!(
-            "INSERT INTO level_versions (level, version) VALUES ($1, 0) ON CONFLICT DO NOTHING",
-            level_bytes
-        );
-        begun.execute(&mut *transaction).await.map_err(fail)?;
-        let counted = sqlx::query!(
-            "UPDATE level_versions SET version = version + 1 WHERE level = $1 AND version = $2",
+    let mut transaction = db.begin().await?;
+    let begun =
+        sqlx::query!("INSERT INTO level_versions (level, version) VALUES ($1, 0) ON CONFLICT DO NOTHING", level_bytes);
+    begun.execute(&mut *transaction).await?;
+    let counted = sqlx::query!(
+        "UPDATE level_versions SET version = version + 1 WHERE level = $1 AND version = $2",
+        level_bytes,
+        signed(version),
+    );
+    if counted.execute(&mut *transaction).await?.rows_affected() == 0 {
+        transaction.rollback().await?;
+        return Ok(false);
+    }
+    if let Some(receipt) = receipt
+        && receipts::store(&mut transaction, &[receipt]).await?.is_empty()
+    {
+        transaction.rollback().await?;
+        return Ok(false);
+    }
+    if layer.edits.is_empty() {
+        let removed = sqlx::query!("DELETE FROM layers WHERE level = $1 AND name = $2", level_bytes, layer.name);
+        removed.execute(&mut *transaction).await?;
+    } else {
+        let stored = sqlx::query!(
+            "INSERT INTO layers (level, name, content) VALUES ($1, $2, $3)
+             ON CONFLICT (level, name) DO UPDATE SET content = excluded.content",
             level_bytes,
-            signed(version),
+            layer.name,
+            content,
         );
-        if counted.execute(&mut *transaction).await.map_err(fail)?.rows_affected() == 0 {
-            transaction.rollback().await.map_err(fail)?;
-            return Ok(false);
-        }
-        if let Some(receipt) = receipt
-            && receipts::store(db, &mut transaction, &[receipt]).await?.is_empty()
-        {
-            transaction.rollback().await.map_err(fail)?;
-            return Ok(false);
-        }
-        let stored = if layer.edits.is_empty() {
-            sqlx::query!("DELETE FROM layers WHERE level = $1 AND name = $2", level_bytes, layer.name)
-                .execute(&mut *transaction)
-                .await
-        } else {
-            let stored = sqlx::query!(
-                "INSERT INTO layers (level, name, content) VALUES ($1, $2, $3)
-                 ON CONFLICT (level, name) DO UPDATE SET content = excluded.content",
-                level_bytes,
-                layer.name,
-                content,
-            );
-            stored.execute(&mut *transaction).await
-        };
-        stored.map_err(fail)?;
-        db.notify(&mut transaction, &Note::Layers(*level)).await?;
-        transaction.commit().await.map_err(fail)?;
-        Ok(true)
-    })
+        stored.execute(&mut *transaction).await?;
+    }
+    db.notify(&mut transaction, &Note::Layers(*level)).await?;
+    transaction.commit().await?;
+    Ok(true)
 }

@@ -25,7 +25,7 @@ impl LevelArchive for Levels {
                 owner,
                 &blob.0[..],
             );
-            saved.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
+            Ok(saved.execute(&db.database.pool).await.map(drop)?)
         });
         saved.map_err(|error| error.to_string())
     }
@@ -36,9 +36,9 @@ impl LevelArchive for Levels {
         let Ok(hash) = map_hash.parse::<BlobId>() else { return Ok(None) };
         let found = db.block_for(BLOB_PATIENCE, async {
             let row = sqlx::query!("SELECT name, owner, blob FROM levels WHERE map_hash = $1", &hash.0[..]);
-            let row = row.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))?;
+            let row = row.fetch_optional(&db.database.pool).await?;
             let Some(row) = row else { return Ok(None) };
-            let blob = BlobId(row.blob.try_into().expect("the table has hashes of 32 bytes only"));
+            let blob = BlobId::of_row(&row.blob);
             let file = match db.blobs.get(blob).await {
                 Ok(Some(file)) => file,
                 Err(error) if error.kind != StoreErrorKind::Lost => return Err(error),

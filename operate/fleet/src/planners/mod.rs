@@ -19,7 +19,7 @@ use crate::database::Database;
 use crate::error::FleetError;
 use crate::membership::{MemberKind, Membership};
 use crate::notifications;
-use db::{CHANNEL, Note, PlannerDb};
+use db::{BLOB_PATIENCE, CHANNEL, Note, PlannerDb};
 use levels::Levels;
 use parking_lot::Mutex;
 use std::sync::Arc;
@@ -29,18 +29,15 @@ use surefoot_planner::edits::Layer;
 use surefoot_planner::live::LiveEvidence;
 use surefoot_planner::store::{GraphStore, LevelId, LevelLayers, Receipt, StoreError};
 use surefoot_planner::{Built, GraphId};
-use surefoot_planner_service::PlannerStores;
-use surefoot_planner_service::jobs::BuildId;
 use surefoot_planner_service::replicas::{
     ClaimOutcome, News, Operation, Replicas, Report, Standing, Token, Withdrawals,
 };
+use surefoot_planner_service::{BuildId, PlannerStores};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tracing::warn;
 
-/// Default lease of a planner.
-pub const DEFAULT_LEASE: Duration = Duration::from_secs(5);
 /// Maximum number of news that wait. Beyond it, the connection that listens is held back.
 const NEWS: usize = 256;
 
@@ -55,9 +52,6 @@ pub struct FleetPlanner {
 
 impl FleetPlanner {
     /// Joins the planners that share this database and these blobs, for `lease`; others reach this one at `address`.
-    ///
-    /// # Errors
-    /// If the database cannot be written.
     pub async fn join(database: Database, blobs: Blobs, address: String, lease: Duration) -> Result<Self, FleetError> {
         let membership = Membership::join(&database, MemberKind::Planner, &address, lease).await?;
         let db = Arc::new(PlannerDb::new(database, blobs, membership, Handle::current()));
@@ -79,7 +73,7 @@ impl FleetPlanner {
 
 impl GraphStore for FleetPlanner {
     fn get(&self, id: &GraphId) -> Result<Option<Built>, StoreError> {
-        graphs::get(&self.db, id)
+        self.db.block_for(BLOB_PATIENCE, graphs::get(&self.db, id))
     }
 
     fn put(&self, id: &GraphId, _: &Built) -> Result<(), StoreError> {
@@ -87,7 +81,7 @@ impl GraphStore for FleetPlanner {
     }
 
     fn live(&self, id: &GraphId) -> Result<LiveEvidence, StoreError> {
-        evidence::read(&self.db, id)
+        self.db.block(evidence::read(&self.db, id))
     }
 
     fn put_live(&self, id: &GraphId, _: &LiveEvidence, _: &[Receipt]) -> Result<(), StoreError> {
@@ -95,7 +89,7 @@ impl GraphStore for FleetPlanner {
     }
 
     fn layers(&self, level: &LevelId) -> Result<LevelLayers, StoreError> {
-        layers::read(&self.db, level)
+        self.db.block(layers::read(&self.db, level))
     }
 
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError> {
@@ -110,11 +104,11 @@ impl GraphStore for FleetPlanner {
         layer: &Layer,
         receipt: Option<&Receipt>,
     ) -> Result<bool, StoreError> {
-        layers::replace(&self.db, level, version, layer, receipt)
+        self.db.block(layers::replace(&self.db, level, version, layer, receipt))
     }
 
     fn receipt(&self, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
-        receipts::find(&self.db, client, id)
+        self.db.block(receipts::find(&self.db, client, id))
     }
 }
 
@@ -147,47 +141,47 @@ impl Replicas for FleetPlanner {
     }
 
     fn recipe(&self, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError> {
-        graphs::recipe(&self.db, graph)
+        self.db.block(graphs::recipe(&self.db, graph))
     }
 
     fn note_recipe(&self, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError> {
-        graphs::note_recipe(&self.db, graph, recipe)
+        self.db.block(graphs::note_recipe(&self.db, graph, recipe))
     }
 
     fn post(&self, operation: &Operation) -> Result<Withdrawals, StoreError> {
-        operations::post(&self.db, operation)
+        self.db.block(operations::post(&self.db, operation))
     }
 
     fn operation(&self, id: BuildId) -> Result<Option<Operation>, StoreError> {
-        operations::find(&self.db, id)
+        self.db.block(operations::find(&self.db, id))
     }
 
     fn open_operations(&self) -> Result<Vec<Operation>, StoreError> {
-        operations::open(&self.db)
+        self.db.block(operations::open(&self.db))
     }
 
     fn withdraw(&self, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError> {
-        operations::withdraw(&self.db, id, withdrawals)
+        self.db.block(operations::withdraw(&self.db, id, withdrawals))
     }
 
     fn adopt(&self) -> Result<Vec<Operation>, StoreError> {
-        operations::adopt(&self.db)
+        self.db.block(operations::adopt(&self.db))
     }
 
     fn add_evidence(&self, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError> {
-        evidence::add(&self.db, graph, reports)
+        self.db.block(evidence::add(&self.db, graph, reports))
     }
 
     fn drop_evidence(&self, graph: &GraphId, name: &str) -> Result<(), StoreError> {
-        evidence::drop_of(&self.db, graph, name)
+        self.db.block(evidence::drop_of(&self.db, graph, name))
     }
 
     fn leave(&self) {
         self.upkeep.lock().abort_all();
         let left = self.db.block(async {
             self.db.membership.leave().await?;
-            let mut connection = self.db.database.pool.acquire().await.map_err(|error| self.db.failed(error))?;
-            self.db.notify(&mut connection, &Note::Left).await
+            let mut connection = self.db.database.pool.acquire().await?;
+            Ok(self.db.notify(&mut connection, &Note::Left).await?)
         });
         if let Err(error) = left {
             warn!(%error, "planner: cannot end its lease; others take over when it expires");

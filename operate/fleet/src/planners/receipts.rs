@@ -5,33 +5,25 @@ use super::db::PlannerDb;
 use crate::error::FleetError;
 use sqlx::PgConnection;
 use std::collections::BTreeSet;
-use surefoot_planner::store::{Call, MAX_RECEIPTS, RECEIPTS_KEPT_FOR, Receipt, StoreError};
+use surefoot_planner::store::{Call, MAX_RECEIPTS, RECEIPTS_KEPT_FOR, Receipt};
 
-/// See [`GraphStore::receipt`](surefoot_planner::store::GraphStore::receipt). An expired receipt counts until it is
-/// removed, since it blocks its id until then.
-pub fn find(db: &PlannerDb, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
-    db.block(async {
-        let row =
-            sqlx::query!("SELECT request, answer FROM receipts WHERE client = $1 AND request_id = $2", client, id);
-        let row = row.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))?;
-        Ok(row.map(|row| {
-            let request = row.request.try_into().expect("the table has hashes of 32 bytes only");
-            let call = Call { client: client.to_owned(), id: id.to_owned(), request };
-            Receipt { call, answer: row.answer }
-        }))
-    })
+/// An expired receipt counts until it is removed, since it blocks its id until then.
+pub async fn find(db: &PlannerDb, client: &str, id: &str) -> Result<Option<Receipt>, FleetError> {
+    let row = sqlx::query!("SELECT request, answer FROM receipts WHERE client = $1 AND request_id = $2", client, id);
+    let row = row.fetch_optional(&db.database.pool).await?;
+    Ok(row.map(|row| {
+        let request = row.request.try_into().expect("the table has hashes of 32 bytes only");
+        let call = Call { client: client.to_owned(), id: id.to_owned(), request };
+        Receipt { call, answer: row.answer }
+    }))
 }
 
 /// Stores receipts in the transaction of `connection`. Returns the calls that had none. It waits for transactions that
 /// carry out the same calls.
-///
-/// # Errors If the database is unavailable.
 pub async fn store(
-    db: &PlannerDb,
     connection: &mut PgConnection,
     receipts: &[&Receipt],
 ) -> Result<BTreeSet<(String, String)>, FleetError> {
-    let fail = |error| db.failed(error);
     let (mut clients, mut ids, mut requests, mut answers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for Receipt { call: Call { client, id, request }, answer } in receipts {
         clients.push(client.clone());
@@ -48,7 +40,7 @@ pub async fn store(
         &requests,
         &answers,
     );
-    let stored = stored.fetch_all(&mut *connection).await.map_err(fail)?;
+    let stored = stored.fetch_all(&mut *connection).await?;
     for client in BTreeSet::from_iter(clients) {
         let surplus = sqlx::query!(
             "DELETE FROM receipts WHERE client = $1 AND noted_at <=
@@ -56,18 +48,16 @@ pub async fn store(
             client,
             MAX_RECEIPTS as i64,
         );
-        surplus.execute(&mut *connection).await.map_err(fail)?;
+        surplus.execute(&mut *connection).await?;
     }
     Ok(stored.into_iter().map(|row| (row.client, row.request_id)).collect())
 }
 
 /// Deletes receipts that are too old.
-///
-/// # Errors If the database is unavailable.
 pub async fn forget(db: &PlannerDb) -> Result<(), FleetError> {
     let old = sqlx::query!(
         "DELETE FROM receipts WHERE noted_at < now() - make_interval(secs => $1)",
         RECEIPTS_KEPT_FOR.as_secs_f64()
     );
-    old.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
+    Ok(old.execute(&db.database.pool).await.map(drop)?)
 }

@@ -13,6 +13,7 @@ use parking_lot::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
+use surefoot_net::metrics::family;
 use tracing::warn;
 
 /// Period at which cancellation is checked.
@@ -27,14 +28,11 @@ pub trait Work: Sync {
     /// Result of a job.
     type Output: Send + 'static;
 
-    /// Does a job in this process. Returns `None` if `is_settled` became true before it was done.
-    ///
-    /// If it cannot be done: the dispatch ends.
+    /// Does a job in this process. Returns `None` if `is_settled` became true before it was done. An error ends the
+    /// dispatch.
     fn run_locally(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Self::Output, String>>;
 
-    /// Reads and checks the result of a prover.
-    ///
-    /// If the result is invalid: it is ignored.
+    /// Reads and checks the result of a prover. An invalid one is ignored.
     fn read(&self, idx: usize, result: &[u8]) -> Result<Self::Output, String>;
 
     /// Called once for each job, by the thread that dispatches.
@@ -106,8 +104,6 @@ impl Dispatcher {
 
     /// Gets all jobs done and returns their results, in order; `None` if the work was cancelled. Call this from a
     /// thread that may block.
-    ///
-    /// If no process can do a job.
     pub fn run<W: Work>(
         &self,
         jobs: Vec<Job>,
@@ -222,16 +218,10 @@ impl Dispatcher {
     /// Metrics in Prometheus text format.
     pub fn metrics(&self) -> String {
         let Known { done_here, done_there, ignored, .. } = &*self.known;
-        let [here, there, ignored] = [done_here, done_there, ignored].map(|count| count.load(Ordering::Relaxed));
-        let connected = u8::from(self.queue.is_connected());
-        format!(
-            "# HELP surefoot_queue_connected Whether NATS answers.\n# TYPE surefoot_queue_connected gauge\n\
-             surefoot_queue_connected {connected}\n\
-             # HELP surefoot_jobs_settled_total Jobs of builds, by the process that did them.\n\
-             # TYPE surefoot_jobs_settled_total counter\n\
-             surefoot_jobs_settled_total{{by=\"provers\"}} {there}\nsurefoot_jobs_settled_total{{by=\"this\"}} {here}\n\
-             # HELP surefoot_answers_ignored_total Invalid answers of provers.\n\
-             # TYPE surefoot_answers_ignored_total counter\nsurefoot_answers_ignored_total {ignored}\n"
-        )
+        let [here, there, ignored] = [done_here, done_there, ignored].map(|count| count.load(Ordering::Relaxed) as f64);
+        let settled = [("{by=\"provers\"}", there), ("{by=\"this\"}", here)];
+        self.queue.metrics()
+            + &family("jobs_settled_total", "counter", "Jobs of builds, by the process that did them.", settled)
+            + &family("answers_ignored_total", "counter", "Invalid answers of provers.", [("", ignored)])
     }
 }

@@ -6,7 +6,7 @@ use super::compute_class::ComputeClass;
 use super::job::{Answer, Job, JobId, open_answer};
 use super::queue::{Queue, Scope};
 use crate::error::FleetError;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -71,7 +71,7 @@ impl Feed {
 
     /// Removes a job that this process has started from the queue, unless a prover has it.
     pub fn withdraw(&self, idx: usize) {
-        if let Some(sequence) = self.shared.sequences()[idx].take() {
+        if let Some(sequence) = self.shared.sequences.lock()[idx].take() {
             let shared = self.shared.clone();
             self.shared.queue.runtime.spawn(async move { shared.remove(&[sequence]).await });
         }
@@ -81,7 +81,7 @@ impl Feed {
 impl Drop for Feed {
     fn drop(&mut self) {
         self.task.abort();
-        let rest: Vec<u64> = self.shared.sequences().iter_mut().filter_map(Option::take).collect();
+        let rest: Vec<u64> = self.shared.sequences.lock().iter_mut().filter_map(Option::take).collect();
         if !rest.is_empty() {
             let shared = self.shared.clone();
             self.shared.queue.runtime.spawn(async move { shared.remove(&rest).await });
@@ -90,10 +90,6 @@ impl Drop for Feed {
 }
 
 impl Shared {
-    fn sequences(&self) -> MutexGuard<'_, Vec<Option<u64>>> {
-        self.sequences.lock()
-    }
-
     /// Sends all open jobs, and again after a long time without answers.
     async fn send_all(&self) {
         // Jobs that were answered for an earlier process need not be sent. The wait never fails: the sender lives.
@@ -120,7 +116,7 @@ impl Shared {
                 Ok(sequence) => {
                     self.queue.note_reachable();
                     if is_open() {
-                        self.sequences()[idx] = Some(sequence);
+                        self.sequences.lock()[idx] = Some(sequence);
                     } else {
                         self.remove(&[sequence]).await;
                     }
@@ -173,7 +169,7 @@ impl Shared {
             // An earlier process got this refusal; another try may succeed.
             Ok(Err(_)) if !*self.is_read.borrow() => {}
             Ok(answer) => {
-                self.sequences()[idx] = None;
+                self.sequences.lock()[idx] = None;
                 self.answers.send_modify(|count| *count += 1);
                 hear(idx, answer);
             }

@@ -90,8 +90,6 @@ impl Job {
     }
 
     /// Opens a job that [`new`](Self::new) sealed.
-    ///
-    /// If the bytes are not an intact job.
     pub fn open(bytes: &[u8]) -> Result<Opened, Damage> {
         let (id, content) = unseal(bytes)?;
         let ((kind, _), body): ((JobKind, u32), _) = postcard::take_from_bytes(content).map_err(malformed)?;
@@ -101,8 +99,6 @@ impl Job {
 
 impl Opened {
     /// Decodes the content of the job, which is not checked yet.
-    ///
-    /// If the bytes are not of this type.
     pub fn body<T: DeserializeOwned>(&self) -> Result<T, Damage> {
         decode(&self.body)
     }
@@ -121,8 +117,6 @@ pub fn seal_answer(job: JobId, answer: &Answer) -> Vec<u8> {
 }
 
 /// Opens the answer to a job.
-///
-/// If the bytes are not an intact answer to this job.
 pub fn open_answer(job: JobId, bytes: &[u8]) -> Result<Answer, Damage> {
     let (_, content) = unseal(bytes)?;
     let rest = content.strip_prefix(&job.0).ok_or_else(|| Damage("the answer is to another job".to_owned()))?;
@@ -135,9 +129,6 @@ pub fn encode(data: &impl Serialize) -> Vec<u8> {
 }
 
 /// Decodes data that [`encode`] wrote.
-///
-/// # Errors
-/// If the bytes are anything else.
 pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Damage> {
     let (data, rest) = postcard::take_from_bytes(bytes).map_err(malformed)?;
     if rest.is_empty() { Ok(data) } else { Err(Damage(format!("{} bytes too many", rest.len()))) }
@@ -160,36 +151,4 @@ fn unseal(bytes: &[u8]) -> Result<([u8; HASH_LEN], &[u8]), Damage> {
         return Err(Damage("checksum mismatch".to_owned()));
     }
     Ok((*hash, content))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_was_sealed_opens_and_nothing_else_does() {
-        let job = Job::new(JobKind::Unit, 3, &(7u64, "text"));
-        let opened = Job::open(&job.bytes).unwrap();
-        assert_eq!((opened.id, opened.kind), (job.id, JobKind::Unit));
-        assert_eq!(opened.body::<(u64, String)>(), Ok((7, "text".to_owned())));
-        assert!(opened.body::<u8>().is_err(), "bytes too many");
-        assert_ne!(Job::new(JobKind::Unit, 4, &(7u64, "text")).id, job.id);
-        for cut in 0..job.bytes.len() {
-            assert!(Job::open(&job.bytes[..cut]).is_err(), "cut at {cut}");
-            let mut flipped = job.bytes.clone();
-            flipped[cut] ^= 4;
-            assert!(Job::open(&flipped).is_err(), "flipped at {cut}");
-        }
-    }
-
-    #[test]
-    fn an_answer_belongs_to_one_job() {
-        let [one, other] = [1, 2].map(|place| Job::new(JobKind::Map, place, &()).id);
-        for answer in [Ok(vec![1, 2, 3]), Err(Refusal::impossible("no")), Err(Refusal::unable("not now"))] {
-            let bytes = seal_answer(one, &answer);
-            assert_eq!(open_answer(one, &bytes), Ok(answer));
-            assert!(open_answer(other, &bytes).is_err());
-            assert!(open_answer(one, &bytes[..bytes.len() - 1]).is_err());
-        }
-    }
 }

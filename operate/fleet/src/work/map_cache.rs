@@ -34,9 +34,6 @@ pub enum MapRef {
 
 impl MapRef {
     /// Stores a map for provers.
-    ///
-    /// # Errors
-    /// If there is no store, or it does not take the map.
     pub async fn save(map: &Map, blobs: Option<&Blobs>) -> Result<Self, FleetError> {
         let blobs = blobs.ok_or_else(|| FleetError::new("--blobs", "imported levels need a store"))?;
         let blob = blobs.put(surefoot_levels::encode(map)).await?;
@@ -69,9 +66,6 @@ impl MapCache {
     }
 
     /// Returns a map. One thread generates it while others wait: they mostly want the same map.
-    ///
-    /// # Errors
-    /// If it cannot be made.
     pub fn map(&self, name: &MapRef) -> Result<Arc<Map>, Refusal> {
         let mut kept = self.kept.lock();
         if let Some(at) = kept.iter().position(|(known, _)| known == name) {
@@ -102,8 +96,6 @@ impl MapCache {
     }
 
     /// Returns the bytes of a blob.
-    ///
-    /// If there is no store, it does not have the blob, or it does not answer.
     pub fn fetch(&self, blob: BlobId) -> Result<Vec<u8>, Refusal> {
         let blobs = self.blobs.as_ref().ok_or_else(|| Refusal::unable("this process has no --blobs"))?;
         let mut last = String::new();

@@ -8,8 +8,6 @@ use crate::error::FleetError;
 use surefoot_world::MapSpec;
 
 /// Generates the map of a job, stores it, and returns the name of the blob.
-///
-/// If the job is malformed, or the map cannot be stored.
 pub fn generate(job: &Opened, maps: &MapCache) -> Result<Vec<u8>, Refusal> {
     let spec: MapSpec = job.body().map_err(Refusal::impossible)?;
     let blobs = maps.blobs().ok_or_else(|| Refusal::unable("this process has no --blobs"))?;
@@ -50,9 +48,6 @@ impl Work for Maps<'_> {
 
 /// Generates maps on provers and on `threads` of this process. Returns them encoded, in order. `is_made` is called for
 /// each finished map. Call this from a thread that may block.
-///
-/// # Errors
-/// If a prover says that a map cannot be made.
 pub fn generate_all(
     dispatcher: &Dispatcher,
     maps: &MapCache,

@@ -104,8 +104,6 @@ impl ProbeWatch for Unwatched {
 }
 
 /// Runs the probes of a job with this policy. Returns their encoded outcomes and their number.
-///
-/// If the job is for another policy, is malformed, or its map is unavailable.
 pub fn prove(job: &Opened, policy: &Policy, maps: &MapCache) -> Result<(Vec<u8>, usize), Refusal> {
     let probes: Probes = job.body().map_err(Refusal::impossible)?;
     if probes.policy != policy.weights_hash() {

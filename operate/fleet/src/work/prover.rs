@@ -3,12 +3,13 @@
 
 use super::compute_class::ComputeClass;
 use super::job::{Answer, Job, Opened, Refusal};
-use super::queue::{ACK_WAIT, Queue, Scope, scope_of};
+use super::queue::{ACK_WAIT, Queue, Scope};
 use crate::error::FleetError;
 use async_nats::jetstream::{AckKind, Message};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use surefoot_net::metrics::family;
 use surefoot_net::serving::Shutdown;
 use tokio::task::JoinSet;
 use tokio_stream::StreamExt;
@@ -30,8 +31,6 @@ const DRAIN: Duration = Duration::from_secs(10);
 /// Does jobs on threads that may block.
 pub trait Runner: Send + Sync {
     /// Does a job and returns its result.
-    ///
-    /// If the job was not done.
     fn run(&self, job: &Opened) -> Answer;
 
     /// Further metrics, in Prometheus text format.
@@ -86,27 +85,17 @@ impl Prover {
     /// Metrics in Prometheus text format.
     pub fn metrics(&self) -> String {
         let Counters { done, refused, damaged, redelivered, spared, micros } = &*self.counters;
+        let load = |counter: &AtomicU64| counter.load(Ordering::Relaxed) as f64;
         let counters = [
-            ("surefoot_jobs_done_total", "Jobs done.", done),
-            ("surefoot_jobs_failed_total", "Jobs that could not be done.", refused),
-            ("surefoot_jobs_damaged_total", "Messages that were no jobs.", damaged),
-            ("surefoot_jobs_redelivered_total", "Jobs that another prover had begun.", redelivered),
-            ("surefoot_jobs_spared_total", "Jobs that were done already.", spared),
+            ("jobs_done_total", "Jobs done.", load(done)),
+            ("jobs_failed_total", "Jobs that could not be done.", load(refused)),
+            ("jobs_damaged_total", "Messages that were no jobs.", load(damaged)),
+            ("jobs_redelivered_total", "Jobs that another prover had begun.", load(redelivered)),
+            ("jobs_spared_total", "Jobs that were done already.", load(spared)),
+            ("job_seconds_total", "Time spent on jobs, s.", load(micros) / 1.0e6),
         ];
-        let counter = |(name, help, count): (&str, &str, &AtomicU64)| {
-            let count = count.load(Ordering::Relaxed);
-            format!("# HELP {name} {help}\n# TYPE {name} counter\n{name} {count}\n")
-        };
-        let seconds = micros.load(Ordering::Relaxed) as f64 / 1.0e6;
-        let connected = u8::from(self.queue.is_connected());
-        counters.map(counter).concat()
-            + &format!(
-                "# HELP surefoot_job_seconds_total Time spent on jobs, s.\n# TYPE surefoot_job_seconds_total counter\n\
-                 surefoot_job_seconds_total {seconds}\n\
-                 # HELP surefoot_queue_connected Whether NATS answers.\n# TYPE surefoot_queue_connected gauge\n\
-                 surefoot_queue_connected {connected}\n"
-            )
-            + &self.runner.metrics()
+        let counters = counters.map(|(name, help, count)| family(name, "counter", help, [("", count)]));
+        counters.concat() + &self.queue.metrics() + &self.runner.metrics()
     }
 
     async fn work(self, shutdown: Shutdown) {
@@ -140,7 +129,7 @@ impl Prover {
 
     async fn handle(&self, message: Message) {
         let opened = Job::open(&message.payload).map_err(|damage| damage.to_string());
-        let scope = scope_of(&message.subject).ok_or_else(|| "its subject is unknown".to_owned());
+        let scope = Scope::of_subject(&message.subject).ok_or_else(|| "its subject is unknown".to_owned());
         let (job, scope) = match opened.and_then(|job| Ok((job, scope?))) {
             Ok(both) => both,
             Err(reason) => {
@@ -198,17 +187,15 @@ impl Prover {
     async fn store(&self, message: &Message, scope: &Scope, job: &Opened, answer: &Answer) -> bool {
         let since = Instant::now();
         loop {
-            let buried = match answer {
-                Err(refusal) if refusal.is_final => {
-                    self.queue.bury(&self.lane, message.payload.to_vec(), &refusal.reason).await
+            let stored = async {
+                if let Err(refusal) = answer
+                    && refusal.is_final
+                {
+                    self.queue.bury(&self.lane, message.payload.to_vec(), &refusal.reason).await?;
                 }
-                _ => Ok(()),
+                self.queue.answer(scope, job.id, answer).await
             };
-            let stored = match buried {
-                Ok(()) => self.queue.answer(scope, job.id, answer).await,
-                Err(error) => Err(error),
-            };
-            match stored {
+            match stored.await {
                 Ok(()) => return true,
                 Err(error) if since.elapsed() > STORE_FOR => {
                     warn!(%error, job = %job.id, "a result cannot be stored; another prover does the job again");

@@ -15,6 +15,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use surefoot_net::metrics::family;
 use tokio::runtime::Handle;
 use tracing::{info, warn};
 
@@ -56,8 +57,8 @@ impl Scope {
         Self(hasher.finalize().to_hex()[..32].to_owned())
     }
 
-    /// Returns the scope in the subject of a job.
-    fn of_subject(subject: &str) -> Option<Self> {
+    /// Returns the scope in the subject of a job; `None` if the subject is unknown.
+    pub fn of_subject(subject: &str) -> Option<Self> {
         let (_, last) = subject.rsplit_once('.')?;
         let is_ours = last.len() == 32 && last.bytes().all(|digit| digit.is_ascii_hexdigit());
         is_ours.then(|| Self(last.to_owned()))
@@ -83,9 +84,6 @@ pub struct Queue {
 impl Queue {
     /// Starts to connect to `urls`, `nats://user:password@host:port`, separated by commas. It does not wait for the
     /// server. Call this on a tokio runtime.
-    ///
-    /// # Errors
-    /// If a URL is malformed.
     pub async fn open(urls: &str) -> Result<Self, FleetError> {
         let malformed = |why: &dyn fmt::Display| {
             FleetError::new(
@@ -115,6 +113,12 @@ impl Queue {
     /// Whether there is a connection now.
     pub fn is_connected(&self) -> bool {
         self.context.client().connection_state() == State::Connected
+    }
+
+    /// Metrics in Prometheus text format.
+    pub(super) fn metrics(&self) -> String {
+        let is_connected = f64::from(u8::from(self.is_connected()));
+        family("queue_connected", "gauge", "Whether NATS answers.", [("", is_connected)])
     }
 
     /// Logs that the queue is unreachable, unless that is logged.
@@ -262,11 +266,6 @@ impl Queue {
         let sent = self.context.send_publish(subject, publish).await.map_err(|error| self.failed(error))?;
         Ok(sent.await.map_err(|error| self.failed(error))?.sequence)
     }
-}
-
-/// Returns the scope in the subject of a job; `None` if the subject is unknown.
-pub(super) fn scope_of(subject: &str) -> Option<Scope> {
-    Scope::of_subject(subject)
 }
 
 fn result_subject(scope: &Scope, job: JobId) -> String {

@@ -5,7 +5,7 @@
 
 use super::rows;
 use crate::database::Database;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 use surefoot_server::WorldId;
@@ -72,22 +72,14 @@ impl Default for Lookups {
 }
 
 impl Lookups {
-    fn known(&self) -> MutexGuard<'_, Known> {
-        self.known.lock()
-    }
-
-    fn waiting(&self) -> MutexGuard<'_, BTreeSet<WorldId>> {
-        self.waiting.lock()
-    }
-
     /// Returns where a world runs, as the member `own` sees it.
     pub async fn locate(&self, database: &Database, id: WorldId, own: i64) -> Result<Option<ServerInfo>, StoreError> {
-        if let Some(known) = self.known().get(id) {
+        if let Some(known) = self.known.lock().get(id) {
             return Ok(known);
         }
         let look = async {
             {
-                let mut waiting = self.waiting();
+                let mut waiting = self.waiting.lock();
                 // Worlds of callers that have disconnected stay in the set.
                 if waiting.len() < MAX_CALLERS {
                     waiting.insert(id);
@@ -95,14 +87,14 @@ impl Lookups {
             }
             let _turn = self.turn.lock().await;
             // The previous caller may have asked for this world as well.
-            if let Some(known) = self.known().get(id) {
+            if let Some(known) = self.known.lock().get(id) {
                 return Ok(known);
             }
-            let mut ids = std::mem::take(&mut *self.waiting());
+            let mut ids = std::mem::take(&mut *self.waiting.lock());
             ids.insert(id);
             let mut found = rows::locate(database, &ids, own).await?;
             let answer = found.get(&id).cloned();
-            self.known().latest.extend(ids.into_iter().map(|id| (id, found.remove(&id))));
+            self.known.lock().latest.extend(ids.into_iter().map(|id| (id, found.remove(&id))));
             Ok::<_, StoreError>(answer)
         };
         self.bounded(look).await

@@ -14,15 +14,15 @@ use crate::notifications;
 use lookups::Lookups;
 use parking_lot::Mutex;
 use rows::Ownership;
+pub use rows::saves as saved;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use surefoot_server::WorldId;
 use surefoot_server::hosted::{FleetSave, Journal, SavedError, SavedLog, WorldSave};
-use surefoot_server::store::{LeaseEpoch, LoadedWorld, ServerInfo, SharedStore, StoreCall, StoreError, WorldStore};
+use surefoot_server::store::{LeaseEpoch, LoadedWorld, ServerInfo, SharedStore, StoreError, WorldStore, async_trait};
 use tokio::sync::{Notify, mpsc};
 use tokio::task::JoinSet;
 use tracing::warn;
@@ -53,14 +53,6 @@ struct Held {
     blob: BlobId,
 }
 
-/// Returns all worlds of a fleet with the blobs of their last saves. For measurements.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn saved(database: &Database) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
-    rows::saves(database).await
-}
-
 impl From<FleetError> for StoreError {
     fn from(error: FleetError) -> Self {
         Self::Unavailable(error.to_string())
@@ -69,9 +61,6 @@ impl From<FleetError> for StoreError {
 
 impl FleetWorlds {
     /// Makes this process a server of the fleet, which others reach at `address`.
-    ///
-    /// # Errors
-    /// If the database cannot be written.
     pub async fn join(database: Database, blobs: Blobs, address: &str, lease: Duration) -> Result<Self, FleetError> {
         let membership = Membership::join(&database, MemberKind::Server, address, lease).await?;
         let (left, mut listening) = (Arc::new(Notify::new()), JoinSet::new());
@@ -91,7 +80,51 @@ impl FleetWorlds {
         self.held.lock().get(&id).copied()
     }
 
-    async fn write_world(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> Result<(), StoreError> {
+    /// Notes how a save ended, unless the world has got a new token meanwhile.
+    fn note_save(&self, id: WorldId, saved: Held, is_ours: bool) {
+        let mut held = self.held.lock();
+        if held.get(&id).is_some_and(|now| now.claim.token != saved.claim.token) {
+            return;
+        }
+        if is_ours {
+            held.insert(id, saved)
+        } else {
+            held.remove(&id)
+        };
+    }
+
+    /// Removes a blob that no row refers to.
+    async fn clear(&self, blob: BlobId) {
+        if let Err(error) = self.blobs.remove(blob).await {
+            warn!(%error, %blob, "server: cannot delete an unreferenced blob");
+        }
+    }
+}
+
+#[async_trait]
+impl WorldStore for FleetWorlds {
+    async fn list(&self) -> Result<Vec<WorldId>, StoreError> {
+        // Worlds of a fleet are claimed.
+        Ok(Vec::new())
+    }
+
+    async fn read(&self, id: WorldId) -> Result<LoadedWorld, StoreError> {
+        let Held { blob, .. } = self.held(id).ok_or(StoreError::Lost(id))?;
+        let place: PathBuf = format!("{} blob {blob}", self.blobs.place()).into();
+        let damaged = || StoreError::Saved(SavedError::Damaged(place.clone()));
+        let bytes = self.blobs.get(blob).await?.ok_or_else(damaged)?;
+        let named = place.clone();
+        let decode = move || FleetSave::decode(&bytes, &named);
+        let kept = tokio::task::spawn_blocking(decode).await;
+        let kept = kept.map_err(|error| StoreError::Unavailable(error.to_string()))??;
+        let FleetSave { world, log, .. } = Some(kept).filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
+        let journals = rows::journals(&self.database, id).await?.into_iter();
+        let journals = journals.map(|(through, bytes)| Journal::decode(through, &bytes));
+        let journals = journals.collect::<Result<_, _>>().map_err(|_| damaged())?;
+        Ok(LoadedWorld { world, since: Some((log, journals)) })
+    }
+
+    async fn write(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> Result<(), StoreError> {
         let (id, through) = (world.id(), log.written());
         let held = self.held(id);
         let claim = match held {
@@ -118,43 +151,66 @@ impl FleetWorlds {
         if is_ours { Ok(()) } else { Err(StoreError::Lost(id)) }
     }
 
-    /// Notes how a save ended, unless the world has got a new token meanwhile.
-    fn note_save(&self, id: WorldId, saved: Held, is_ours: bool) {
-        let mut held = self.held.lock();
-        if held.get(&id).is_some_and(|now| now.claim.token != saved.claim.token) {
-            return;
+    async fn forget(&self, id: WorldId) -> Result<(), StoreError> {
+        let Held { claim, blob } = self.held(id).ok_or(StoreError::Lost(id))?;
+        if !rows::forget(&self.database, id, claim).await? {
+            return Err(StoreError::Lost(id));
         }
-        if is_ours {
-            held.insert(id, saved)
-        } else {
-            held.remove(&id)
-        };
+        self.held.lock().remove(&id);
+        self.clear(blob).await;
+        Ok(())
     }
 
-    async fn read_world(&self, id: WorldId) -> Result<LoadedWorld, StoreError> {
-        let Held { blob, .. } = self.held(id).ok_or(StoreError::Lost(id))?;
-        let place: PathBuf = format!("{} blob {blob}", self.blobs.place()).into();
-        let damaged = || StoreError::Saved(SavedError::Damaged(place.clone()));
-        let bytes = self.blobs.get(blob).await?.ok_or_else(damaged)?;
-        let named = place.clone();
-        let decode = move || FleetSave::decode(&bytes, &named);
-        let kept = tokio::task::spawn_blocking(decode).await;
-        let kept = kept.map_err(|error| StoreError::Unavailable(error.to_string()))??;
-        let FleetSave { world, log, .. } = Some(kept).filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
-        let journals = rows::journals(&self.database, id).await?.into_iter();
-        let journals = journals.map(|(through, bytes)| Journal::decode(through, &bytes));
-        let journals = journals.collect::<Result<_, _>>().map_err(|_| damaged())?;
-        Ok(LoadedWorld { world, since: Some((log, journals)) })
+    fn shared(&self) -> Option<&dyn SharedStore> {
+        Some(self)
+    }
+}
+
+#[async_trait]
+impl SharedStore for FleetWorlds {
+    fn lease(&self) -> Duration {
+        self.membership.lease()
     }
 
-    /// Removes a blob that no row refers to.
-    async fn clear(&self, blob: BlobId) {
-        if let Err(error) = self.blobs.remove(blob).await {
-            warn!(%error, %blob, "server: cannot delete an unreferenced blob");
+    fn lease_epoch(&self) -> LeaseEpoch {
+        LeaseEpoch(self.membership.id())
+    }
+
+    fn holds_lease(&self) -> bool {
+        self.membership.holds_lease()
+    }
+
+    async fn renew(&self) -> Result<(), StoreError> {
+        match self.membership.renew().await {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(StoreError::Expired),
+            Err(_) if !self.membership.holds_lease() => Err(StoreError::Expired),
+            Err(error) => Err(error.into()),
         }
     }
 
-    async fn claim_worlds(&self, max_worlds: usize, held: &[WorldId]) -> Result<Vec<WorldId>, StoreError> {
+    async fn rejoin(&self) -> Result<(), StoreError> {
+        // In the database, the lease may still be valid, and with it the claims to worlds that this server has stopped.
+        self.membership.leave().await?;
+        self.held.lock().clear();
+        self.membership.rejoin().await?;
+        Ok(rows::notify(&self.database).await?)
+    }
+
+    async fn leave(&self) -> Result<(), StoreError> {
+        self.membership.leave().await?;
+        Ok(rows::notify(&self.database).await?)
+    }
+
+    async fn changed(&self) {
+        self.left.notified().await;
+    }
+
+    async fn new_id(&self, earliest: WorldId) -> Result<WorldId, StoreError> {
+        Ok(rows::new_id(&self.database, earliest).await?)
+    }
+
+    async fn claim(&self, max_worlds: usize, held: &[WorldId]) -> Result<Vec<WorldId>, StoreError> {
         let horizon = self.horizon.load(Ordering::Relaxed);
         let claimed = rows::claim(&self.database, &self.membership, max_worlds, (held, horizon)).await?;
         match rows::last_token(&self.database).await {
@@ -173,7 +229,7 @@ impl FleetWorlds {
             .collect())
     }
 
-    async fn hand_back_world(&self, id: WorldId) -> Result<(), StoreError> {
+    async fn hand_back(&self, id: WorldId) -> Result<(), StoreError> {
         let Held { claim, .. } = self.held(id).ok_or(StoreError::Lost(id))?;
         if !rows::hand_back(&self.database, id, claim).await? {
             return Err(StoreError::Lost(id));
@@ -181,114 +237,22 @@ impl FleetWorlds {
         self.held.lock().remove(&id);
         Ok(rows::notify(&self.database).await?)
     }
-}
 
-impl WorldStore for FleetWorlds {
-    fn list(&self) -> StoreCall<'_, Vec<WorldId>> {
-        // Worlds of a fleet are claimed.
-        Box::pin(async { Ok(Vec::new()) })
-    }
-
-    fn read(&self, id: WorldId) -> StoreCall<'_, LoadedWorld> {
-        Box::pin(self.read_world(id))
-    }
-
-    fn write(&self, lease_epoch: LeaseEpoch, world: WorldSave, log: SavedLog) -> StoreCall<'_, ()> {
-        Box::pin(self.write_world(lease_epoch, world, log))
-    }
-
-    fn forget(&self, id: WorldId) -> StoreCall<'_, ()> {
-        Box::pin(async move {
-            let Held { claim, blob } = self.held(id).ok_or(StoreError::Lost(id))?;
-            if !rows::forget(&self.database, id, claim).await? {
-                return Err(StoreError::Lost(id));
-            }
-            self.held.lock().remove(&id);
-            self.clear(blob).await;
-            Ok(())
-        })
-    }
-
-    fn shared(&self) -> Option<&dyn SharedStore> {
-        Some(self)
-    }
-}
-
-impl SharedStore for FleetWorlds {
-    fn lease(&self) -> Duration {
-        self.membership.lease()
-    }
-
-    fn lease_epoch(&self) -> LeaseEpoch {
-        LeaseEpoch(self.membership.id())
-    }
-
-    fn holds_lease(&self) -> bool {
-        self.membership.holds_lease()
-    }
-
-    fn renew(&self) -> StoreCall<'_, ()> {
-        Box::pin(async {
-            match self.membership.renew().await {
-                Ok(true) => Ok(()),
-                Ok(false) => Err(StoreError::Expired),
-                Err(_) if !self.membership.holds_lease() => Err(StoreError::Expired),
-                Err(error) => Err(error.into()),
-            }
-        })
-    }
-
-    fn rejoin(&self) -> StoreCall<'_, ()> {
-        Box::pin(async {
-            // In the database, the lease may still be valid, and with it the claims to worlds that this server has
-            // stopped.
-            self.membership.leave().await?;
-            self.held.lock().clear();
-            self.membership.rejoin().await?;
-            Ok(rows::notify(&self.database).await?)
-        })
-    }
-
-    fn leave(&self) -> StoreCall<'_, ()> {
-        Box::pin(async {
-            self.membership.leave().await?;
-            Ok(rows::notify(&self.database).await?)
-        })
-    }
-
-    fn changed(&self) -> Pin<Box<dyn Future<Output = ()> + Send + '_>> {
-        Box::pin(self.left.notified())
-    }
-
-    fn new_id(&self, earliest: WorldId) -> StoreCall<'_, WorldId> {
-        Box::pin(async move { Ok(rows::new_id(&self.database, earliest).await?) })
-    }
-
-    fn claim<'a>(&'a self, max_worlds: usize, held: &'a [WorldId]) -> StoreCall<'a, Vec<WorldId>> {
-        Box::pin(self.claim_worlds(max_worlds, held))
-    }
-
-    fn hand_back(&self, id: WorldId) -> StoreCall<'_, ()> {
-        Box::pin(self.hand_back_world(id))
-    }
-
-    fn append_journals<'a>(
-        &'a self,
+    async fn append_journals(
+        &self,
         lease_epoch: LeaseEpoch,
-        journals: &'a [(WorldId, Journal)],
-    ) -> StoreCall<'a, BTreeMap<WorldId, bool>> {
-        Box::pin(async move {
-            let held = journals.iter().filter_map(|(id, journal)| Some((*id, self.held(*id)?.claim, journal)));
-            let held = held.filter(|(_, claim, _)| claim.member == lease_epoch.0);
-            Ok(rows::append(&self.database, held.collect()).await?)
-        })
+        journals: &[(WorldId, Journal)],
+    ) -> Result<BTreeMap<WorldId, bool>, StoreError> {
+        let held = journals.iter().filter_map(|(id, journal)| Some((*id, self.held(*id)?.claim, journal)));
+        let held = held.filter(|(_, claim, _)| claim.member == lease_epoch.0);
+        Ok(rows::append(&self.database, held.collect()).await?)
     }
 
-    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<ServerInfo>> {
-        Box::pin(async move { self.lookups.locate(&self.database, id, self.membership.id()).await })
+    async fn locate(&self, id: WorldId) -> Result<Option<ServerInfo>, StoreError> {
+        self.lookups.locate(&self.database, id, self.membership.id()).await
     }
 
-    fn servers(&self) -> StoreCall<'_, Vec<ServerInfo>> {
-        Box::pin(async move { self.lookups.servers(&self.database, self.membership.id()).await })
+    async fn servers(&self) -> Result<Vec<ServerInfo>, StoreError> {
+        self.lookups.servers(&self.database, self.membership.id()).await
     }
 }

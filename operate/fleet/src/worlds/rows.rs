@@ -24,15 +24,15 @@ pub struct Ownership {
 
 /// Returns the ownership of a new world.
 pub async fn new_claim(database: &Database, member: i64) -> Result<Ownership, FleetError> {
-    let token = sqlx::query_scalar!(r#"SELECT nextval('tokens') AS "token!""#).fetch_one(&database.pool).await;
-    Ok(Ownership { member, token: token.map_err(|error| database.failed(error))? })
+    let token = sqlx::query_scalar!(r#"SELECT nextval('tokens') AS "token!""#).fetch_one(&database.pool).await?;
+    Ok(Ownership { member, token })
 }
 
 /// Returns an id that no world has had.
 pub async fn new_id(database: &Database, earliest: WorldId) -> Result<WorldId, FleetError> {
     let id =
         sqlx::query_scalar!("UPDATE world_ids SET last = greatest(last + 1, $1) RETURNING last", earliest.0 as i64);
-    let id = id.fetch_one(&database.pool).await.map_err(|error| database.failed(error))?;
+    let id = id.fetch_one(&database.pool).await?;
     Ok(WorldId(id as u64))
 }
 
@@ -54,7 +54,7 @@ pub async fn insert(
         &blob.0,
         through as i64,
     );
-    let inserted = inserted.execute(&database.pool).await.map_err(|error| database.failed(error))?;
+    let inserted = inserted.execute(&database.pool).await?;
     Ok(inserted.rows_affected() == 1)
 }
 
@@ -82,7 +82,7 @@ pub async fn save(
         &blob.0,
         through as i64,
     );
-    let saved = saved.fetch_optional(&database.pool).await.map_err(|error| database.failed(error))?;
+    let saved = saved.fetch_optional(&database.pool).await?;
     Ok(saved.is_some())
 }
 
@@ -95,7 +95,7 @@ pub async fn forget(database: &Database, id: WorldId, claim: Ownership) -> Resul
         claim.member,
         claim.token,
     );
-    let removed = removed.execute(&database.pool).await.map_err(|error| database.failed(error))?;
+    let removed = removed.execute(&database.pool).await?;
     Ok(removed.rows_affected() == 1)
 }
 
@@ -146,18 +146,17 @@ pub async fn claim(
         &held,
         horizon,
     );
-    let claimed = claimed.fetch_all(&database.pool).await.map_err(|error| database.failed(error))?;
-    let claim = |row: (i64, i64, Vec<u8>)| {
-        let claim = Ownership { member, token: row.1 };
-        Ok((WorldId(row.0 as u64), claim, blob_id(database, row.2)?))
-    };
-    claimed.into_iter().map(|row| claim((row.id, row.token, row.blob))).collect()
+    let claimed = claimed.fetch_all(&database.pool).await?;
+    let claimed = claimed.into_iter().map(|row| {
+        let claim = Ownership { member, token: row.token };
+        (WorldId(row.id as u64), claim, BlobId::of_row(&row.blob))
+    });
+    Ok(claimed.collect())
 }
 
 /// Returns the latest token of any claim.
 pub async fn last_token(database: &Database) -> Result<i64, FleetError> {
-    let last = sqlx::query_scalar!("SELECT last_value FROM tokens").fetch_one(&database.pool).await;
-    last.map_err(|error| database.failed(error))
+    Ok(sqlx::query_scalar!("SELECT last_value FROM tokens").fetch_one(&database.pool).await?)
 }
 
 /// Makes a world ownerless, so that any server may take it over. Returns false if another server owns it, or the lease
@@ -170,7 +169,7 @@ pub async fn hand_back(database: &Database, id: WorldId, claim: Ownership) -> Re
         claim.member,
         claim.token,
     );
-    let handed = handed.execute(&database.pool).await.map_err(|error| database.failed(error))?;
+    let handed = handed.execute(&database.pool).await?;
     Ok(handed.rows_affected() == 1)
 }
 
@@ -219,7 +218,7 @@ pub async fn journals(database: &Database, id: WorldId) -> Result<Vec<(u64, Vec<
          WHERE world = $1 AND world_events.through > worlds.through ORDER BY world_events.through",
         id.0 as i64,
     );
-    let rows = rows.fetch_all(&database.pool).await.map_err(|error| database.failed(error))?;
+    let rows = rows.fetch_all(&database.pool).await?;
     Ok(rows.into_iter().map(|row| (row.through as u64, row.events)).collect())
 }
 
@@ -236,7 +235,7 @@ pub async fn locate(
          FROM worlds JOIN members ON members.id = owner WHERE worlds.id = ANY($1)"#,
         &ids,
     );
-    let rows = rows.fetch_all(&database.lookups).await.map_err(|error| database.failed(error))?;
+    let rows = rows.fetch_all(&database.lookups).await?;
     let place = |is_here, address, is_alive, world_count| ServerInfo { address, is_here, is_alive, world_count };
     let found = rows.into_iter().map(|row| {
         (WorldId(row.id as u64), place(row.member == own, row.address, row.is_alive, row.world_count as u64))
@@ -250,7 +249,7 @@ pub async fn servers(database: &Database, own: i64) -> Result<Vec<ServerInfo>, F
         r#"SELECT id, address, (SELECT count(*) FROM worlds WHERE owner = members.id) AS "world_count!"
          FROM members WHERE kind = 'server' AND expires_at > now() ORDER BY address, id"#,
     );
-    let rows = rows.fetch_all(&database.lookups).await.map_err(|error| database.failed(error))?;
+    let rows = rows.fetch_all(&database.lookups).await?;
     let place = |id: i64, address, world_count: i64| ServerInfo {
         address,
         is_here: id == own,
@@ -260,21 +259,14 @@ pub async fn servers(database: &Database, own: i64) -> Result<Vec<ServerInfo>, F
     Ok(rows.into_iter().map(|row| place(row.id, row.address, row.world_count)).collect())
 }
 
-/// Returns all worlds and the blobs of their last saves.
+/// Returns all worlds and the blobs of their last saves. For measurements.
 pub async fn saves(database: &Database) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
-    let rows = sqlx::query!("SELECT id, blob FROM worlds ORDER BY id").fetch_all(&database.pool).await;
-    let rows = rows.map_err(|error| database.failed(error))?;
-    rows.into_iter().map(|row| Ok((WorldId(row.id as u64), blob_id(database, row.blob)?))).collect()
-}
-
-fn blob_id(database: &Database, name: Vec<u8>) -> Result<BlobId, FleetError> {
-    let name = name.try_into().map_err(|_| FleetError::new(database.place(), "the name of a blob is not a hash"))?;
-    Ok(BlobId(name))
+    let rows = sqlx::query!("SELECT id, blob FROM worlds ORDER BY id").fetch_all(&database.pool).await?;
+    Ok(rows.into_iter().map(|row| (WorldId(row.id as u64), BlobId::of_row(&row.blob))).collect())
 }
 
 /// Notifies all servers to look for worlds.
 pub async fn notify(database: &Database) -> Result<(), FleetError> {
-    let fail = |error| database.failed(error);
-    let mut connection = database.pool.acquire().await.map_err(fail)?;
-    notifications::notify(&mut connection, CHANNEL, "").await.map_err(fail)
+    let mut connection = database.pool.acquire().await?;
+    Ok(notifications::notify(&mut connection, CHANNEL, "").await?)
 }

@@ -5,7 +5,8 @@
 
 use super::Figure;
 use super::link::Link;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use crate::processes::free_address;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -37,24 +38,19 @@ const TARGET: f64 = 0.8;
 
 /// All figures of `bench feed`.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
-    let worlds = ["worlds_1_decisions_s", "worlds_2_decisions_s", "worlds_4_decisions_s", "worlds_8_decisions_s"];
-    let actors = ["actors_1_decisions_s", "actors_2_decisions_s", "actors_4_decisions_s", "actors_8_decisions_s"];
-    let ways = [
-        (worlds, "worlds_8_far_decisions_s", ENVS, feed_by_worlds as Feed),
-        (actors, "actors_8_far_decisions_s", 1, feed_by_actors as Feed),
-    ];
     let mut figures = Vec::new();
-    for (names, far_name, envs, feed) in ways {
+    for (what, envs, feed) in [("worlds", ENVS, feed_by_worlds as Feed), ("actors", 1, feed_by_actors as Feed)] {
         let most =
             |count: usize| (count * envs * NPCS) as f64 / (f64::from(TICKS_PER_DECISION) * TICK_COST.as_secs_f64());
-        let figure = |name, rate, count| {
+        let figure = |name: String, rate, count| {
             Figure::new(name, rate, "1/s").with_reference("nothing but the injected cost", most(count), true)
         };
-        for (name, count) in names.into_iter().zip(COUNTS) {
+        for count in COUNTS {
+            let name = format!("{what}_{count}_decisions_s");
             figures.push(figure(name, feed(count, None)?, count).at_least(TARGET * most(count)));
         }
         let far = Link::new(FAR.0, FAR.1);
-        figures.push(figure(far_name, feed(8, Some(&far))?, 8));
+        figures.push(figure(format!("{what}_8_far_decisions_s"), feed(8, Some(&far))?, 8));
     }
     Ok(figures)
 }
@@ -89,10 +85,6 @@ impl GameWorld for Sleeping {
     fn cast(&self, _origin: Vec3, _directions: &[Vec3; RAY_COUNT], _range: f32) -> [Hit; RAY_COUNT] {
         [None; RAY_COUNT]
     }
-}
-
-fn free_address() -> std::io::Result<SocketAddr> {
-    TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()
 }
 
 /// Starts games, which run until the process ends, and returns their addresses once they serve.

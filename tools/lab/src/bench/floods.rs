@@ -5,7 +5,7 @@
 
 use super::serve::{Scene, TARGET_P99_MS};
 use super::{Args, Figure};
-use crate::processes::connect;
+use crate::processes::{Setup, connect};
 use anyhow::Context;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -49,29 +49,13 @@ enum Flood {
 }
 
 impl Flood {
-    const ALL: [Self; 4] = [Self::IdleSockets, Self::StalledHandshakes, Self::RapidReset, Self::OpenStreams];
-
-    fn connections(self) -> usize {
-        match self {
-            Self::IdleSockets => IDLE_SOCKETS,
-            Self::StalledHandshakes => STALLED_HANDSHAKES,
-            Self::RapidReset => RESETTING_CONNECTIONS,
-            Self::OpenStreams => STREAMING_CONNECTIONS,
-        }
-    }
-
-    /// Names of its figures: the 99th percentile of tick times, its ratio to the calm period, and the longest wait of a
-    /// client.
-    fn names(self) -> [&'static str; 3] {
-        match self {
-            Self::IdleSockets => ["idle_sockets_tick_p99_ms", "idle_sockets_p99_ratio", "idle_sockets_answer_ms"],
-            Self::StalledHandshakes => {
-                ["stalled_handshakes_tick_p99_ms", "stalled_handshakes_p99_ratio", "stalled_handshakes_answer_ms"]
-            }
-            Self::RapidReset => ["rapid_reset_tick_p99_ms", "rapid_reset_p99_ratio", "rapid_reset_answer_ms"],
-            Self::OpenStreams => ["open_streams_tick_p99_ms", "open_streams_p99_ratio", "open_streams_answer_ms"],
-        }
-    }
+    /// All floods, with their names in figures and their numbers of connections.
+    const ALL: [(Self, &str, usize); 4] = [
+        (Self::IdleSockets, "idle_sockets", IDLE_SOCKETS),
+        (Self::StalledHandshakes, "stalled_handshakes", STALLED_HANDSHAKES),
+        (Self::RapidReset, "rapid_reset", RESETTING_CONNECTIONS),
+        (Self::OpenStreams, "open_streams", STREAMING_CONNECTIONS),
+    ];
 
     /// Floods over one connection until the server closes it.
     async fn run(self, address: SocketAddr) -> std::io::Result<()> {
@@ -129,15 +113,16 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let cache = surefoot_cli::commands::services::CacheArgs::default_folder()?.join("bench-floods");
     runtime.block_on(async {
-        let scene = Scene::start(args.npcs.unwrap_or(DEFAULT_NPCS), &cache).await?;
-        let address = scene.server_uri.trim_start_matches("http://").parse().context("the server's address")?;
-        let client = connect(&scene.server_uri).await?;
+        let scene = Scene::start(Setup::new(args.npcs.unwrap_or(DEFAULT_NPCS), &cache)).await?;
+        let server = scene.services.server_uri.trim_start_matches("http://");
+        let address = server.parse().context("the server's address")?;
+        let client = connect(&scene.services.server_uri).await?;
         scene.measure(SPAN).await?;
         let mut figures = Vec::new();
-        for flood in Flood::ALL {
+        for (flood, name, connection_count) in Flood::ALL {
             let calm = scene.measure(SPAN).await?;
             let mut connections = JoinSet::new();
-            for _ in 0..flood.connections() {
+            for _ in 0..connection_count {
                 connections.spawn(async move {
                     loop {
                         // The server closed or refused the connection: connect again.
@@ -151,11 +136,10 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
             connections.shutdown().await;
             let ratio = measured.p99_ms() / calm.p99_ms();
             eprintln!("{flood:?}: tick p99 {:.2} ms, x {ratio:.2}; answers in {answer_ms:.0} ms", measured.p99_ms());
-            let [p99, p99_ratio, answer] = flood.names();
             figures.extend([
-                Figure::new(p99, measured.p99_ms(), "ms").at_most(TARGET_P99_MS),
-                Figure::new(p99_ratio, ratio, ""),
-                Figure::new(answer, answer_ms, "ms").at_most(TARGET_ANSWER_MS),
+                Figure::new(format!("{name}_tick_p99_ms"), measured.p99_ms(), "ms").at_most(TARGET_P99_MS),
+                Figure::new(format!("{name}_p99_ratio"), ratio, ""),
+                Figure::new(format!("{name}_answer_ms"), answer_ms, "ms").at_most(TARGET_ANSWER_MS),
             ]);
         }
         Ok(figures)

@@ -1,5 +1,6 @@
 //! Learning: SAC updates and inference.
 
+use super::world::Crowd;
 use super::{Figure, median, timed};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -12,16 +13,10 @@ use surefoot_train::networks::with_burn;
 use surefoot_train::replay::Batch;
 use surefoot_train::{Learner, Processor, Run, TrainConfig};
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::{CharacterProfile, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
+use surefoot_world::{CharacterProfile, MapSpec, NpcSlot, OBSERVATION_LEN};
 
-/// Batch sizes at which inference is timed, with the names of the figures for the reactive and the recurrent agent.
-const INFERENCE: [(usize, &str, &str); 5] = [
-    (1, "infer_1_us", "infer_lstm_1_us"),
-    (64, "infer_64_us", "infer_lstm_64_us"),
-    (192, "infer_192_us", "infer_lstm_192_us"),
-    (256, "infer_256_us", "infer_lstm_256_us"),
-    (512, "infer_512_us", "infer_lstm_512_us"),
-];
+/// Batch sizes at which inference is timed.
+const INFERENCE: [usize; 5] = [1, 64, 192, 256, 512];
 
 /// All figures of `bench learn`.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
@@ -34,10 +29,10 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let shipped = load_policy(None)?;
     figures.push(Figure::new("env_steps_s", env_steps_per_second(&shipped)?, "1/s on one thread, with inference"));
     let lstm = untrained(&recurrent);
-    for (rows, reactive_name, lstm_name) in INFERENCE {
-        for (name, policy) in [(reactive_name, &shipped), (lstm_name, &lstm)] {
+    for rows in INFERENCE {
+        for (agent, policy) in [("", &shipped), ("lstm_", &lstm)] {
             let burn = with_burn(policy.clone(), Processor::Cpu)?;
-            let figure = Figure::new(name, inference_us(policy, rows), "us");
+            let figure = Figure::new(format!("infer_{agent}{rows}_us"), inference_us(policy, rows), "us");
             figures.push(figure.with_reference("burn", inference_us(&burn, rows), false));
         }
     }
@@ -120,16 +115,11 @@ fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
 
 /// Observation rows of NPCs on a generated map: the speed of the ray encoder depends on the share of zeros.
 fn observations(rows: usize) -> Vec<f32> {
-    let profile = CharacterProfile::default();
     let map = Arc::new(surefoot_generate::generate(&MapSpec::new(0)));
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let points = navigable::sample_many(&map, &profile, 2 * rows, &mut rng).expect("generated maps have ground");
-    let mut world = World::new(map, profile, TaskConfig::default());
+    let crowd = Crowd::of(rows, &map, 0, false).expect("generated maps have ground");
     let mut values = vec![0.0; rows * OBSERVATION_LEN];
-    for (pair, row) in points.chunks_exact(2).zip(values.chunks_exact_mut(OBSERVATION_LEN)) {
-        let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
-        world.set_waypoint(slot, pair[1]);
-        world.observe(slot, row);
+    for (idx, row) in (0..).zip(values.chunks_exact_mut(OBSERVATION_LEN)) {
+        crowd.world.observe(NpcSlot(idx), row);
     }
     values
 }

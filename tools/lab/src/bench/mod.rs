@@ -5,7 +5,7 @@ mod feed;
 mod floods;
 mod growth;
 mod learn;
-mod link;
+pub mod link;
 mod plan;
 mod queue;
 #[cfg(feature = "reference")]
@@ -111,7 +111,7 @@ fn parse_minutes(text: &str) -> Result<f64, String> {
 }
 
 /// One measured figure. All benches share this form.
-#[derive(Serialize)]
+#[derive(Serialize, Default)]
 struct Figure {
     /// The level that it was measured on, if `--maps` named one; for growth, what was counted.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -129,17 +129,7 @@ struct Figure {
 
 impl Figure {
     fn new(name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) -> Self {
-        Self {
-            level: None,
-            name: name.into(),
-            value,
-            unit,
-            target: None,
-            met: None,
-            reference: None,
-            reference_name: None,
-            ratio: None,
-        }
+        Self { name: name.into(), value, unit, ..Self::default() }
     }
 
     /// Says on which level it was measured.
@@ -227,10 +217,26 @@ pub(super) fn process_status(pid: &str, name: &str) -> Option<f64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-fn timed(mut work: impl FnMut()) -> f64 {
+/// Time that `work` takes, s.
+fn timed<T>(work: impl FnOnce() -> T) -> f64 {
+    timed_with(work).1
+}
+
+/// The result of `work`, and the time that it takes, s.
+fn timed_with<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let started = Instant::now();
-    work();
-    started.elapsed().as_secs_f64()
+    let result = work();
+    (result, started.elapsed().as_secs_f64())
+}
+
+/// Intercept and slope of the line through `points` (x, y) with the least squared error.
+fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
+    let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / points.len() as f64;
+    let [mean_x, mean_y] = [mean(0), mean(1)];
+    let products: f64 = points.iter().map(|[x, y]| (x - mean_x) * (y - mean_y)).sum();
+    let squares: f64 = points.iter().map(|[x, _]| (x - mean_x).powi(2)).sum();
+    let slope = products / squares.max(f64::MIN_POSITIVE);
+    [mean_y - slope * mean_x, slope]
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

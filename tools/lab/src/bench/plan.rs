@@ -2,7 +2,8 @@
 
 use super::edits::edits;
 use super::tiles::tiled;
-use super::{Figure, median, timed};
+use super::{Figure, median, timed, timed_with};
+use crate::processes::await_build;
 use anyhow::Context;
 use petgraph::algo::{astar, dijkstra};
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -79,9 +80,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         Figure::new("interim_800_s", small_interim.map_or(f64::NAN, |(seconds, _)| seconds), "s"),
         Figure::new("interim_1600_s", big_interim.as_ref().map_or(f64::NAN, |(seconds, _)| *seconds), "s"),
     ];
-    let mut router = None;
-    let fill = timed(|| router = Some(Router::new(big.graph.clone(), DEFAULT_LABEL_LIMIT, core_count())));
-    let router = router.expect("the closure has run");
+    let (router, fill) = timed_with(|| Router::new(big.graph.clone(), DEFAULT_LABEL_LIMIT, core_count()));
     figures.push(Figure::new("plan_labels_s", fill, "s"));
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let points = navigable::sample_many(&context.map, &context.profile, 2000, &mut rng)?;
@@ -261,7 +260,8 @@ async fn over_grpc(
         settings: Some(settings_to_wire(settings)),
         ..Default::default()
     };
-    let graph_id = build_over_grpc(&mut client, request.clone()).await?;
+    let build = client.start_build(request.clone()).await?.into_inner().build.unwrap_or_default();
+    let graph_id = await_build(&mut client, build).await?.graph_id;
     let inside = 10.0..TILE_M - 10.0;
     let is_inside = |place: &Vec3| inside.contains(&place.x) && inside.contains(&place.z);
     let places: Vec<Vec3> = queries.iter().map(|query| query.goal).filter(is_inside).collect();
@@ -299,20 +299,6 @@ async fn over_grpc(
     ];
     figures.extend(edited);
     Ok(figures)
-}
-
-/// Builds a graph on the service, and returns its id.
-async fn build_over_grpc(
-    client: &mut PlannerServiceClient<Channel>,
-    request: wire::StartBuildRequest,
-) -> anyhow::Result<String> {
-    let build = client.start_build(request).await?.into_inner().build.unwrap_or_default();
-    let mut progress = client.watch_build(wire::WatchBuildRequest { build_id: build.build_id }).await?.into_inner();
-    let mut graph_id = String::new();
-    while let Some(message) = progress.message().await? {
-        graph_id = message.build.unwrap_or_default().graph_id;
-    }
-    Ok(graph_id)
 }
 
 /// Sends [`REQUESTS_PER_S`] queries per second from all clients together. Returns the duration of each query, ms, and

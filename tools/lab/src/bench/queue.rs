@@ -18,7 +18,7 @@ mod measured {
     use crate::processes::{self, Process, cpu_s, free_address};
     use anyhow::{Context, ensure};
     use std::cell::Cell;
-    use std::process::{Child, Command, Stdio};
+    use std::process::{Command, Stdio};
     use std::sync::Arc;
     use std::time::Instant;
     use surefoot_cli::commands::core_count;
@@ -35,32 +35,10 @@ mod measured {
     /// Side of the map, m.
     const SIDE_M: u32 = 100;
     /// Largest number of provers.
-    const MAX_PROVERS: usize = 4;
+    const MAX_PROVERS: u64 = 4;
     /// Pairs of builds, one in this process and one by provers. The median counts, because other work slows both
     /// builds.
     const PAIRS: u64 = 3;
-    /// Names of the figures of 1, 2 and more provers.
-    const NAMES: [&str; MAX_PROVERS] =
-        ["probes_per_s_1_prover", "probes_per_s_2_provers", "probes_per_s_3_provers", "probes_per_s_4_provers"];
-
-    /// Names of the figures of CPU time per probe.
-    const CPU_NAMES: [&str; MAX_PROVERS] = [
-        "cpu_us_per_probe_1_prover",
-        "cpu_us_per_probe_2_provers",
-        "cpu_us_per_probe_3_provers",
-        "cpu_us_per_probe_4_provers",
-    ];
-
-    /// A NATS server, killed on drop.
-    struct Nats(Child);
-
-    impl Drop for Nats {
-        fn drop(&mut self) {
-            // The server may have ended already.
-            let _ = self.0.kill();
-            let _ = self.0.wait();
-        }
-    }
 
     /// Runs probes with another executor, and adds up the sizes of their messages.
     struct Weighing<'a> {
@@ -116,8 +94,8 @@ mod measured {
         let address = free_address()?;
         let mut command = Command::new("nats-server");
         command.args(["--addr", "127.0.0.1", "--port", &address.port().to_string(), "--jetstream", "--store_dir"]);
-        command.arg(folder.path()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        let _nats = Nats(command.spawn().context("cannot start nats-server: is it installed?")?);
+        let _nats = Process::spawn(command.arg(folder.path()), Stdio::null())
+            .context("cannot start nats-server: is it installed?")?;
         let url = format!("nats://{address}");
         let policy = Policy::shipped()?;
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
@@ -136,7 +114,7 @@ mod measured {
         let mut figures = vec![Figure::new("probes_per_s_all_threads", all.probes_per_s, "1/s")];
         let mut provers: Vec<Process> = Vec::new();
         let mut cpu_here = Vec::new();
-        for (idx, name) in (0u64..).zip(NAMES) {
+        for idx in 0..MAX_PROVERS {
             let listen = free_address()?.to_string();
             provers.push(processes::start(&["prove", "--nats", &url, "--threads", "1", "--listen", &listen])?);
             // Waits until the provers have generated the map.
@@ -155,9 +133,14 @@ mod measured {
                 cpu_here.push(one.cpu_us);
             }
             let (here, ratio) = (median(here), median(ratios));
-            let figure = Figure::new(name, median(there), "1/s").with_reference("one thread in process", here, true);
+            let count = if idx == 0 { "1_prover".to_owned() } else { format!("{}_provers", idx + 1) };
+            let figure = Figure::new(format!("probes_per_s_{count}"), median(there), "1/s").with_reference(
+                "one thread in process",
+                here,
+                true,
+            );
             figures.push(Figure { ratio: Some(ratio), ..figure });
-            figures.push(Figure::new(CPU_NAMES[idx as usize], median(cpu), "us"));
+            figures.push(Figure::new(format!("cpu_us_per_probe_{count}"), median(cpu), "us"));
         }
         figures.push(Figure::new("cpu_us_per_probe_in_process", median(cpu_here), "us"));
         let probes = weighed.built.stats.probes as f64;

@@ -4,6 +4,7 @@
 //! character controller and rapier's dynamic bodies. Wherever there is a choice, the reference gets the cheaper option:
 //! no autostep, no continuous collision detection, no contacts between NPCs, merged vertices.
 
+use super::median;
 use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Capsule, SharedShape, TriMesh, TriMeshFlags};
 use rand::{Rng, RngExt};
@@ -36,28 +37,18 @@ const LIFT_M: f32 = 0.05;
 /// Vertical speed below which a dynamic body may jump, m/s: rapier does not report whether it stands on something.
 const STANDING_SPEED: f32 = 1.0;
 
-/// Cost of each reference on one map.
-///
-/// Each time is the median over rounds or ticks of the mean in one round or tick, in microseconds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reference {
-    /// One ray against parry's triangle mesh, in the directions of an NPC's rays.
-    pub ray_us: f64,
-    /// One tick of one running NPC moved by rapier's kinematic character controller.
-    pub kinematic_move_us: f64,
-    /// One tick of one running NPC that is a dynamic rapier body with locked rotations.
-    pub dynamic_move_us: f64,
-    /// Decisions per second on one core; each is ten kinematic moves and 64 rays.
-    pub decisions_per_s: f64,
-}
-
 /// Measures rapier and parry on the solid triangles of `map`, with NPCs that run from `starts`.
+///
+/// Returns decisions per second on one core, each of ten kinematic moves and 64 rays, and three times: of one ray
+/// against parry's triangle mesh, and of one tick of one running NPC, moved by rapier's kinematic character controller
+/// or as a dynamic rapier body with locked rotations. Each time is the median over rounds or ticks of the mean in one
+/// round or tick, us.
 ///
 /// Takes a few seconds on one core. Casts rays from every start; the NPCs are distributed over the starts.
 ///
 /// # Panics
 /// If `starts` is empty or the map has no solid triangle.
-pub fn measure(map: &Map, profile: &CharacterProfile, starts: &[Vec3], rng: &mut impl Rng) -> Reference {
+pub fn measure(map: &Map, profile: &CharacterProfile, starts: &[Vec3], rng: &mut impl Rng) -> [f64; 4] {
     assert!(!starts.is_empty(), "the reference needs at least one start");
     let mesh = solid_mesh(map);
     let ray_us = ray_us(&mesh, starts, rng);
@@ -65,7 +56,7 @@ pub fn measure(map: &Map, profile: &CharacterProfile, starts: &[Vec3], rng: &mut
     let kinematic_move_us = kinematic_move_us(map, profile, ground.clone(), walkers(starts, NPCS, rng), rng);
     let dynamic_move_us = dynamic_move_us(map, profile, ground, walkers(starts, NPCS, rng), rng);
     let decision_us = f64::from(TICKS_PER_DECISION) * kinematic_move_us + RAY_COUNT as f64 * ray_us;
-    Reference { ray_us, kinematic_move_us, dynamic_move_us, decisions_per_s: 1.0e6 / decision_us }
+    [1.0e6 / decision_us, ray_us, kinematic_move_us, dynamic_move_us]
 }
 
 fn solid_mesh(map: &Map) -> TriMesh {
@@ -237,9 +228,4 @@ fn half_length(profile: &CharacterProfile) -> f32 {
 
 fn micros_each(elapsed: Duration, count: usize) -> f64 {
     elapsed.as_secs_f64() * 1.0e6 / count as f64
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

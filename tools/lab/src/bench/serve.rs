@@ -1,9 +1,8 @@
 //! The world server under load: server, planner and two workers in separate processes, realtime worlds, and a crowd
 //! that never stops seeking goals.
 
-use super::link::Link;
 use super::{Args, Figure};
-use crate::processes::{Process, connect, free_address, start};
+use crate::processes::{Process, Services, Setup, await_build, connect, free_address, metric, start};
 use anyhow::{Context, bail};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -22,12 +21,10 @@ use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, MapSpec};
 use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::Channel;
 
 /// Number of worlds, on maps that belong to no split.
 pub(super) const WORLDS: u64 = 8;
 const FIRST_SEED: u64 = 6000;
-const WORKERS: usize = 2;
 const DEFAULT_NPCS: usize = 1024;
 /// Limits within which a number of NPCs counts as sustained: 99th percentile of the tick time in ms, share of late
 /// ticks, and share of decisions answered in time.
@@ -45,14 +42,10 @@ const SLOW_READERS: usize = 50;
 const ENV_NPCS: usize = 256;
 const ENV_STEPS: usize = 100;
 
-/// All processes of one measurement, and the crowds on its worlds.
+/// All processes of one measurement, and the crowds on its worlds, which end first.
 pub(super) struct Scene {
-    /// First the server, then the planner, then the workers.
-    pub processes: Vec<Process>,
-    pub server_uri: String,
-    pub planner_uri: String,
-    channel: Channel,
     worlds: Vec<Watched>,
+    pub services: Services,
 }
 
 struct Watched {
@@ -67,77 +60,30 @@ impl Drop for Watched {
     }
 }
 
-impl Drop for Scene {
-    fn drop(&mut self) {
-        self.worlds.clear();
-        // Workers end before the services that they connect to.
-        while self.processes.pop().is_some() {}
-    }
-}
-
 impl Scene {
-    /// Starts server, planner and workers with `npcs` NPCs in total, and waits until every world has its graph.
-    pub async fn start(npcs: usize, cache: &Path) -> anyhow::Result<Self> {
-        Self::start_over(npcs, cache, None).await
-    }
-
-    /// Like [`start`](Self::start), with a server of a fleet.
-    #[cfg(feature = "fleet")]
-    pub async fn start_of_fleet(npcs: usize, cache: &Path, store: &str, blobs: &str) -> anyhow::Result<Self> {
-        Self::start_with(npcs, cache, None, &["--store", store, "--blobs", blobs]).await
-    }
-
-    /// Like [`start`](Self::start), with workers that reach the server and the planner over these links.
-    pub async fn start_over(npcs: usize, cache: &Path, links: Option<[&Link; 2]>) -> anyhow::Result<Self> {
-        Self::start_with(npcs, cache, links, &[]).await
-    }
-
-    async fn start_with(
-        npcs: usize,
-        cache: &Path,
-        links: Option<[&Link; 2]>,
-        of_server: &[&str],
-    ) -> anyhow::Result<Self> {
-        let [server_at, planner_at] = [free_address()?, free_address()?];
-        let (server, planner) = (server_at.to_string(), planner_at.to_string());
-        let (server_uri, planner_uri) = (format!("http://{server}"), format!("http://{planner}"));
-        let [for_workers, plans_for_workers] = match links {
-            None => [server_uri.clone(), planner_uri.clone()],
-            Some([to_server, to_planner]) => {
-                [to_server.relay(server_at)?, to_planner.relay(planner_at)?].map(|at| format!("http://{at}"))
-            }
-        };
-        let folder = cache.to_str().context("the path of the cache folder is not UTF-8")?;
-        let limit = npcs.to_string();
-        let mut processes = vec![
-            start(&[&["serve", "--listen", &server, "--max-npcs-per-client", &limit], of_server].concat())?,
-            start(&["plan", "--listen", &planner, "--cache", folder])?,
-        ];
-        let channel = connect(&server_uri).await?;
-        connect(&planner_uri).await?;
-        for _ in 0..WORKERS {
-            let work = ["work", "--server", &for_workers, "--planner", &plans_for_workers, "--npcs", &limit];
-            processes.push(start(&work)?);
-        }
+    /// Starts services with as many NPCs as they allow, and waits until every world has its graph.
+    pub async fn start(setup: Setup<'_>) -> anyhow::Result<Self> {
+        let (services, npcs) = (Services::start(setup).await?, setup.npcs);
         let mut worlds = Vec::new();
         for idx in 0..WORLDS {
             let share = npcs / WORLDS as usize + usize::from((idx as usize) < npcs % WORLDS as usize);
             let map = Some(map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx)));
             let request = wire::CreateWorldRequest { map, ..Default::default() };
-            let crowd = Crowd::start(channel.clone(), request, share, idx).await.context("cannot populate a world")?;
+            let crowd =
+                Crowd::start(services.server.clone(), request, share, idx).await.context("cannot populate a world")?;
             let world_id = crowd.world().world_id;
             let (sender, latest) = watch::channel(WatchStatsResponse::default());
             worlds.push(Watched { world_id, latest, crowd: tokio::spawn(crowd.keep_busy(sender)) });
         }
-        let mut scene = Self { processes, server_uri, planner_uri, channel, worlds };
+        let scene = Self { worlds, services };
         scene.wait_for_plans().await?;
         scene.wait_for_builds().await?;
         Ok(scene)
     }
 
     /// Waits until NPCs of every world follow plans.
-    async fn wait_for_plans(&mut self) -> anyhow::Result<()> {
-        let mut client = WorldServiceClient::new(self.channel.clone());
+    async fn wait_for_plans(&self) -> anyhow::Result<()> {
+        let mut client = WorldServiceClient::new(self.services.server.clone());
         for world in &self.worlds {
             let world_id = world.world_id;
             let snapshots = client.watch_world(wire::WatchWorldRequest { world_id, ..Default::default() });
@@ -158,38 +104,28 @@ impl Scene {
 
     /// Waits until all builds have ended: NPCs follow plans on interim graphs before that.
     async fn wait_for_builds(&self) -> anyhow::Result<()> {
-        let channel = connect(&self.planner_uri).await?;
-        let mut client = PlannerServiceClient::new(channel);
+        let mut client = PlannerServiceClient::new(connect(&self.services.planner_uri).await?);
         for build in client.list_builds(planner::ListBuildsRequest::default()).await?.into_inner().builds {
-            let request = planner::WatchBuildRequest { build_id: build.build_id };
-            let mut progress = client.watch_build(request).await?.into_inner();
-            while progress.message().await?.is_some() {}
+            await_build(&mut client, build).await?;
         }
         Ok(())
     }
 
     /// CPU time so far of the server, of the workers together, and of the planner, s.
     pub fn cpu_s(&self) -> anyhow::Result<[f64; 3]> {
-        let workers = self.processes[2..].iter().map(Process::cpu_s).sum::<anyhow::Result<f64>>()?;
-        Ok([self.processes[0].cpu_s()?, workers, self.processes[1].cpu_s()?])
+        let [server, planner, workers @ ..] = &self.services.processes[..] else { bail!("no server and planner") };
+        let workers = workers.iter().map(Process::cpu_s).sum::<anyhow::Result<f64>>()?;
+        Ok([server.cpu_s()?, workers, planner.cpu_s()?])
     }
 
     /// Number of plans so far.
     pub async fn plans(&self) -> anyhow::Result<f64> {
-        use tokio::io::{AsyncReadExt, AsyncWriteExt};
-        let address = self.planner_uri.trim_start_matches("http://");
-        let mut socket = tokio::net::TcpStream::connect(address).await?;
-        let request = format!("GET /metrics HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
-        socket.write_all(request.as_bytes()).await?;
-        let mut page = String::new();
-        socket.read_to_string(&mut page).await?;
-        let count = page.lines().find_map(|line| line.strip_prefix("surefoot_plans_total "));
-        count.and_then(|count| count.trim().parse().ok()).context("the planner's metrics lack surefoot_plans_total")
+        metric(&self.services.planner_uri, "surefoot_plans_total").await
     }
 
     /// Resident memory of the server process, MiB.
     fn server_mib(&self) -> anyhow::Result<f64> {
-        self.processes[0].memory_mib()
+        self.services.processes[0].memory_mib()
     }
 
     fn stats(&self) -> Vec<WorldStats> {
@@ -236,13 +172,17 @@ impl Measured {
         self.times.iter().map(TickTimes::count).sum()
     }
 
-    /// The 99th percentile of the worst world, ms.
+    /// A quantile of the tick time of the worst world, ms.
+    fn quantile_ms(&self, share: f64) -> f64 {
+        self.times.iter().map(|times| f64::from(times.quantile_us(share))).fold(0.0, f64::max) / 1000.0
+    }
+
     pub fn p99_ms(&self) -> f64 {
-        self.times.iter().map(|times| f64::from(times.quantile_us(0.99))).fold(0.0, f64::max) / 1000.0
+        self.quantile_ms(0.99)
     }
 
     pub fn p50_ms(&self) -> f64 {
-        self.times.iter().map(|times| f64::from(times.quantile_us(0.5))).fold(0.0, f64::max) / 1000.0
+        self.quantile_ms(0.5)
     }
 
     /// Share of ticks that were late, dropped ones included.
@@ -284,7 +224,7 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
     runtime.block_on(async {
         let mut figures = lockstep().await?;
         let npcs = args.npcs.unwrap_or(DEFAULT_NPCS);
-        let scene = Scene::start(npcs, &cache).await?;
+        let scene = Scene::start(Setup::new(npcs, &cache)).await?;
         scene.measure(WARM_UP).await?;
         let measured = scene.measure(Duration::from_secs_f64(args.minutes * 60.0)).await?;
         measured.print(npcs);
@@ -320,7 +260,7 @@ async fn slow_readers(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
     let mut readers = Vec::new();
     for idx in 0..SLOW_READERS {
         let world_id = scene.worlds[idx % scene.worlds.len()].world_id;
-        let mut client = WorldServiceClient::new(connect(&scene.server_uri).await?);
+        let mut client = WorldServiceClient::new(connect(&scene.services.server_uri).await?);
         let request = wire::WatchWorldRequest { world_id, rate_hz: 60.0, ..Default::default() };
         readers.push(client.watch_world(request).await?.into_inner());
     }
@@ -341,7 +281,7 @@ async fn slow_readers(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
 async fn ladder(cache: &Path) -> anyhow::Result<Vec<(usize, Measured)>> {
     let mut curve = Vec::new();
     for npcs in LADDER {
-        let scene = Scene::start(npcs, cache).await?;
+        let scene = Scene::start(Setup::new(npcs, cache)).await?;
         scene.measure(WARM_UP).await?;
         let measured = scene.measure(RUNG).await?;
         measured.print(npcs);

@@ -4,8 +4,8 @@
 //! Beside the crowds of `serve`, clients come and go: worlds, imports, builds, edits, watchers and remote environments.
 
 use super::serve::Scene;
-use super::{Args, Figure};
-use crate::processes::{Process, connect};
+use super::{Args, Figure, line_through};
+use crate::processes::{Process, Setup, await_build, connect, metric};
 use anyhow::Context;
 use std::path::Path;
 use std::sync::Arc;
@@ -82,16 +82,16 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
 }
 
 async fn soak(args: &Args, cache: &Path) -> anyhow::Result<Vec<Figure>> {
-    let mut scene = Scene::start(args.npcs.unwrap_or(DEFAULT_NPCS), cache).await?;
+    let mut scene = Scene::start(Setup::new(args.npcs.unwrap_or(DEFAULT_NPCS), cache)).await?;
     let done = Arc::new(AtomicU64::new(0));
     let mut clients = JoinSet::new();
-    let (server, planner) = (scene.server_uri.clone(), scene.planner_uri.clone());
-    clients.spawn(repeat(Client::Worlds, connect(&server).await?, done.clone()));
-    clients.spawn(repeat(Client::Environments, connect(&server).await?, done.clone()));
-    clients.spawn(repeat(Client::Levels, connect(&server).await?, done.clone()));
-    clients.spawn(repeat(Client::Watchers, connect(&server).await?, done.clone()));
-    clients.spawn(repeat(Client::Levels, connect(&planner).await?, done.clone()));
-    clients.spawn(repeat(Client::Graphs, connect(&planner).await?, done.clone()));
+    let of_server = [Client::Worlds, Client::Environments, Client::Levels, Client::Watchers];
+    let of_planner = [Client::Levels, Client::Graphs];
+    for (uri, kinds) in [(&scene.services.server_uri, &of_server[..]), (&scene.services.planner_uri, &of_planner[..])] {
+        for kind in kinds {
+            clients.spawn(repeat(*kind, connect(uri).await?, done.clone()));
+        }
+    }
     let span = Duration::from_secs_f64(args.minutes * 60.0 / f64::from(SAMPLES));
     let (started, mut samples) = (Instant::now(), Vec::new());
     for _ in 0..SAMPLES {
@@ -99,10 +99,10 @@ async fn soak(args: &Args, cache: &Path) -> anyhow::Result<Vec<Figure>> {
         while let Some(ended) = clients.try_join_next() {
             ended.context("a client panicked")??;
         }
-        for (idx, process) in scene.processes.iter_mut().enumerate() {
+        for (idx, process) in scene.services.processes.iter_mut().enumerate() {
             anyhow::ensure!(process.is_running(), "process {idx} (server, planner, workers) has ended");
         }
-        let usage: Vec<Usage> = scene.processes.iter().map(Usage::of).collect::<anyhow::Result<_>>()?;
+        let usage: Vec<Usage> = scene.services.processes.iter().map(Usage::of).collect::<anyhow::Result<_>>()?;
         let sample = Sample { minutes: started.elapsed().as_secs_f64() / 60.0, usage, p99_ms: measured.p99_ms() };
         let memory: Vec<String> = sample.usage.iter().map(|usage| format!("{:.0}", usage.memory_mib)).collect();
         eprintln!(
@@ -114,7 +114,7 @@ async fn soak(args: &Args, cache: &Path) -> anyhow::Result<Vec<Figure>> {
         );
         samples.push(sample);
     }
-    let panics = failed_worlds(&scene.server_uri).await?;
+    let panics = metric(&scene.services.server_uri, "surefoot_worlds_failed_total").await?;
     clients.shutdown().await;
     Ok(summary(&samples, panics, done.load(Ordering::Relaxed)))
 }
@@ -122,7 +122,10 @@ async fn soak(args: &Args, cache: &Path) -> anyhow::Result<Vec<Figure>> {
 fn summary(samples: &[Sample], panics: f64, rounds: u64) -> Vec<Figure> {
     let warm = (samples.len() as f64 * WARM_UP_SHARE).ceil() as usize;
     let (first, rest) = samples.split_at(warm);
-    let slope = |idx: usize| slope(rest.iter().map(|sample| (sample.minutes, sample.usage[idx].memory_mib)));
+    let slope = |idx: usize| {
+        let points = rest.iter().map(|sample| [sample.minutes, sample.usage[idx].memory_mib]);
+        line_through(&points.collect::<Vec<_>>())[1]
+    };
     let third = rest.len() / 3;
     let growth = |value: fn(&Usage) -> f64| {
         // Pools grow and shrink with the load. Leaked memory is never returned, so it raises the minimum.
@@ -149,28 +152,6 @@ fn summary(samples: &[Sample], panics: f64, rounds: u64) -> Vec<Figure> {
         Figure::new("worlds_panicked", panics, "").at_most(0.0),
         if is_long { p99_ratio.at_most(MAX_P99_RATIO) } else { p99_ratio },
     ]
-}
-
-/// Slope of the least-squares line.
-fn slope(points: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
-    let count = points.clone().count() as f64;
-    let mean_x = points.clone().map(|(x, _)| x).sum::<f64>() / count;
-    let mean_y = points.clone().map(|(_, y)| y).sum::<f64>() / count;
-    let covariance: f64 = points.clone().map(|(x, y)| (x - mean_x) * (y - mean_y)).sum();
-    covariance / points.map(|(x, _)| (x - mean_x).powi(2)).sum::<f64>()
-}
-
-/// Number of worlds that panicked, from the server's metrics.
-async fn failed_worlds(server_uri: &str) -> anyhow::Result<f64> {
-    use tokio::io::{AsyncReadExt, AsyncWriteExt};
-    let address = server_uri.trim_start_matches("http://");
-    let mut socket = tokio::net::TcpStream::connect(address).await?;
-    let request = format!("GET /metrics HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
-    socket.write_all(request.as_bytes()).await?;
-    let mut text = String::new();
-    socket.read_to_string(&mut text).await?;
-    let line = text.lines().find_map(|line| line.strip_prefix("surefoot_worlds_failed_total "));
-    line.context("the metrics lack surefoot_worlds_failed_total")?.trim().parse().context("a number")
 }
 
 /// What a client does, round after round.
@@ -298,15 +279,11 @@ async fn graphs(channel: &Channel, idx: u64) -> Result<(), Status> {
         plan::BuildSettings { vertices: 40, neighbours: 6, repeats: 1, threshold: 0.5, ..Default::default() };
     let map = Some(map_spec_to_wire(&map(idx + 30)));
     let request = plan::StartBuildRequest { map, settings: Some(settings), ..Default::default() };
-    let build_id = client.start_build(request).await?.into_inner().build.unwrap_or_default().build_id;
+    let build = client.start_build(request).await?.into_inner().build.unwrap_or_default();
     if idx % 4 == 3 {
-        client.cancel_build(plan::CancelBuildRequest { build_id: build_id.clone() }).await?;
+        client.cancel_build(plan::CancelBuildRequest { build_id: build.build_id.clone() }).await?;
     }
-    let mut progress = client.watch_build(plan::WatchBuildRequest { build_id }).await?.into_inner();
-    let mut graph_id = String::new();
-    while let Some(message) = progress.message().await? {
-        graph_id = message.build.unwrap_or_default().graph_id;
-    }
+    let graph_id = await_build(&mut client, build).await?.graph_id;
     if graph_id.is_empty() {
         return Ok(());
     }

@@ -1,6 +1,6 @@
 //! The world: decisions, rays, moves, and the generation, memory and loading of maps, compared with rapier and parry.
 
-use super::{Figure, median, timed};
+use super::{Figure, median, timed, timed_with};
 use anyhow::Context;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -50,9 +50,8 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
 pub fn figures_on(levels: &[PathBuf]) -> anyhow::Result<Vec<Figure>> {
     let mut figures = Vec::new();
     for file in levels {
-        let mut map = None;
-        let import = timed(|| map = Some(load_level(file)));
-        let map = Arc::new(map.expect("the closure has run")?);
+        let (map, import) = timed_with(|| load_level(file));
+        let map = Arc::new(map?);
         let mut own = simulation(&map).with_context(|| format!("{}", file.display()))?;
         own.extend([
             Figure::new("import_s", import, "s"),
@@ -68,9 +67,7 @@ pub fn figures_on(levels: &[PathBuf]) -> anyhow::Result<Vec<Figure>> {
 fn large_map() -> anyhow::Result<Vec<Figure>> {
     let size = MapSize { width: 1000, height: 200, depth: 1000 };
     let spec = MapSpec::new(3000).with(|it| it.size = size)?;
-    let mut map = None;
-    let generate = timed(|| map = Some(surefoot_generate::generate(&spec)));
-    let map = map.expect("the closure has run");
+    let (map, generate) = timed_with(|| surefoot_generate::generate(&spec));
     let peak_mb = peak_memory_mb();
     let saved = surefoot_levels::encode(&map);
     let load = timed(|| drop(black_box(surefoot_levels::decode(&saved))));
@@ -89,8 +86,8 @@ fn peak_memory_mb() -> Option<f64> {
 }
 
 /// NPCs that run to goals, and return to their start when they come to harm.
-struct Crowd {
-    world: World,
+pub(super) struct Crowd {
+    pub(super) world: World,
     /// Start and goal of each NPC.
     points: Vec<Vec3>,
     rng: ChaCha8Rng,
@@ -103,7 +100,7 @@ impl Crowd {
     }
 
     /// A crowd of `count` NPCs, solid or not.
-    fn of(count: usize, map: &Arc<Map>, seed: u64, npc_collision: bool) -> anyhow::Result<Self> {
+    pub(super) fn of(count: usize, map: &Arc<Map>, seed: u64, npc_collision: bool) -> anyhow::Result<Self> {
         let profile = CharacterProfile::default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let points = navigable::sample_many(map, &profile, 2 * count, &mut rng)?;
@@ -173,17 +170,9 @@ fn scaling(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
     let one = decisions_of_threads(map, 1)?;
     let mut figures =
         vec![Figure::new("decisions_1_thread_s", one, "1/s, drawing actions and closing decisions included")];
-    for (threads, name) in [
-        (2, "decisions_2_threads_s"),
-        (4, "decisions_4_threads_s"),
-        (8, "decisions_8_threads_s"),
-        (16, "decisions_16_threads_s"),
-    ] {
-        if threads <= core_count() {
-            let all = decisions_of_threads(map, threads)?;
-            let ideal = threads as f64 * one;
-            figures.push(Figure::new(name, all, "1/s").with_reference("that many times one thread", ideal, true));
-        }
+    for threads in [2, 4, 8, 16].into_iter().filter(|threads| *threads <= core_count()) {
+        let figure = Figure::new(format!("decisions_{threads}_threads_s"), decisions_of_threads(map, threads)?, "1/s");
+        figures.push(figure.with_reference("that many times one thread", threads as f64 * one, true));
     }
     Ok(figures)
 }
@@ -208,21 +197,21 @@ fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
         .collect();
     let ray_us = median(rays) / (bodies.len() * RAY_COUNT) as f64 * 1.0e6;
     let starts: Vec<_> = points.iter().copied().take(NPCS).collect();
-    let reference = reference(map, &profile, &starts);
+    let [decisions_s, ray_ref_us, kinematic_us, dynamic_us] = reference(map, &profile, &starts);
     let move_us = move_s * 1.0e6 / 10.0;
     Ok(vec![
         Figure::new("decisions_per_core_s", 1.0 / (observe_s + move_s), "1/s")
             .at_least(20_000.0)
-            .with_optional_reference("rapier's kinematic controller and parry's rays", reference.decisions_per_s, true),
-        Figure::new("ray_us", ray_us, "us").with_optional_reference("parry's triangle mesh", reference.ray_us, false),
+            .with_optional_reference("rapier's kinematic controller and parry's rays", decisions_s, true),
+        Figure::new("ray_us", ray_us, "us").with_optional_reference("parry's triangle mesh", ray_ref_us, false),
         Figure::new("move_us", move_us, "us per NPC and tick").with_optional_reference(
             "rapier's kinematic controller",
-            reference.kinematic_move_us,
+            kinematic_us,
             false,
         ),
         Figure::new("move_us_dynamic", move_us, "us per NPC and tick").with_optional_reference(
             "rapier's dynamic capsules",
-            reference.dynamic_move_us,
+            dynamic_us,
             false,
         ),
     ])
@@ -252,24 +241,28 @@ fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
     ))
 }
 
-/// The cost that lifts add to a tick; the reference is the same map without lifts.
-fn movers(map: &Arc<Map>) -> anyhow::Result<Figure> {
-    let spec = map.spec().context("movers are put on a generated map")?;
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let places = navigable::sample_many(map, &CharacterProfile::default(), MOVERS, &mut rng)?;
-    let lift = |(idx, place): (usize, &Vec3)| Mover {
+/// A lift that cycles between stops at these heights above `place`, m.
+pub(super) fn lift(idx: usize, place: Vec3, heights: impl Iterator<Item = f32>) -> Mover {
+    Mover {
         name: format!("lift {idx}"),
         kind: MoverKind::Lift,
-        triangles: cuboid(*place - Vec3::new(1.5, 0.1, 1.5), *place + Vec3::new(1.5, 0.1, 1.5)),
-        pivot: *place,
-        stops: [0.0, 4.0].map(|up| MoverStop { offset: Vec3::Y * up, yaw: 0.0, is_there: true }).to_vec(),
+        triangles: cuboid(place - Vec3::new(1.5, 0.1, 1.5), place + Vec3::new(1.5, 0.1, 1.5)),
+        pivot: place,
+        stops: heights.map(|up| MoverStop { offset: Vec3::Y * up, yaw: 0.0, is_there: true }).collect(),
         start: StopIdx(0),
         travel_s: 4.0,
         dwell_s: 0.0,
         cycles: true,
         belt: Vec3::ZERO,
-    };
-    let lifts = places.iter().enumerate().map(lift).collect();
+    }
+}
+
+/// The cost that lifts add to a tick; the reference is the same map without lifts.
+fn movers(map: &Arc<Map>) -> anyhow::Result<Figure> {
+    let spec = map.spec().context("movers are put on a generated map")?;
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let places = navigable::sample_many(map, &CharacterProfile::default(), MOVERS, &mut rng)?;
+    let lifts = places.iter().enumerate().map(|(idx, place)| lift(idx, *place, [0.0, 4.0].into_iter())).collect();
     let moving = Arc::new(surefoot_generate::generate(spec).with_movers(lifts).context("movers of the bench")?);
     let crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, &moving, 0, false)?];
     let [without, with] = tick_ms(crowds);
@@ -278,28 +271,15 @@ fn movers(map: &Arc<Map>) -> anyhow::Result<Figure> {
         .with_reference("the whole tick without them", without, false))
 }
 
-/// The same figures for rapier and parry; `None` in builds without them.
-#[derive(Default)]
-struct Reference {
-    decisions_per_s: Option<f64>,
-    ray_us: Option<f64>,
-    kinematic_move_us: Option<f64>,
-    dynamic_move_us: Option<f64>,
-}
-
+/// The same figures for rapier and parry: decisions per second, and the time of a ray, of a move by rapier's kinematic
+/// controller, and of one by its dynamic capsules, us. `None` in builds without them.
 #[cfg(feature = "reference")]
-fn reference(map: &Arc<Map>, profile: &CharacterProfile, starts: &[Vec3]) -> Reference {
-    let measured = super::reference::measure(map, profile, starts, &mut ChaCha8Rng::seed_from_u64(0));
-    Reference {
-        decisions_per_s: Some(measured.decisions_per_s),
-        ray_us: Some(measured.ray_us),
-        kinematic_move_us: Some(measured.kinematic_move_us),
-        dynamic_move_us: Some(measured.dynamic_move_us),
-    }
+fn reference(map: &Map, profile: &CharacterProfile, starts: &[Vec3]) -> [Option<f64>; 4] {
+    super::reference::measure(map, profile, starts, &mut ChaCha8Rng::seed_from_u64(0)).map(Some)
 }
 
 #[cfg(not(feature = "reference"))]
-fn reference(_: &Arc<Map>, _: &CharacterProfile, _: &[Vec3]) -> Reference {
+fn reference(_: &Map, _: &CharacterProfile, _: &[Vec3]) -> [Option<f64>; 4] {
     eprintln!("this build does not include rapier and parry: build with --features reference to compare with them");
-    Reference::default()
+    [None; 4]
 }

@@ -1,6 +1,7 @@
 //! Results of all suites: as JSON, as a table, and as plots.
 
 use anyhow::Context;
+use serde::Serialize;
 use std::path::Path;
 use surefoot_cli::terminal::print_json;
 use surefoot_eval::ablation::AblationReport;
@@ -8,10 +9,12 @@ use surefoot_eval::conditions::ConditionReport;
 use surefoot_eval::living::LivingReport;
 use surefoot_eval::suite::{self, SuiteReport};
 use surefoot_eval::variants::{self, Outcome};
-use surefoot_eval::{Rate, Report};
+use surefoot_eval::{Interval, Rate, Report};
 use surefoot_report::plots;
 
 /// What was measured.
+#[derive(Serialize)]
+#[serde(untagged)]
 pub enum Results {
     Plain(Box<Report>),
     Paper(SuiteReport),
@@ -24,14 +27,7 @@ pub enum Results {
 
 impl Results {
     pub fn json(&self) -> anyhow::Result<serde_json::Value> {
-        Ok(match self {
-            Self::Plain(report) => serde_json::to_value(report),
-            Self::Paper(report) => serde_json::to_value(report),
-            Self::Ablation(report) => serde_json::to_value(report),
-            Self::Sweep(outcomes) | Self::BigMap(outcomes) => serde_json::to_value(outcomes),
-            Self::Living(report) => serde_json::to_value(report),
-            Self::Conditions(report) => serde_json::to_value(report),
-        }?)
+        Ok(serde_json::to_value(self)?)
     }
 
     /// The table in Markdown; `None` without a suite.
@@ -92,11 +88,7 @@ fn write_paper(report: &SuiteReport, folder: &Path) -> anyhow::Result<()> {
 }
 
 fn write_ablation(report: &AblationReport, folder: &Path) -> anyhow::Result<()> {
-    let range = |it: &surefoot_eval::Interval| [it.low, it.mean, it.high].map(|share| 100.0 * share);
-    let rows = report.factors.iter().map(|it| plots::RangeRow {
-        name: it.factor.about(),
-        ranges: vec![range(&it.adds_to_paper), range(&it.adds_to_ours)],
-    });
+    let rows = report.factors.iter().map(|it| range_row(it.factor.about(), [&it.adds_to_paper, &it.adds_to_ours]));
     let axes = plots::RangeAxes {
         title: "What each choice adds, with 95 % intervals over maps",
         x: "points",
@@ -106,17 +98,18 @@ fn write_ablation(report: &AblationReport, folder: &Path) -> anyhow::Result<()> 
 }
 
 fn write_conditions(report: &ConditionReport, folder: &Path) -> anyhow::Result<()> {
-    let range = |it: &surefoot_eval::Interval| [it.low, it.mean, it.high].map(|share| 100.0 * share);
-    let rows = report.rows.iter().map(|row| plots::RangeRow {
-        name: &row.name,
-        ranges: vec![range(&row.policy.success), range(&row.plan.success)],
-    });
+    let rows = report.rows.iter().map(|row| range_row(&row.name, [&row.policy.success, &row.plan.success]));
     let axes = plots::RangeAxes {
         title: "Success with 95 % intervals over maps and models",
         x: "success, %",
         series: &["the policy alone", "the policy by plan"],
     };
     Ok(plots::ranges(axes, &rows.collect::<Vec<_>>(), &folder.join("success.svg"))?)
+}
+
+fn range_row<'a>(name: &'a str, intervals: [&Interval; 2]) -> plots::RangeRow<'a> {
+    let range = |it: &Interval| [it.low, it.mean, it.high].map(|share| 100.0 * share);
+    plots::RangeRow { name, ranges: intervals.map(range).to_vec() }
 }
 
 fn bins(by_distance: &[(f32, Rate)]) -> Vec<plots::DistanceBin> {

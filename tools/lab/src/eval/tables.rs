@@ -29,6 +29,11 @@ impl Args {
         parse_maps(self.maps.as_deref().unwrap_or(usual), self.generated.size)
     }
 
+    /// The policy of suites that measure one.
+    fn policy(&self) -> anyhow::Result<Policy> {
+        Ok(self.rules.apply(load_policy(self.model.as_deref())?))
+    }
+
     fn conditions(&self, suite: &str, base: &EvalConfig, conditions: &[Condition]) -> anyhow::Result<Results> {
         let settings = self.rules.graph(self.graph.settings()?)?;
         let report = with_bar("evaluating", |bar| {
@@ -115,11 +120,4 @@ pub fn kinds(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
         conditions.push(row(format!("terrain, body {body}"), changed(&specs, |_| ())?, &profile));
     }
     args.conditions("kinds", base, &conditions)
-}
-
-impl Args {
-    /// The policy of suites that measure one.
-    fn policy(&self) -> anyhow::Result<Policy> {
-        Ok(self.rules.apply(load_policy(self.model.as_deref())?))
-    }
 }

@@ -3,7 +3,7 @@
 
 use crate::grid::GrowingGrid;
 use surefoot_world::character::MoveScratch;
-use surefoot_world::map::MoverKind;
+use surefoot_world::map::{DeviceKind, MoverKind};
 use surefoot_world::{CharacterProfile, Map, Vec3, navigable};
 
 /// Greatest horizontal distance of a vertex from its device, m.
@@ -16,26 +16,23 @@ const LANDING_M: f32 = 11.0;
 /// Returns up to `count` positions to stand at entrances, exits and landings, m, device by device. Any two are more
 /// than 2.5 m apart.
 pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Vec<Vec3> {
-    let placed = map.placed();
     // Centre, greatest horizontal distance and greatest height difference of each search, m.
     let mut spots: Vec<(Vec3, f32, f32)> = Vec::new();
     let near = |point| (point, BESIDE_M, RISE_M);
-    for teleporter in &placed.teleporters {
-        spots.extend([near(teleporter.from), near(teleporter.to)]);
-    }
-    if profile.uses_zip_lines {
-        for line in &placed.zip_lines {
-            spots.extend([near(line.from), near(line.path()[2])]);
+    let kinds = [DeviceKind::Teleporter, DeviceKind::ZipLine, DeviceKind::Pad, DeviceKind::Jetpack];
+    let kinds = kinds.into_iter().filter(|kind| profile.uses(*kind));
+    for device in kinds.flat_map(|kind| map.placed().devices_of(kind)) {
+        spots.push(near(device.from));
+        match device.kind {
+            DeviceKind::Teleporter | DeviceKind::ZipLine => spots.push(near(device.exit())),
+            DeviceKind::Pad => {
+                // Landings lie around 60 % of the height of the flight, at most as high as its top.
+                let height = 0.5 * device.power * device.power / profile.gravity;
+                let landing = device.from + Vec3::new(0.0, 0.6 * height, 0.0);
+                spots.push((landing, LANDING_M, 0.4 * height));
+            }
+            DeviceKind::Jetpack => {}
         }
-    }
-    for pad in &placed.pads {
-        // Landings lie around 60 % of the height of the flight, at most as high as its top.
-        let height = 0.5 * pad.speed * pad.speed / profile.gravity;
-        let landing = pad.centre + Vec3::new(0.0, 0.6 * height, 0.0);
-        spots.extend([near(pad.centre), (landing, LANDING_M, 0.4 * height)]);
-    }
-    if profile.uses_jetpacks {
-        spots.extend(placed.jetpacks.iter().map(|jetpack| near(jetpack.centre)));
     }
     spots.extend(beside_movers(map));
     let mut scratch = MoveScratch::default();

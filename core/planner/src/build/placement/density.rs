@@ -18,9 +18,6 @@ const HEIGHT_WEIGHT: f32 = 3.0;
 
 /// Draws as many points as the settings ask for without replacement from a pool of navigable samples, with
 /// probabilities inverse to the number of pool points within the even spacing.
-///
-/// # Errors
-/// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, rng: &mut impl Rng) -> Result<Vec<Vec3>, BuildError> {
     let count = placing.settings.vertices;
     let pool = placing.sample(POOL * count, rng)?;

@@ -26,9 +26,6 @@ const MIN_SEPARATION: f32 = 0.75;
 const POOL: usize = 10;
 
 /// Places vertices where the policy arrives, and lists the candidate edges between them.
-///
-/// # Errors
-/// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
     let PlacementContext { site, settings, executor, progress, .. } = placing;
     let pool = placing.sample(POOL * settings.vertices, rng)?;
@@ -42,22 +39,14 @@ pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaC
         front: Vec::new(),
         candidates: BTreeSet::new(),
     };
-    let mut trial_count = 0;
+    let mut episodes = 0;
     while flood.placed.points().len() < settings.vertices {
         if flood.front.is_empty() {
             flood.add(pool[rng.random_range(0..pool.len())], None);
             continue;
         }
-        let mut trials: Vec<(u32, Trial)> = Vec::new();
-        for &source in &flood.front {
-            let from = flood.placed.points()[source as usize];
-            let mut goals = goals.around(from, |goal| flood.is_far(goal));
-            for _ in 0..SPOKES.min(goals.len()) {
-                let goal = goals.swap_remove(rng.random_range(0..goals.len()));
-                trial_count += 1;
-                trials.push((source, Trial::walk(from, goal, trial_count)));
-            }
-        }
+        let trials = flood.trials(&goals, episodes, rng);
+        episodes += trials.len() as u64;
         let runs: Vec<Trial> = trials.iter().map(|(_, trial)| *trial).collect();
         let outcomes = executor.run(&runs, settings.seed, *progress).ok_or(BuildError::Cancelled)?;
         flood.front.clear();
@@ -68,7 +57,7 @@ pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaC
         flood.join_grandparents();
     }
     let (vertices, candidates) = (flood.placed.points().to_vec(), Some(flood.candidates.into_iter().collect()));
-    Ok(Draft { vertices, candidates, episodes: trial_count, ..Draft::default() })
+    Ok(Draft { vertices, candidates, episodes, ..Draft::default() })
 }
 
 /// Points to which the policy is sent.
@@ -107,6 +96,20 @@ impl Flood {
         self.parents.push(parent);
         self.front.push(vertex);
         vertex
+    }
+
+    /// Draws goals around the vertices of the front, each with its vertex; trials are numbered from `first` + 1.
+    fn trials(&self, goals: &Goals<'_>, first: u64, rng: &mut ChaCha8Rng) -> Vec<(u32, Trial)> {
+        let mut trials = Vec::new();
+        for &source in &self.front {
+            let from = self.placed.points()[source as usize];
+            let mut goals = goals.around(from, |goal| self.is_far(goal));
+            for _ in 0..SPOKES.min(goals.len()) {
+                let goal = goals.swap_remove(rng.random_range(0..goals.len()));
+                trials.push((source, Trial::walk(from, goal, first + trials.len() as u64 + 1)));
+            }
+        }
+        trials
     }
 
     /// Adds an arrival from the vertex `source`: a candidate in both directions, and a vertex if there is none near.

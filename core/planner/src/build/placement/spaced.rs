@@ -17,9 +17,6 @@ const DECAY: f32 = 0.98;
 ///
 /// The spacing starts at [`even_spacing`](super::even_spacing) and shrinks by 2 % after a hundred consecutive
 /// rejections.
-///
-/// # Errors
-/// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, vertices: Vec<Vec3>, rng: &mut impl Rng) -> Result<Vec<Vec3>, BuildError> {
     let (map, count) = (&placing.site.map, placing.settings.vertices);
     let mut spacing = super::even_spacing(map, count);

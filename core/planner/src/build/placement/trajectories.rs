@@ -32,9 +32,6 @@ const EXTRA_ROUNDS: usize = 2;
 const POOL: usize = 4096;
 
 /// Places vertices along runs, with the edges that the runs passed.
-///
-/// # Errors
-/// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
     let PlacementContext { site, settings, executor, progress, .. } = placing;
     let pool = placing.sample(POOL.min(8 * settings.vertices), rng)?;

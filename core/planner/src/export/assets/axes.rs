@@ -23,15 +23,6 @@ impl Axes {
         }
     }
 
-    /// The point on our axes, m, that is at `point` on these axes.
-    pub fn ours(self, [x, y, z]: [f32; 3]) -> Vec3 {
-        match self {
-            Self::Ours => Vec3::new(x, y, z),
-            Self::Unity => Vec3::new(-x, y, z),
-            Self::Unreal => Vec3::new(x, z, y) / self.units_per_metre(),
-        }
-    }
-
     /// Units of length per metre.
     pub fn units_per_metre(self) -> f32 {
         if self == Self::Unreal { 100.0 } else { 1.0 }
@@ -44,32 +35,5 @@ impl Axes {
             Self::Unity => "left-handed, y up, metres; x is mirrored",
             Self::Unreal => "left-handed, z up, centimetres; y and z change places",
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn points_come_back_from_every_engine(x in -1.0e3f32..1.0e3, y in -1.0e3f32..1.0e3, z in -1.0e3f32..1.0e3) {
-            let point = Vec3::new(x, y, z);
-            for axes in [Axes::Ours, Axes::Unity, Axes::Unreal] {
-                prop_assert!(axes.ours(axes.point(point)).distance(point) < 1.0e-3, "{axes:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn up_stays_up_and_hands_change() {
-        let determinant = |axes: Axes| {
-            let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| Vec3::from_array(axes.point(axis)));
-            x.cross(y).dot(z)
-        };
-        assert!(determinant(Axes::Ours) > 0.0 && determinant(Axes::Unity) < 0.0 && determinant(Axes::Unreal) < 0.0);
-        assert_eq!(Axes::Unity.point(Vec3::Y), [0.0, 1.0, 0.0]);
-        assert_eq!(Axes::Unreal.point(Vec3::Y), [0.0, 0.0, 100.0]);
     }
 }

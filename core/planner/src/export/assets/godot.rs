@@ -1,6 +1,7 @@
 //! A Godot 4 scene whose nodes are `NavigationLink3D`.
 
-use super::{About, Axes, Hint, Link, LinkSet};
+use super::formats::{About, Hint};
+use super::{Axes, Link, LinkSet};
 use std::fmt::Write;
 use surefoot_world::Vec3;
 

@@ -1,17 +1,13 @@
 //! Links as assets: the parts of edges that a NavMesh cannot walk, in files that engines import. A link leads from the
 //! take-off of a body to its landing. Bodies walk the rest of the edge on the NavMesh.
 //!
-//! [`LinkSet::of`] makes links of a graph and the measured [`Shape`]s of its edges; each format is a module. Callers
-//! measure the shapes. docs/guides/links.md describes the formats.
+//! [`LinkSet::of`] makes links of a graph and the measured [`Shape`]s of its edges; `formats` and `godot` write them.
+//! Callers measure the shapes. docs/guides/links.md describes the formats.
 
 mod axes;
 mod connected;
-mod detour;
+mod formats;
 mod godot;
-mod landmass;
-mod plain;
-mod unity;
-mod unreal;
 
 pub use axes::Axes;
 pub use connected::Connected;
@@ -20,7 +16,6 @@ use crate::export::links::{NavMesh, expected_seconds};
 use crate::graph::{Edge, NavGraph};
 use crate::ids::EdgeKey;
 use crate::price::{Caution, price};
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use strum::VariantArray;
 use surefoot_world::{Ability, Chance, DECISION_SECONDS, Decisions, Vec3};
@@ -145,16 +140,6 @@ pub struct LinkSet {
 const LEAST_DRIVEN: f64 = 1.0 / 16.0;
 
 impl LinkSet {
-    /// Returns these links for a level with its own origin at `origin` on the map, m, if known.
-    pub fn on_level(self, origin: Option<Vec3>) -> Self {
-        Self { origin, ..self }
-    }
-
-    /// The level's own origin on the axes of a format.
-    fn origin_on(&self, axes: Axes) -> Option<[f32; 3]> {
-        self.origin.map(|origin| axes.point(origin))
-    }
-
     /// Makes links of the edges among `shaped` that are worth one at `max_detour` ([`NavMesh::spanner`]); without
     /// `max_detour`, of all. `island_at` returns the island of the NavMesh at a place.
     pub fn of(
@@ -241,99 +226,12 @@ impl AssetFormat {
     /// Writes links in this format.
     pub fn write(self, set: &LinkSet) -> String {
         match self {
-            Self::Detour => json(&detour::OffMeshLinks::of(set)),
+            Self::Detour => formats::detour(set),
             Self::Godot => godot::scene(set),
-            Self::Unity => json(&unity::UnityLinks::of(set)),
-            Self::Unreal => json(&unreal::UnrealLinks::of(set)),
-            Self::Landmass => json(&landmass::LandmassLinks::of(set)),
-            Self::Links => json(&plain::PlainLinks::of(set)),
+            Self::Unity => formats::unity(set),
+            Self::Unreal => formats::unreal(set),
+            Self::Landmass => formats::landmass(set),
+            Self::Links => formats::plain(set),
         }
     }
-}
-
-fn json(document: &impl Serialize) -> String {
-    serde_json::to_string_pretty(document).expect("links are plain data") + "\n"
-}
-
-/// Version of the JSON formats: grows when a field changes its meaning or is removed.
-const VERSION: u32 = 1;
-
-/// Name of the ability of a link; a walk without ground underneath is a drop.
-fn name_of(ability: Ability) -> &'static str {
-    if ability == Ability::Walk { "drop" } else { ability.name() }
-}
-
-/// A number of each ability that engines can filter by, from 0 for drops.
-fn kind_of(ability: Ability) -> u8 {
-    ability as u8
-}
-
-/// A leap as hints for an animation, on the axes of a format.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Hint {
-    ability: String,
-    take_off: [f32; 3],
-    apex: [f32; 3],
-    landing: [f32; 3],
-    /// s.
-    seconds: f32,
-    /// Horizontal speed at take-off, in the format's unit of length per second.
-    speed: f32,
-    /// Time from take-off to a jump in the air, s.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    second_jump: Option<f32>,
-}
-
-/// The fields of a link besides its ends that all JSON formats have, on the axes of a format.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct About {
-    /// Index of the edge in the graph's JSON export.
-    edge: u32,
-    ability: String,
-    /// Estimated chance that an NPC with the policy gets through, 0 to 1.
-    chance: f32,
-    /// Share of the tries of a plain scripted controller that got through, 0 to 1.
-    driven: f32,
-    /// Duration of a run that gets through, s.
-    seconds: f32,
-    /// The cost that a search should minimise, s.
-    cost_seconds: f32,
-    /// The leaps, in order.
-    leaps: Vec<Hint>,
-}
-
-impl About {
-    fn of(link: &Link, axes: Axes) -> Self {
-        let hint = |leap: &Leap| Hint {
-            ability: name_of(leap.ability).to_owned(),
-            take_off: axes.point(leap.take_off),
-            apex: axes.point(leap.apex),
-            landing: axes.point(leap.landing),
-            seconds: leap.seconds,
-            speed: leap.speed * axes.units_per_metre(),
-            second_jump: leap.second_jump,
-        };
-        Self {
-            edge: link.edge_idx,
-            ability: name_of(link.ability).to_owned(),
-            chance: link.chance as f32,
-            driven: link.passage.driven,
-            seconds: link.passage.seconds,
-            cost_seconds: link.cost_seconds as f32,
-            leaps: link.passage.leaps.iter().map(hint).collect(),
-        }
-    }
-}
-
-/// An ability and its number.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Kind {
-    ability: String,
-    kind: u8,
-}
-
-/// The numbers of all abilities, from `first`.
-fn kinds(first: u8) -> Vec<Kind> {
-    let kind = |&ability: &Ability| Kind { ability: name_of(ability).to_owned(), kind: first + kind_of(ability) };
-    Ability::ALL.iter().map(kind).collect()
 }

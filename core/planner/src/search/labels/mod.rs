@@ -9,10 +9,10 @@ mod contraction;
 
 use crate::ids::VertexId;
 use crate::search::adjacency::{Adjacency, EdgeIdx};
-use crate::search::csr::Csr;
 use contraction::{Arc, Contracted, Meaning, Origin, contract};
 use rayon::prelude::*;
 use std::cell::RefCell;
+use surefoot_world::csr::Csr;
 use surefoot_world::parallel::with_threads;
 
 /// Share of a cost within which two costs count as equal, since sums of floats depend on their order.

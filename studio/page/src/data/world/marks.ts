@@ -98,30 +98,20 @@ interface Sidecar {
 /** The content of a level's .surefoot.json with these marks after what it had before; throws where that is no JSON object. */
 export function sidecarWith(before: string, marks: readonly Mark[], frame: Frame): string {
   const sidecar: Sidecar = before.trim() === '' ? {} : (JSON.parse(before) as Sidecar)
-  for (const mark of marks) {
-    const at = toLevel(mark.at, frame)
-    const to = mark.to === undefined ? at : toLevel(mark.to, frame)
-    switch (mark.kind) {
-      case 'lava':
-      case 'water': {
-        const { low, high } = poolBox(mark.at, mark.to ?? mark.at)
-        const entry = { liquid: mark.kind, min: toLevel(low, frame), max: toLevel(high, frame) }
-        sidecar.pools = [...(sidecar.pools ?? []), entry]
-        break
-      }
-      case 'pad':
-        sidecar.pads = [...(sidecar.pads ?? []), { at, height: PAD_HEIGHT_M }]
-        break
-      case 'zipLine':
-        sidecar.zip_lines = [...(sidecar.zip_lines ?? []), { from: at, to }]
-        break
-      case 'teleporter':
-        sidecar.teleporters = [...(sidecar.teleporters ?? []), { from: at, to }]
-        break
-      case 'jetpack':
-        sidecar.jetpacks = [...(sidecar.jetpacks ?? []), { at }]
-        break
+  for (const { kind, at, to = at } of marks) {
+    const { low, high } = poolBox(at, to)
+    const pool = { liquid: kind, min: toLevel(low, frame), max: toLevel(high, frame) }
+    const way = { from: toLevel(at, frame), to: toLevel(to, frame) }
+    const entries: Record<MarkKind, readonly [list: keyof Sidecar, entry: object]> = {
+      lava: ['pools', pool],
+      water: ['pools', pool],
+      pad: ['pads', { at: way.from, height: PAD_HEIGHT_M }],
+      zipLine: ['zip_lines', way],
+      teleporter: ['teleporters', way],
+      jetpack: ['jetpacks', { at: way.from }],
     }
+    const [list, entry] = entries[kind]
+    sidecar[list] = [...(sidecar[list] ?? []), entry]
   }
   return `${JSON.stringify(sidecar, undefined, 1)}\n`
 }

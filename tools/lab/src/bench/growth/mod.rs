@@ -5,7 +5,7 @@ mod core;
 mod planner;
 mod service;
 
-use super::{Figure, median, timed};
+use super::{Figure, line_through, median, timed, timed_with};
 
 /// Largest allowed exponent. Sorting and cache misses explain values above 1.
 const MAX_EXPONENT: f64 = 1.2;
@@ -43,18 +43,10 @@ impl Case {
             points.push([(count as f64).ln(), seconds.ln()]);
             figures.push(Figure::new(format!("{name}_{count}_ms"), 1.0e3 * seconds, "ms").on(of));
         }
-        let exponent = Figure::new(format!("{name}_exponent"), slope(&points), "");
+        let exponent = Figure::new(format!("{name}_exponent"), line_through(&points)[1], "");
         figures.push(exponent.at_most(MAX_EXPONENT).on(of));
         Ok(figures)
     }
-}
-
-/// Slope of the line through `points` with the least squared error.
-fn slope(points: &[[f64; 2]]) -> f64 {
-    let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / points.len() as f64;
-    let [mean_x, mean_y] = [mean(0), mean(1)];
-    let products = points.iter().map(|[x, y]| (x - mean_x) * (y - mean_y)).sum::<f64>();
-    products / points.iter().map(|[x, _]| (x - mean_x) * (x - mean_x)).sum::<f64>()
 }
 
 /// All figures of `bench growth`.

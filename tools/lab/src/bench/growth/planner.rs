@@ -2,7 +2,8 @@
 //! decides which of them succeed.
 
 use super::core::floor;
-use super::{Case, timed};
+use super::{Case, timed, timed_with};
+use crate::bench::world::lift;
 use anyhow::Context;
 use std::hint::black_box;
 use std::sync::Arc;
@@ -16,9 +17,8 @@ use surefoot_planner::{
     AbilitySet, BuildSettings, Builder, Built, EdgeKey, NavGraph, Placement, Progress, Query, Router, Site,
     reachability,
 };
-use surefoot_world::map::mover::cuboid;
-use surefoot_world::map::{Mover, MoverKind, MoverStop, Piece, PieceShape};
-use surefoot_world::{Ability, Map, StopIdx, Vec3};
+use surefoot_world::map::{Piece, PieceShape};
+use surefoot_world::{Ability, Map, Vec3};
 
 /// Ground for each vertex, m2.
 const AREA_M2: f32 = 60.0;
@@ -85,9 +85,8 @@ fn with_builder<T>(site: &Site, settings: &BuildSettings, rule: Rule, run: impl 
 /// Time of a build, s, and what was built.
 fn build(map: Map, settings: &BuildSettings, rule: Rule) -> anyhow::Result<(f64, Site, Built)> {
     let site = Site::new(Arc::new(map));
-    let mut built = None;
-    let seconds = timed(|| built = Some(with_builder(&site, settings, rule, |builder| builder.build())));
-    Ok((seconds, site, built.context("the closure has run")??))
+    let (built, seconds) = timed_with(|| with_builder(&site, settings, rule, |builder| builder.build()));
+    Ok((seconds, site, built?))
 }
 
 /// A case that times a build.
@@ -107,23 +106,11 @@ fn graph(vertices: usize) -> anyhow::Result<(Site, Built)> {
 /// Lifts with many stops all over a level square.
 fn lifts(count: usize) -> anyhow::Result<Map> {
     let across = (count as f32).sqrt().ceil() as usize;
-    let lift = |idx: usize| {
+    let at = |idx: usize| {
         let place = Vec3::new((idx % across) as f32, 0.1, (idx / across) as f32) * 24.0 + Vec3::new(12.0, 1.0, 12.0);
-        let stop = |stop: usize| MoverStop { offset: Vec3::Y * stop as f32, yaw: 0.0, is_there: true };
-        Mover {
-            name: format!("lift {idx}"),
-            kind: MoverKind::Lift,
-            triangles: cuboid(place - Vec3::new(1.5, 0.1, 1.5), place + Vec3::new(1.5, 0.1, 1.5)),
-            pivot: place,
-            stops: (0..STOPS).map(stop).collect(),
-            start: StopIdx(0),
-            travel_s: 4.0,
-            dwell_s: 0.0,
-            cycles: true,
-            belt: Vec3::ZERO,
-        }
+        lift(idx, place, (0..STOPS).map(|stop| stop as f32))
     };
-    floor(across as f32 * 24.0)?.with_movers((0..count).map(lift).collect()).context("movers of the bench")
+    floor(across as f32 * 24.0)?.with_movers((0..count).map(at).collect()).context("movers of the bench")
 }
 
 /// Ground everywhere, and probes that all succeed.
@@ -211,12 +198,10 @@ pub(super) fn cases() -> Vec<Case> {
             let changed = Site { map: Arc::new(site.map.with_pieces(vec![piece])?), ..site.clone() };
             let settings =
                 settings(Placement::Spaced, built.graph.vertex_count().min(surefoot_planner::settings::MAX_VERTICES))?;
-            let mut updated = None;
-            let seconds = timed(|| {
-                let rule = Rule { failures: 4 };
-                updated = Some(with_builder(&changed, &settings, rule, |it| it.update(&built.graph, &site.map)));
-            });
-            updated.context("the closure has run")??;
+            let rule = Rule { failures: 4 };
+            let update = || with_builder(&changed, &settings, rule, |it| it.update(&built.graph, &site.map));
+            let (updated, seconds) = timed_with(update);
+            updated?;
             Ok(seconds)
         }),
         graphs("prepare_router", |_, built| {

@@ -4,6 +4,7 @@
 use super::record_load::RecordLoad;
 use crate::bench::link::Link;
 use crate::bench::serve::{Scene, WORLDS};
+use crate::processes::Setup;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use surefoot_cli::commands::{machine, services::CacheArgs};
@@ -84,7 +85,7 @@ async fn record(npcs: usize) -> anyhow::Result<Rung> {
     let cache = CacheArgs::default_folder()?.join("bench-serve");
     // Links without delay: they only count bytes.
     let [to_server, to_planner] = [(); 2].map(|()| Link::new(Duration::ZERO, f64::INFINITY));
-    let scene = Scene::start_over(npcs, &cache, Some([&to_server, &to_planner])).await?;
+    let scene = Scene::start(Setup { links: Some([&to_server, &to_planner]), ..Setup::new(npcs, &cache) }).await?;
     scene.measure(WARM_UP).await?;
     let bytes = || [to_server.carried(), to_planner.carried()];
     let (cpu_before, bytes_before, plans_before) = (scene.cpu_s()?, bytes(), scene.plans().await?);

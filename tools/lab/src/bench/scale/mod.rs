@@ -47,11 +47,8 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
     for servers in SERVERS {
         let held = most_held(&load, &model, servers);
         per_server.push(held);
-        figures.push(match servers {
-            1 => Figure::new("held_by_1_server", held as f64, "NPCs"),
-            4 => Figure::new("held_by_each_of_4", held as f64, "NPCs"),
-            _ => Figure::new("held_by_each_of_16", held as f64, "NPCs"),
-        });
+        let name = if servers == 1 { "held_by_1_server".to_owned() } else { format!("held_by_each_of_{servers}") };
+        figures.push(Figure::new(name, held as f64, "NPCs"));
     }
     model.print_fleets(per_server[2].max(1));
     let alone = per_server[0].max(1) as f64;

@@ -3,7 +3,7 @@
 
 use super::load::Load;
 use super::record_load::RecordLoad;
-use crate::bench::Figure;
+use crate::bench::{Figure, line_through};
 use anyhow::ensure;
 
 /// Ticks of a world in a second.
@@ -25,14 +25,9 @@ pub struct Line {
 
 impl Line {
     /// The least-squares line through (NPCs, value); neither part is negative.
-    fn through(points: &[(f64, f64)]) -> Self {
-        let count = points.len() as f64;
-        let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
-        let (x, y) = (mean(|point| point.0), mean(|point| point.1));
-        let covariance: f64 = points.iter().map(|point| (point.0 - x) * (point.1 - y)).sum();
-        let variance: f64 = points.iter().map(|point| (point.0 - x).powi(2)).sum();
-        let each = (covariance / variance.max(f64::MIN_POSITIVE)).max(0.0);
-        Self { fixed: (y - each * x).max(0.0), each }
+    fn through(points: &[[f64; 2]]) -> Self {
+        let [fixed, each] = line_through(points).map(|part| part.max(0.0));
+        Self { fixed, each }
     }
 
     /// The value for a number of NPCs.
@@ -124,9 +119,9 @@ impl Model {
         let npc_seconds = sum(&|rung| rung.npcs as f64 * rung.seconds);
         let tick = |rung: &super::load::Rung| {
             let ticks = rung.worlds as f64 * rung.seconds * TICKS_PER_S;
-            (rung.npcs as f64 / rung.worlds as f64, 1e6 * rung.cpu_s[0] / ticks)
+            [rung.npcs as f64 / rung.worlds as f64, 1e6 * rung.cpu_s[0] / ticks]
         };
-        let ticks: Vec<(f64, f64)> = load.rungs.iter().map(tick).collect();
+        let ticks: Vec<[f64; 2]> = load.rungs.iter().map(tick).collect();
         let bytes = |link: usize, way: usize| sum(&|rung| rung.bytes[link][way] as f64) / npc_seconds;
         Ok(Self {
             tick_us: Line::through(&ticks),

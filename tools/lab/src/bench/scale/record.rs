@@ -3,7 +3,7 @@
 
 use super::record_load::RecordLoad;
 use crate::bench::serve::{Scene, WORLDS};
-use crate::processes::{connect, cpu_s};
+use crate::processes::{Setup, cpu_s};
 use anyhow::{Context, ensure};
 use std::time::{Duration, Instant};
 use surefoot_cli::commands::services::CacheArgs;
@@ -27,7 +27,8 @@ const LEASE_S: f64 = 5.0;
 pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
     let (database, opened) = (Database::open(store).await?, Blobs::open(blobs)?);
     let cache = CacheArgs::default_folder()?.join("bench-serve");
-    let scene = Scene::start_of_fleet(NPCS, &cache, store, blobs).await?;
+    let of_server = &["--store", store, "--blobs", blobs];
+    let scene = Scene::start(Setup { of_server, ..Setup::new(NPCS, &cache) }).await?;
     scene.measure(WARM_UP).await?;
     let (cpu, server, commits) = (postgres_cpu_s()?, scene.cpu_s()?[0], database.commits().await?);
     let started = Instant::now();
@@ -61,7 +62,7 @@ pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
 
 /// Bytes of a saved world without NPCs, and of each NPC. Removes all worlds.
 async fn save_bytes(scene: &Scene, database: &Database, blobs: &Blobs) -> anyhow::Result<[f64; 2]> {
-    let mut client = WorldServiceClient::new(connect(&scene.server_uri).await?);
+    let mut client = WorldServiceClient::new(scene.services.server.clone());
     let map = Some(map_spec_to_wire(&MapSpec::new(1)));
     let empty = client.create_world(wire::CreateWorldRequest { map, ..Default::default() }).await?.into_inner();
     let empty = empty.world.context("a world")?.world_id;

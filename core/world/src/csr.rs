@@ -4,7 +4,7 @@ use std::ops::Range;
 
 /// Items by row; the rows count from 0.
 #[derive(Debug, Clone)]
-pub(crate) struct Csr<T> {
+pub struct Csr<T> {
     /// First item of each row, followed by the number of items.
     starts: Vec<u32>,
     items: Vec<T>,
@@ -36,9 +36,10 @@ impl<T> Csr<T> {
     /// Appends a row.
     pub fn push_row(&mut self, row: impl IntoIterator<Item = T>) {
         self.items.extend(row);
-        self.starts.push(u32::try_from(self.items.len()).expect("graphs have fewer than 2^32 edges"));
+        self.starts.push(u32::try_from(self.items.len()).expect("rows hold fewer than 2^32 items"));
     }
 
+    /// Number of rows.
     pub fn row_count(&self) -> usize {
         self.starts.len() - 1
     }
@@ -48,10 +49,12 @@ impl<T> Csr<T> {
         (0..self.row_count()).map(|row| self.row(row))
     }
 
+    /// The items of a row.
     pub fn row(&self, row: usize) -> &[T] {
         &self.items[self.range(row)]
     }
 
+    /// The items of a row, to change them.
     pub fn row_mut(&mut self, row: usize) -> &mut [T] {
         let range = self.range(row);
         &mut self.items[range]

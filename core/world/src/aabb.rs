@@ -1,6 +1,6 @@
 //! Axis-aligned boxes.
 
-use surefoot_world::Vec3;
+use crate::Vec3;
 
 /// An axis-aligned box, corners included.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +22,12 @@ impl Aabb {
         points.into_iter().map(Self::at).reduce(Self::union)
     }
 
+    /// The middle of its bottom.
+    pub fn bottom(self) -> Vec3 {
+        let middle = (self.low + self.high) * 0.5;
+        Vec3::new(middle.x, self.low.y, middle.z)
+    }
+
     /// The smallest box that contains both.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
@@ -37,5 +43,11 @@ impl Aabb {
     /// Returns whether the two boxes share a point.
     pub fn touches(self, other: Self) -> bool {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
+    }
+}
+
+impl From<(Vec3, Vec3)> for Aabb {
+    fn from((low, high): (Vec3, Vec3)) -> Self {
+        Self { low, high }
     }
 }

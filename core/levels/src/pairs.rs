@@ -1,0 +1,97 @@
+//! Pairs the nodes at the two ends of zip lines and teleporters by their names.
+
+use crate::faults::ImportError;
+use crate::scene::Node;
+use std::collections::HashMap;
+use surefoot_world::Vec3;
+use surefoot_world::map::{Device, DeviceKind};
+
+/// An end of a zip line or teleporter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    From,
+    To,
+}
+
+impl End {
+    fn name(self) -> &'static str {
+        match self {
+            End::From => "from",
+            End::To => "to",
+        }
+    }
+
+    fn other(self) -> Self {
+        match self {
+            End::From => End::To,
+            End::To => End::From,
+        }
+    }
+}
+
+/// Splits `zip_line_3:from` into its end and `zip_line_3`. A number that a tool appended to a copy (`:from.001`)
+/// becomes part of the name of the pair.
+pub(super) fn split_end(name: &str) -> Option<(End, String)> {
+    let (stem, copy) = match name.rsplit_once('.') {
+        Some((stem, digits)) if !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()) => {
+            (stem, digits)
+        }
+        _ => (name, ""),
+    };
+    [End::From, End::To].into_iter().find_map(|end| {
+        let stem = stem.strip_suffix(end.name())?.strip_suffix([':', '_', '-', '.', ' '])?;
+        Some((end, format!("{stem}.{copy}")))
+    })
+}
+
+/// Pairs of ends of zip lines or teleporters, in the order in which each pair was first seen.
+#[derive(Default)]
+pub(super) struct Pairs<'a> {
+    pairs: Vec<[Option<Half<'a>>; 2]>,
+    numbers: HashMap<String, usize>,
+}
+
+/// A node at one end.
+#[derive(Clone, Copy)]
+pub(super) struct Half<'a> {
+    pub(super) node: &'a Node,
+    pub(super) kind: DeviceKind,
+    pub(super) at: Vec3,
+    pub(super) two_way: bool,
+}
+
+impl<'a> Pairs<'a> {
+    pub(super) fn add(&mut self, name: String, end: End, half: Half<'a>) -> Result<(), ImportError> {
+        let idx = *self.numbers.entry(name).or_insert_with(|| {
+            self.pairs.push([None; 2]);
+            self.pairs.len() - 1
+        });
+        match self.pairs[idx][end as usize].replace(half) {
+            None => Ok(()),
+            Some(_) => Err(ImportError::SecondHalf { node: half.node.name.clone(), end: end.name() }),
+        }
+    }
+
+    /// The devices that the pairs are, each with its name for messages.
+    pub(super) fn finish(self) -> Result<Vec<(String, Device)>, ImportError> {
+        let whole = self.pairs.into_iter().filter_map(|pair| match pair {
+            [Some(from), Some(to)] => {
+                let name = format!("node `{}` or `{}`", from.node.name, to.node.name);
+                let two_way = from.two_way || to.two_way;
+                Some(Ok((name, Device { to: Some(to.at), two_way, ..Device::new(from.kind, from.at) })))
+            }
+            [Some(from), None] => Some(Err(missing_half(from.node, End::From))),
+            [None, Some(to)] => Some(Err(missing_half(to.node, End::To))),
+            [None, None] => None,
+        });
+        whole.collect()
+    }
+}
+
+fn missing_half(node: &Node, end: End) -> ImportError {
+    // The end is ASCII and comes last, except for the number of a copy.
+    let at = node.name.to_ascii_lowercase().rfind(end.name()).unwrap_or(node.name.len());
+    let (stem, rest) = node.name.split_at(at);
+    let missing = format!("{stem}{}{}", end.other().name(), rest.get(end.name().len()..).unwrap_or_default());
+    ImportError::MissingHalf { node: node.name.clone(), missing }
+}

@@ -1,0 +1,141 @@
+//! The sidecar of a level: features and movers that its designer lists beside the model.
+
+use crate::faults::ImportError;
+use crate::found::{Found, FoundPool, power};
+use crate::moving::MoverEntry;
+use crate::scene::Frame;
+use serde::Deserialize;
+use surefoot_world::Aabb;
+use surefoot_world::map::{Device, DeviceKind, Liquid};
+
+/// Content of `level.surefoot.json`: features in the level's own coordinates, and what of the level is solid.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Sidecar {
+    /// Patterns of the names of nodes that are no part of the level.
+    #[serde(default)]
+    leave_out: Vec<String>,
+    /// Patterns of the names of the only nodes that are solid; empty: all are.
+    #[serde(default)]
+    pub(super) colliders: Vec<String>,
+    #[serde(default)]
+    pools: Vec<PoolEntry>,
+    #[serde(default)]
+    pads: Vec<PadEntry>,
+    #[serde(default)]
+    zip_lines: Vec<ZipLineEntry>,
+    #[serde(default)]
+    teleporters: Vec<TeleporterEntry>,
+    #[serde(default)]
+    jetpacks: Vec<JetpackEntry>,
+    #[serde(default)]
+    movers: Vec<MoverEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoolEntry {
+    #[serde(with = "LiquidName")]
+    liquid: Liquid,
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(remote = "Liquid", rename_all = "lowercase")]
+enum LiquidName {
+    Water,
+    Lava,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PadEntry {
+    at: [f32; 3],
+    height: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ZipLineEntry {
+    from: [f32; 3],
+    to: [f32; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TeleporterEntry {
+    from: [f32; 3],
+    to: [f32; 3],
+    #[serde(default)]
+    two_way: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct JetpackEntry {
+    at: [f32; 3],
+    fuel: Option<f64>,
+}
+
+impl Sidecar {
+    pub(super) fn parse(json: &str) -> Result<Self, ImportError> {
+        serde_json::from_str(json).map_err(|error| ImportError::Sidecar(error.to_string()))
+    }
+
+    /// Whether a node of this name is solid; `None` if it does not say.
+    pub(super) fn says_solid(&self, name: &str) -> Option<bool> {
+        let name = name.to_lowercase();
+        let is_listed = |patterns: &[String]| patterns.iter().any(|pattern| matches(pattern, &name));
+        match () {
+            () if is_listed(&self.leave_out) => Some(false),
+            () if is_listed(&self.colliders) => Some(true),
+            () => None,
+        }
+    }
+
+    /// Adds the features that it lists to `found`.
+    pub(super) fn collect(self, frame: Frame, found: &mut Found) -> Result<(), ImportError> {
+        let metres = |name: &str, point: [f32; 3]| {
+            let point = frame.to_metres(point.into());
+            if point.is_finite() { Ok(point) } else { Err(ImportError::NotFinite { node: name.to_owned() }) }
+        };
+        for (name, PoolEntry { liquid, min, max }) in labelled("pools", self.pools) {
+            let (one, other) = (metres(&name, min)?, metres(&name, max)?);
+            let bounds = Aabb::at(one).union(Aabb::at(other));
+            found.pools.push((name, FoundPool { liquid, bounds, radius: None }));
+        }
+        let pads = labelled("pads", self.pads).map(|(name, it)| (name, DeviceKind::Pad, it.at, None, false, it.height));
+        let lines = labelled("zip_lines", self.zip_lines)
+            .map(|(name, it)| (name, DeviceKind::ZipLine, it.from, Some(it.to), false, None));
+        let teleporters = labelled("teleporters", self.teleporters)
+            .map(|(name, it)| (name, DeviceKind::Teleporter, it.from, Some(it.to), it.two_way, None));
+        let jetpacks = labelled("jetpacks", self.jetpacks)
+            .map(|(name, it)| (name, DeviceKind::Jetpack, it.at, None, false, it.fuel));
+        for (name, kind, from, to, two_way, number) in pads.chain(lines).chain(teleporters).chain(jetpacks) {
+            let (from, to) = (metres(&name, from)?, to.map(|to| metres(&name, to)).transpose()?);
+            let power = power(kind, |_| Ok(number), &name)?;
+            found.devices.push((name, Device { to, two_way, power, ..Device::new(kind, from) }));
+        }
+        for (name, entry) in labelled("movers", self.movers) {
+            found.movers.push(entry.mover(frame).ok_or(ImportError::NoVolume { of: name })?);
+        }
+        Ok(())
+    }
+}
+
+/// The entries of a list, each with its name for messages.
+fn labelled<T>(kind: &str, entries: Vec<T>) -> impl Iterator<Item = (String, T)> {
+    (0..).zip(entries).map(move |(idx, entry)| (format!("{kind}[{idx}] of the sidecar"), entry))
+}
+
+/// Whether a name in lower case matches a pattern, which may begin and end with `*`. Case does not matter.
+fn matches(pattern: &str, name: &str) -> bool {
+    let pattern = pattern.to_lowercase();
+    match (pattern.strip_prefix('*'), pattern.strip_suffix('*')) {
+        (Some(_), Some(_)) => name.contains(pattern.trim_matches('*')),
+        (Some(end), None) => name.ends_with(end),
+        (None, Some(start)) => name.starts_with(start),
+        (None, None) => name == pattern,
+    }
+}
