@@ -58,7 +58,7 @@ impl From<DatabaseError> for Refusal {
         let text = error.to_string();
         match error {
             DatabaseError::DatabaseAlreadyOpen => Self::Other(
-                "another process, such as `surefoot up`, has the file open: stop it, or pass --cache with another folder"
+                "another process, such as `surefoot up`, has the file open: stop it, or pass another folder to --cache"
                     .to_owned(),
             ),
             DatabaseError::UpgradeRequired(_) => Self::Other(format!(

@@ -1,5 +1,5 @@
-//! Plots of results as SVG. Every plot takes plain numbers; the caller knows what they were measured on. A plot fails if
-//! its file cannot be written.
+//! Plots of results as SVG. Every plot takes plain numbers; the caller knows what they were measured on. A plot fails
+//! if its file cannot be written.
 
 use crate::ReportError;
 use plotters::prelude::*;
