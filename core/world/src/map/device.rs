@@ -1,8 +1,8 @@
 //! [`Device`]: a pad, zip line, teleporter or jetpack pick-up, for code that treats them alike.
 //!
 //! [`Placed`] has a list for each kind, because maps are hashed and saved like that. [`Placed::devices`] joins the
-//! lists, and [`Placed::add`] extends the right one. A new kind needs a list, a [`Surface`], a [`DeviceKind`], and an arm in
-//! each match that the compiler then refuses.
+//! lists, and [`Placed::add`] extends the right one. A new kind needs a list, a [`Surface`], a [`DeviceKind`], and an
+//! arm in each match that the compiler then refuses.
 
 use super::features::{CATCH_HEIGHT_M, DISC_RADIUS_M, Jetpack, Pad, Placed, Teleporter, ZIP_LIFT_M, ZipLine};
 use crate::Vec3;
