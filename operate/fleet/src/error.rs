@@ -20,7 +20,7 @@ pub struct FleetError {
 /// Converts a failure of a query.
 impl From<sqlx::Error> for FleetError {
     fn from(error: sqlx::Error) -> Self {
-        // Lost connections, rollbacks, read-only standbys, want of resources or locks, shutdowns, failures of the system.
+        // Lost connections, rollbacks, read-only standbys, want of resources or locks, shutdowns, system failures.
         const PASSING: [&str; 7] = ["08", "25", "40", "53", "55", "57", "58"];
         let is_passing = |code: &str| PASSING.iter().any(|class| code.starts_with(class));
         let kind = match &error {
