@@ -2,6 +2,7 @@
 //! if its file cannot be written.
 
 use crate::ReportError;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -45,13 +46,17 @@ pub fn success_by_distance(rows: &[(&str, Vec<DistanceBin>)], middle_m: f32, pat
     let lines: Vec<Line<'_>> = rows.iter().map(|(name, bins)| (*name, points(bins))).collect();
     // The bars of different lines are shifted, so that they do not cover one another.
     let aside = |line: usize| (line as f64 - 0.5 * rows.len() as f64) * 0.06 * f64::from(middle_m);
-    let bars = rows.iter().enumerate().map(|(line, (_, bins))| {
-        bins.iter().map(|bin| (middle(bin) + aside(line), bin.interval.map(|share| 100.0 * share))).collect()
-    });
-    let bars: Vec<Vec<Bar>> = bars.collect();
     let farthest = farthest_of(&lines).max(25.0);
     let axes = Axes { x: "straight-line distance, m", y: "success, %", x_end: farthest, y_end: 100.0 };
-    draw_lines("Success by distance of the goal", axes, SeriesLabelPosition::LowerLeft, &lines, &bars, path)
+    draw_lines("Success by distance of the goal", (axes, SeriesLabelPosition::LowerLeft), &lines, path, |chart| {
+        for ((line, (_, bins)), colour) in rows.iter().enumerate().zip(COLOURS.iter().cycle()) {
+            chart.draw_series(bins.iter().map(|bin| {
+                let (x, [low, high]) = (middle(bin) + aside(line), bin.interval.map(|share| 100.0 * share));
+                PathElement::new([(x, low), (x, high)], colour.stroke_width(1))
+            }))?;
+        }
+        Ok(())
+    })
 }
 
 /// Plots tick times, ms, by number of NPCs, with the limit that they should stay below.
@@ -61,7 +66,7 @@ pub fn tick_times(mut lines: Vec<Line<'_>>, limit_ms: f64, path: &Path) -> Resul
     lines.push(("limit", vec![(0.0, limit_ms), (most, limit_ms)]));
     let axes = Axes { x: "NPCs", y: "ms", x_end: most, y_end: 1.1 * longest };
     let caption = "From when a tick is due until it is done, worst of the worlds";
-    draw_lines(caption, axes, SeriesLabelPosition::UpperLeft, &lines, &[], path)
+    draw_lines(caption, (axes, SeriesLabelPosition::UpperLeft), &lines, path, |_| Ok(()))
 }
 
 /// The name and the points (x, y) of a line.
@@ -79,23 +84,23 @@ fn farthest_of(lines: &[Line<'_>]) -> f64 {
     lines.iter().flat_map(|(_, points)| points).map(|point| point.0).fold(0.0, f64::max)
 }
 
-/// A vertical bar of a plot of lines: where it stands, and its ends.
-type Bar = (f64, [f64; 2]);
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Drawn = Result<(), Box<dyn std::error::Error>>;
 
+/// Plots lines, and `marks` over them.
 fn draw_lines(
     caption: &str,
-    axes: Axes,
-    legend: SeriesLabelPosition,
+    (axes, legend): (Axes, SeriesLabelPosition),
     lines: &[Line<'_>],
-    bars: &[Vec<Bar>],
     path: &Path,
+    marks: impl FnOnce(&mut Chart<'_, '_>) -> Drawn,
 ) -> Result<(), ReportError> {
     draw(path, |area| {
         let mut chart = ChartBuilder::on(area)
             .caption(caption, ("sans-serif", 20))
             .margin(12)
             .x_label_area_size(40)
-            .y_label_area_size(48)
+            .y_label_area_size(56)
             .build_cartesian_2d(0.0..axes.x_end, 0.0..axes.y_end)?;
         chart.configure_mesh().x_desc(axes.x).y_desc(axes.y).draw()?;
         for ((name, points), colour) in lines.iter().zip(COLOURS.iter().cycle()) {
@@ -105,10 +110,7 @@ fn draw_lines(
                 .label(*name)
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
         }
-        for (bars, colour) in bars.iter().zip(COLOURS.iter().cycle()) {
-            let drawn = |&(x, [low, high]): &Bar| PathElement::new([(x, low), (x, high)], colour.stroke_width(1));
-            chart.draw_series(bars.iter().map(drawn))?;
-        }
+        marks(&mut chart)?;
         chart.configure_series_labels().position(legend).background_style(WHITE).border_style(BLACK).draw()?;
         Ok(())
     })
@@ -302,49 +304,32 @@ pub fn sweep(outcomes: &[SizeOutcome], path: &Path) -> Result<(), ReportError> {
 pub fn run_time(outcomes: &[SizeOutcome], path: &Path) -> Result<(), ReportError> {
     let most = outcomes.iter().map(|outcome| outcome.total_s).fold(1.0, f64::max);
     let widest = outcomes.iter().map(|outcome| outcome.vertices).max().unwrap_or(1) as f64;
-    draw(path, |area| {
-        let mut chart = ChartBuilder::on(area)
-            .caption("Build and evaluation per map (lines), search (at the points)", ("sans-serif", 20))
-            .margin(12)
-            .x_label_area_size(40)
-            .y_label_area_size(56)
-            .build_cartesian_2d(0.0..widest * 1.1, 0.0..most * 1.1)?;
-        chart.configure_mesh().x_desc("vertices").y_desc("seconds").draw()?;
-        for (neighbours, colour) in sizes(outcomes, |outcome| outcome.neighbours).into_iter().zip(COLOURS) {
-            let of_line = || outcomes.iter().filter(move |outcome| outcome.neighbours == neighbours);
-            let style = colour.stroke_width(2);
-            let points = of_line().map(|outcome| (outcome.vertices as f64, outcome.total_s));
-            chart
-                .draw_series(LineSeries::new(points, style).point_size(3))?
-                .label(format!("{neighbours} neighbours"))
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
-            let font = ("sans-serif", 12).into_font().color(&colour);
-            let texts = of_line().map(|outcome| {
-                let at = (outcome.vertices as f64, outcome.total_s);
-                Text::new(format!("{:.1} us", outcome.search_us), at, font.clone())
-            });
-            chart.draw_series(texts)?;
+    let of_line = |count: usize| outcomes.iter().filter(move |outcome| outcome.neighbours == count);
+    let at = |outcome: &SizeOutcome| (outcome.vertices as f64, outcome.total_s);
+    let neighbours = sizes(outcomes, |outcome| outcome.neighbours);
+    let names: Vec<String> = neighbours.iter().map(|count| format!("{count} neighbours")).collect();
+    let points = neighbours.iter().map(|&count| of_line(count).map(at).collect());
+    let lines: Vec<Line<'_>> = names.iter().map(String::as_str).zip(points).collect();
+    let caption = "Build and evaluation per map (lines), search (at the points)";
+    let axes = Axes { x: "vertices", y: "seconds", x_end: widest * 1.1, y_end: most * 1.1 };
+    draw_lines(caption, (axes, SeriesLabelPosition::UpperLeft), &lines, path, |chart| {
+        for (&count, colour) in neighbours.iter().zip(COLOURS.iter().cycle()) {
+            let font = ("sans-serif", 12).into_font().color(colour);
+            let text =
+                |outcome: &SizeOutcome| Text::new(format!("{:.1} us", outcome.search_us), at(outcome), font.clone());
+            chart.draw_series(of_line(count).map(text))?;
         }
-        let position = SeriesLabelPosition::UpperLeft;
-        chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
         Ok(())
     })
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 
-fn draw(
-    path: &Path,
-    fill: impl FnOnce(&Area<'_>) -> Result<(), Box<dyn std::error::Error>>,
-) -> Result<(), ReportError> {
+fn draw(path: &Path, fill: impl FnOnce(&Area<'_>) -> Drawn) -> Result<(), ReportError> {
     draw_sized(path, SIZE, fill)
 }
 
-fn draw_sized(
-    path: &Path,
-    size: (u32, u32),
-    fill: impl FnOnce(&Area<'_>) -> Result<(), Box<dyn std::error::Error>>,
-) -> Result<(), ReportError> {
+fn draw_sized(path: &Path, size: (u32, u32), fill: impl FnOnce(&Area<'_>) -> Drawn) -> Result<(), ReportError> {
     let failed = |error: &dyn std::fmt::Display| ReportError::Draw(path.to_owned(), error.to_string());
     let area = SVGBackend::new(path, size).into_drawing_area();
     area.fill(&WHITE).map_err(|error| failed(&error))?;
