@@ -11,6 +11,7 @@ use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader, Read, Write};
+use surefoot_planner::settings::BUILDER_VERSION;
 use surefoot_policy::Policy;
 use surefoot_rollout::AttemptResult;
 use surefoot_world::End;
@@ -28,8 +29,10 @@ struct Line {
 }
 
 /// The units of a table: written while it is made, or read to check it.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Record {
+    /// Version of the builder of the units' graphs.
+    builder: u32,
     units: Mutex<BTreeMap<String, Unit>>,
     /// Share of batches to repeat, and the seed of the choice; `None` while a table is made.
     sample: Option<(f64, u64)>,
@@ -115,17 +118,35 @@ pub enum RecordError {
     Missing(String),
 }
 
+impl Default for Record {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Record {
     /// A record for the units of a new table.
     pub fn new() -> Self {
-        Self::default()
+        Self {
+            builder: BUILDER_VERSION,
+            units: Mutex::default(),
+            sample: None,
+            comparison: Mutex::default(),
+            models: Mutex::default(),
+        }
     }
 
-    /// Reads a record to check it: `share` of its batches (0 to 1), chosen with `seed`, are repeated.
+    /// Version of the builder of the units' graphs.
+    pub fn builder(&self) -> u32 {
+        self.builder
+    }
+
+    /// Reads a record to check it, whose graphs are of this version of the builder: `share` of its batches (0 to 1),
+    /// chosen with `seed`, are repeated.
     ///
     /// # Errors
     /// If `file` is not a record.
-    pub fn read(file: impl Read, share: f64, seed: u64) -> Result<Self, RecordError> {
+    pub fn read(file: impl Read, share: f64, seed: u64, builder: u32) -> Result<Self, RecordError> {
         let mut units = BTreeMap::new();
         let lines = BufReader::new(GzDecoder::new(file).take(MAX_BYTES)).lines();
         for (idx, line) in lines.enumerate() {
@@ -133,7 +154,7 @@ impl Record {
             let Line { key, unit } = serde_json::from_str(&line.map_err(damaged)?).map_err(|it| damaged(it.into()))?;
             units.insert(key, unit);
         }
-        Ok(Self { units: Mutex::new(units), sample: Some((share, seed)), ..Self::default() })
+        Ok(Self { builder, units: Mutex::new(units), sample: Some((share, seed)), ..Self::new() })
     }
 
     /// Writes all units, in the order of their keys.

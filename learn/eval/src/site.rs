@@ -67,7 +67,8 @@ pub fn load_or_run(
     seed: u64,
     surveyed: &mut Option<Surveyed>,
 ) -> Result<Unit, EvalError> {
-    let key = key(policy, config, choice, seed);
+    let builder = config.record.as_deref().map_or(BUILDER_VERSION, Record::builder);
+    let key = key(policy, config, choice, seed, builder);
     if let Some(record) = config.record.as_deref().filter(|record| record.is_checked()) {
         let (unit, batches) = record.look_up(&key)?;
         if !batches.is_empty() {
@@ -116,7 +117,10 @@ pub fn is_kept(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64
 
 /// The file of a unit; `None` if the configuration saves none.
 fn path_of(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Option<PathBuf> {
-    config.keep_in.as_ref().map(|folder| folder.join(format!("{}.json", key(policy, config, choice, seed))))
+    config
+        .keep_in
+        .as_ref()
+        .map(|folder| folder.join(format!("{}.json", key(policy, config, choice, seed, BUILDER_VERSION))))
 }
 
 /// A placeholder for a unit of another shard: all its attempts are missing. It is neither saved nor recorded.
@@ -149,8 +153,8 @@ fn save(path: &Path, unit: &Unit) -> Result<(), EvalError> {
         .map_err(|source| EvalError::Io { path: path.to_owned(), source })
 }
 
-/// File name of a unit, which depends on everything that determines its result.
-fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> String {
+/// File name of a unit, which depends on everything that determines its result, the version of the builder included.
+fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64, builder: u32) -> String {
     let EvalConfig { goals, method, distance, noise_share, rehearses, follow, price, profile, .. } = config;
     let map = choice.identity();
     let text = format!(
@@ -160,7 +164,7 @@ fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Str
         policy.senses_transports(),
         TaskConfig::default(),
         profile,
-        if *method == Method::Policy { String::new() } else { format!(" {BUILDER_VERSION}") },
+        if *method == Method::Policy { String::new() } else { format!(" {builder}") },
     );
     format!("{}-{}-{seed}-{}", method.name(), choice.seed(), &blake3::hash(text.as_bytes()).to_hex()[..16])
 }

@@ -135,3 +135,16 @@ fn what_cannot_be_checked_says_why() {
     let model = eval(&["--suite", "paper", "--model", "general-lstm"]);
     assert!(errors(&model).contains("from --models"), "{}", errors(&model));
 }
+
+#[test]
+fn every_published_table_follows_from_its_attempts() {
+    let results = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/results"));
+    let folders = std::fs::read_dir(results).unwrap().map(|entry| entry.unwrap().path());
+    let kept: Vec<_> = folders.filter(|folder| folder.join("attempts.jsonl.gz").exists()).collect();
+    assert!(!kept.is_empty());
+    for folder in kept {
+        let checked = check(&folder, "0");
+        assert!(checked.status.success(), "{}: {}", folder.display(), errors(&checked));
+        assert_eq!(json(&checked.stdout)["derived"], true, "{}", folder.display());
+    }
+}

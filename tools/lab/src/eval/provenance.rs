@@ -55,6 +55,14 @@ struct Attempts {
     bytes: u64,
     /// Maps and seeds by model and condition.
     units: usize,
+    /// Version of the builder of their graphs.
+    #[serde(default = "first_recorded_builder")]
+    builder: u32,
+}
+
+/// Version of the builder when records did not have it yet.
+fn first_recorded_builder() -> u32 {
+    11
 }
 
 /// The state of the machine and the checkout before a table is made.
@@ -97,7 +105,7 @@ fn write_attempts(path: &Path, record: &Record) -> anyhow::Result<Attempts> {
     let write = || -> anyhow::Result<()> { Ok(record.write(BufWriter::new(File::create(path)?))?) };
     write().with_context(|| format!("cannot write {}", path.display()))?;
     let (hash, bytes) = hash_file(path)?;
-    Ok(Attempts { file: ATTEMPTS.to_owned(), hash, bytes, units: record.len() })
+    Ok(Attempts { file: ATTEMPTS.to_owned(), hash, bytes, units: record.len(), builder: record.builder() })
 }
 
 /// Hash and size of a file.
@@ -157,7 +165,7 @@ pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
     ensure!(hash_file(&path)?.0 == attempts.hash, "{} does not match provenance.json", path.display());
     let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
     let share = if args.maps.is_some() { 0.0 } else { args.share };
-    let record = Record::read(BufReader::new(file), share, args.check_seed)
+    let record = Record::read(BufReader::new(file), share, args.check_seed, attempts.builder)
         .with_context(|| format!("cannot use {}", path.display()))?;
     let stored = Stored::try_parse_from(&provenance.command)
         .context("this version does not accept the command that made the table")?;
