@@ -88,7 +88,8 @@ fn reachability_is_a_check() {
     assert!(report["reachable"].as_f64().unwrap() > 0.8);
     assert!(report["graph"]["islands"].as_array().unwrap().iter().any(|island| island["entered"] == true));
     assert!(std::fs::read(png).unwrap().starts_with(b"\x89PNG"));
-    let checks = ["--min-reachable", "0.5", "--min-connected", "1", "--junit", xml.to_str().unwrap()];
+    let xml_path = xml.to_str().unwrap();
+    let checks = ["--body", "godot", "--min-reachable", "0.5", "--min-connected", "1", "--junit", xml_path];
     let failed = graph(&cache, &["reach", "31"], &checks);
     assert!(!failed.status.success());
     assert!(String::from_utf8_lossy(&failed.stderr).contains("at least 100.00 % must"));

@@ -283,7 +283,8 @@ async fn saved_worlds_that_cannot_be_read_keep_their_files_and_ids_and_a_folder_
     let world_id = create_world(&mut client, 1000, wire::TimeMode::Realtime).await.world_id;
     // A second server must not write over the first one's files.
     let second = surefoot_net::serving::Endpoint::bind(([127, 0, 0, 1], 0).into()).unwrap();
-    let refused = surefoot_server::serve(second, config(), Default::default()).await.unwrap_err().to_string();
+    let refused = surefoot_server::serve(second, config(), Default::default()).await.unwrap_err();
+    let refused = std::error::Error::source(&refused).expect("a reason").to_string();
     assert!(refused.contains("used by another server") && refused.contains("--state"), "{refused}");
     server.stop().await;
     let file = state.path().join(format!("{world_id}.world"));
