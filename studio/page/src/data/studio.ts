@@ -168,10 +168,10 @@ export class Studio {
       if (tool === 'mark' || tool === 'build') this.openTab('map')
       if (tool === 'mark') {
         // It would hide what is marked.
-        this.graphs.setFilter({ visible: false })
+        this.graphs.setFilter({ presence: 'off' })
       }
       // What is changed should be seen.
-      if (EDIT_TOOLS.has(tool)) this.graphs.setFilter({ visible: true })
+      if (EDIT_TOOLS.has(tool)) this.graphs.setFilter({ presence: 'full' })
     })
   }
 
