@@ -41,6 +41,7 @@ export function Rail({ studio }: { studio: Studio }) {
           aria-label={name}
           aria-pressed={tool === current}
           aria-keyshortcuts={key}
+          data-tour={`tool-${tool}`}
           title={`${name} (${key})`}
           tabIndex={tool === focusable ? 0 : -1}
           onClick={() => studio.setTool(tool)}

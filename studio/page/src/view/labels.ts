@@ -19,7 +19,12 @@ const DOT = 11
 const STEM = 9
 
 const INKS = {
-  dark: { plate: 'rgb(17 21 27 / 82%)', text: '#f0f3f8', stem: 'rgb(240 243 248 / 70%)', line: 'rgb(255 255 255 / 16%)' },
+  dark: {
+    plate: 'rgb(17 21 27 / 82%)',
+    text: '#f0f3f8',
+    stem: 'rgb(240 243 248 / 70%)',
+    line: 'rgb(255 255 255 / 16%)',
+  },
   light: { plate: 'rgb(253 254 255 / 88%)', text: '#17202c', stem: 'rgb(23 32 44 / 60%)', line: 'rgb(20 32 50 / 16%)' },
 }
 
@@ -218,5 +223,6 @@ export class LabelLayer {
 }
 
 function placeOf({ at, npc }: Label, sight: LabelSight): Place | undefined {
-  return npc === undefined ? at : sight.npc(npc)
+  const shown = npc && sight.npc(npc.id)
+  return npc === undefined ? at : shown && { x: shown.x, y: shown.y + npc.lift, z: shown.z }
 }

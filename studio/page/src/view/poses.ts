@@ -98,7 +98,11 @@ const put = (into: RawPose, x: number, y: number, z: number, yaw: number): RawPo
 }
 
 /** Where an NPC is at a tick that may lie between, before or after its poses. Writes into `into` and returns it. */
-export function poseAt(samples: readonly Sample[], tick: number, into: RawPose = { x: 0, y: 0, z: 0, yaw: 0 }): RawPose {
+export function poseAt(
+  samples: readonly Sample[],
+  tick: number,
+  into: RawPose = { x: 0, y: 0, z: 0, yaw: 0 },
+): RawPose {
   let low = samples.length - 1
   while (low > 0 && samples[low]!.tick > tick) {
     low -= 1

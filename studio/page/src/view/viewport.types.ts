@@ -139,8 +139,8 @@ export interface Label {
   text: string
   /** What it names, m. */
   at: Place
-  /** The NPC that it goes along with, in place of `at`. */
-  npc?: bigint
+  /** The NPC that it stays over, `lift` m above its feet, in place of `at`. */
+  npc?: { id: bigint; lift: number }
   /** Where there is no room for all, lower ranks are shown. Those of rank 0 are shown behind rock as well. */
   rank: number
   /** Of the dot before the text. */

@@ -39,6 +39,8 @@ export class Live {
 
   constructor(
     private readonly context: Context,
+    /** Called with each pose that comes. */
+    private readonly takePose: (tick: number, npc: Npc) => void,
     private readonly takeMovers: (states: readonly MoverState[], isDelta: boolean) => void,
     /** Called with the revision of the map, again and again. */
     private readonly takeRevision: (revision: bigint) => void,
@@ -87,6 +89,12 @@ export class Live {
   private take(message: WatchWorldResponse): void {
     const npcs = afterSnapshot(this.moment.peek().npcs, message)
     const now = performance.now()
+    const tick = Number(message.tick)
+    for (const npc of message.npcs) this.takePose(tick, npc)
+    for (const { npcId } of message.changed) {
+      const npc = npcs.get(npcId)
+      if (npc !== undefined) this.takePose(tick, npc)
+    }
     batch(() => {
       this.moment.value = { tick: message.tick, npcs, players: message.players }
       this.takeMovers(message.movers, message.isDelta)

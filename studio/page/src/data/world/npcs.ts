@@ -41,6 +41,8 @@ export class Npcs {
   readonly followed = signal<Followed | undefined>(undefined)
   /** Whether the camera follows the selected NPC. */
   readonly camera = signal(false)
+  /** NPCs that were sent to a goal so far. */
+  readonly sent = signal(0)
 
   constructor(private readonly context: Context) {}
 
@@ -48,6 +50,14 @@ export class Npcs {
     batch(() => {
       if (id !== this.selectedId.value) this.camera.value = false
       this.selectedId.value = id
+    })
+  }
+
+  /** Selects an NPC and follows it with the camera. */
+  goAlong(id: bigint): void {
+    batch(() => {
+      this.selectedId.value = id
+      this.camera.value = true
     })
   }
 
@@ -98,6 +108,7 @@ export class Npcs {
   async send(npcId: bigint, goal: Place): Promise<void> {
     try {
       await this.context.world.calls.setGoal({ npcId, goal })
+      this.sent.value += 1
     } catch (error) {
       report(this.context, `NPC ${npcNumber(npcId)} was not sent`, error)
     }

@@ -53,7 +53,12 @@ export function FilterSection({ studio: { graphs } }: { studio: Studio }) {
         options={PRESENCES}
         onChange={(presence) => graphs.setFilter({ presence })}
       />
-      <Choice label="Colour by" value={colour} options={COLOURS} onChange={(colour) => graphs.setFilter({ colour, presence: 'full' })} />
+      <Choice
+        label="Colour by"
+        value={colour}
+        options={COLOURS}
+        onChange={(colour) => graphs.setFilter({ colour, presence: 'full' })}
+      />
       <Legend colour={colour} />
       <div class="checks" role="group" aria-label="Abilities">
         {ABILITIES.map((ability) => (

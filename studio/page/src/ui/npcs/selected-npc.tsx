@@ -54,13 +54,6 @@ function Actions({ studio, id }: { studio: Studio; id: bigint }) {
   const tool = studio.tool.value
   return (
     <div class="row wrap" role="group" aria-label="Actions for the NPC">
-      <Button
-        label="Follow camera"
-        icon="follow"
-        hint="F"
-        pressed={npcs.camera.value}
-        onClick={() => npcs.toggleCamera()}
-      />
       <Button label="Send somewhere" icon="send" pressed={tool === 'send'} onClick={() => studio.setTool('send')} />
       <Button
         label="Teleport"
