@@ -22,8 +22,8 @@ const END_M = 2.6
 /** Legs ahead of an NPC that are named. */
 const LEGS = 5
 
-/** Ranks: what the user has chosen, what needs an ability, what people have named, what is there anyway. */
-const [CHOSEN, ABLE, NAMED, USUAL] = [0, 1, 2, 3]
+/** Ranks: what was chosen and what comes next, then legs that need an ability, what people have named, and the rest. */
+const [CHOSEN, NEXT, ABLE, NAMED, USUAL] = [0, 1, 2, 3, 4]
 
 const ORIGIN: Place = { x: 0, y: 0, z: 0 }
 
@@ -96,7 +96,7 @@ function moverName(name: string, kind: MoverKind): string {
 export function npcNames({ id, npc, plan, waypointIdx }: Followed): Label[] {
   if (npc === undefined) return []
   const colour = STATE_COLOURS[stateOf(npc)]
-  const labels: Label[] = [{ text: `NPC ${npcNumber(id)}`, at: ORIGIN, npc: { id, lift: NPC_M }, rank: CHOSEN, colour }]
+  const labels: Label[] = [{ text: `NPC ${npcNumber(id)}`, at: ORIGIN, npc: { id, lift: NPC_M }, rank: NEXT, colour }]
   const waypoints = plan?.waypoints ?? []
   const goal = npc.goal ?? waypoints.at(-1)
   if (goal !== undefined)

@@ -17,7 +17,7 @@ const SIDE_AZIMUTH = 0.6
 /** A place that is looked at is seen from this near at most, m. */
 const LOOK_M = 45
 /** Over the feet of the NPC that the camera follows, m. */
-const FOLLOW_LIFT_M = 1
+const FOLLOW_LIFT_M = 2.2
 
 export class CameraRig {
   private readonly goal: OrbitPose = {

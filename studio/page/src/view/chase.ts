@@ -4,7 +4,7 @@ import { shortestTurn } from './orbit'
 import type { Place } from './viewport.types'
 
 /** Distance from the NPC, m: its body, its next legs and its rays are seen. */
-export const CHASE_M = 17
+export const CHASE_M = 18
 /** Turned so far from straight behind, so that the NPC does not hide its own way, rad. */
 const ASIDE = 0.55
 /** Angles from the vertical, rad: the lower the view the better, but rock may be in its way. */

@@ -12,7 +12,7 @@ const TRAP = parseColour('#ff3045')
 const SELECTED = parseColour(MARK_COLOURS.selected)
 export const VERTEX_M = 0.8
 /** Opacity of a faint graph. */
-const FAINT = 0.3
+const FAINT = 0.15
 
 const lifted = (place: Place): Place => ({ ...place, y: place.y + LIFT_M })
 
@@ -110,7 +110,7 @@ export class GraphView extends Group {
     const range = secondsRange(graph)
     for (const { edge, points } of this.edges) {
       if (filter.presence === 'faint' && !isEdited(edge)) {
-        this.faint.polyline(points, { colour: this.palette.vertex, width: 1.4, opacity: FAINT })
+        this.faint.polyline(points, { colour: this.palette.vertex, width: 1.2, opacity: FAINT })
         continue
       }
       const npcs = this.traffic.get(`${edge.from}>${edge.to}`) ?? 0
@@ -134,7 +134,7 @@ export class GraphView extends Group {
     const look =
       filter.presence === 'full'
         ? { size: VERTEX_M, least: 4, most: 15 }
-        : { size: VERTEX_M / 2, least: 2, most: 6, opacity: FAINT }
+        : { size: VERTEX_M / 2, least: 2, most: 5, opacity: 2 * FAINT }
     for (const { position, island, trap, removed } of graph.vertices) {
       if (removed) {
         continue

@@ -55,6 +55,9 @@ export { secondsRange } from './edge-shape'
 const TRAIL_MS = 5200
 /** How often the camera looks for better angles to follow from, ms. */
 const STEER_MS = 300
+/** Names are shown so far behind what the camera looks at, and so far from the eye at most, m. */
+const NAMED_M = 50
+const MOST_NAMED_M = 150
 /** Rock nearer than this to what is looked at does not hide it, m. */
 const HIDING_M = 1.2
 
@@ -403,7 +406,7 @@ class View implements Viewport, Show {
       height,
       ratio: stage.fullRatio,
       eye: stage.camera.position,
-      reach: stage.camera.position.distanceTo(rig.pose.target) + rig.pose.distance * 0.6 + 45,
+      reach: Math.min(rig.pose.distance + NAMED_M, MOST_NAMED_M),
       ceiling: aim.section ?? Infinity,
       npc: (id) => this.poses.find(id),
       isHidden: (place) => this.isHidden(stage.camera.position, place),
