@@ -138,6 +138,7 @@ export class PoseBuffer {
   private message = 0
   /** Written for each NPC in each picture. */
   private readonly raw: RawPose = { x: 0, y: 0, z: 0, yaw: 0 }
+  private readonly after: RawPose = { x: 0, y: 0, z: 0, yaw: 0 }
 
   /** Those that are shown, in a steady order. */
   get shown(): readonly ShownNpc[] {
@@ -191,13 +192,13 @@ export class PoseBuffer {
       this.tracks.set(pose.id, first)
       return first
     }
-    const before = poseAt(track.samples, this.tick)
+    const before = poseAt(track.samples, this.tick, this.raw)
     if (track.samples.at(-1)!.tick >= tick) {
       track.samples = track.samples.filter((it) => it.tick < tick)
     }
     track.samples.push({ tick, pose })
     track.samples.splice(0, track.samples.length - KEPT_POSES)
-    const after = poseAt(track.samples, this.tick)
+    const after = poseAt(track.samples, this.tick, this.after)
     if (apart(before, after) < SNAP_M) {
       track.correction[0] += before.x - after.x
       track.correction[1] += before.y - after.y

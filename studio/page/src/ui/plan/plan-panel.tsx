@@ -1,5 +1,4 @@
 import { noPathReason } from '../../data/abilities'
-import { priceEdge } from '../../data/edit/edits'
 import { count, duration, percent, place } from '../../data/format'
 import { edgeOf, legEnds } from '../../data/plan/alternatives'
 import type { Studio } from '../../data/studio'
@@ -7,11 +6,7 @@ import { npcNumber } from '../../data/world/snapshot'
 import type { Leg, Plan } from '../../gen/surefoot/planner/v1/planner_pb'
 import { AbilityName, Button, ChanceBar, Choice, Empty, Facts, Section } from '../controls'
 import { NoGraph } from '../graph/no-graph'
-import { forbid } from '../tools'
-
-/** What "Raise its cost" multiplies a price by. */
-const DEARER = 4
-const MAX_FACTOR = 1000
+import { LegActions } from './leg-actions'
 
 export function PlanPanel({ studio }: { studio: Studio }) {
   const { plans, graphs } = studio
@@ -166,25 +161,6 @@ function LegRow({ studio, plan, leg, index }: { studio: Studio; plan: Plan; leg:
 
 function moverName({ movers }: Studio, index: number): string {
   return movers.list.value[index]?.name ?? `mover ${index}`
-}
-
-function LegActions({ studio, edge }: { studio: Studio; edge: { from: number; to: number } }) {
-  const { graphs, layers } = studio
-  const makeDearer = () => {
-    const [from, to] = [graphs.position(edge.from), graphs.position(edge.to)]
-    const present = graphs.edge(edge.from, edge.to)?.priceFactor || 1
-    if (from === undefined || to === undefined) return
-    void layers.apply(priceEdge(from, to, Math.min(MAX_FACTOR / present, DEARER)))
-  }
-  return (
-    <div class="row wrap" role="group" aria-label="Actions for the leg">
-      <span data-tour="forbid">
-        <Button label="Forbid this leg" icon="forbid" onClick={() => forbid(studio, edge.from, edge.to)} />
-      </span>
-      <Button label="Raise its cost" icon="plus" hint={`Multiplies its cost by ${DEARER}`} onClick={makeDearer} />
-      <Button label="Inspect" icon="look" onClick={() => studio.openTab('graph')} />
-    </div>
-  )
 }
 
 /** Sends a new NPC from the start to the goal, or the selected NPC from where it is. */
