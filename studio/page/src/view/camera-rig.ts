@@ -39,6 +39,7 @@ export class CameraRig {
   /** The user has turned the camera while it follows. */
   private steered = false
   private wanted: Angles | undefined
+  private hurried = false
 
   constructor(private readonly camera: PerspectiveCamera) {}
 
@@ -67,9 +68,15 @@ export class CameraRig {
     this.wanted = undefined
   }
 
-  /** The angles to follow from. */
-  steer(angles: Angles): void {
+  /** The angles to follow from; `hurried`: rock hides the NPC at present. */
+  steer(angles: Angles, hurried: boolean): void {
     this.wanted = angles
+    this.hurried = hurried
+  }
+
+  /** The NPC that it follows was put elsewhere. */
+  arriveAgain(): void {
+    this.arriving = this.steersItself
   }
 
   /** How it would stand to follow what is at `target` from these angles. */
@@ -167,7 +174,7 @@ export class CameraRig {
         Object.assign(goal, wanted)
       }
     } else if (wanted && this.steersItself && !this.calm.matches) {
-      turnCalmly(goal, wanted, elapsed)
+      turnCalmly(goal, wanted, elapsed, this.hurried)
     }
   }
 

@@ -11,8 +11,9 @@ const ASIDE = 0.55
 const POLARS = [1.12, 0.9, 0.66, 0.42]
 /** A goal nearer than this gives no direction, m. */
 const NEAR_M = 2
-/** The camera turns no faster than this by itself, rad/s. */
+/** The camera turns no faster than this by itself, and where rock hides the NPC, rad/s. */
 const TURN_RATE = 0.4
+const HURRIED_RATE = 1.6
 
 export interface Angles {
   azimuth: number
@@ -38,9 +39,9 @@ export function chaseAngles(
 
 const turnTo = (azimuth: number, present: Angles): number => Math.abs(shortestTurn(present.azimuth, azimuth))
 
-/** Turns `angles` towards `wanted` as far as `elapsed` ms allow. */
-export function turnCalmly(angles: Angles, wanted: Angles, elapsed: number): void {
-  const most = (TURN_RATE * elapsed) / 1000
+/** Turns `angles` towards `wanted` as far as `elapsed` ms allow; `hurried`: the NPC cannot be seen. */
+export function turnCalmly(angles: Angles, wanted: Angles, elapsed: number, hurried = false): void {
+  const most = ((hurried ? HURRIED_RATE : TURN_RATE) * elapsed) / 1000
   const limited = (turn: number): number => Math.min(most, Math.max(-most, turn))
   angles.azimuth += limited(shortestTurn(angles.azimuth, wanted.azimuth))
   angles.polar += limited(wanted.polar - angles.polar)

@@ -12,7 +12,7 @@ const TRAP = parseColour('#ff3045')
 const SELECTED = parseColour(MARK_COLOURS.selected)
 export const VERTEX_M = 0.8
 /** Opacity of a faint graph. */
-const FAINT = 0.15
+const FAINT = 0.12
 
 const lifted = (place: Place): Place => ({ ...place, y: place.y + LIFT_M })
 

@@ -142,7 +142,7 @@ export class LabelLayer {
         }
         const plate = this.plateOf(label)
         const box = this.place(label, plate, sight)
-        if (box) {
+        if (box && isWhole(box, sight)) {
           const key = `${group} ${index} ${label.text}`
           candidates.set(key, { label, plate, at })
           placed.push({ ...box, key })
@@ -220,6 +220,10 @@ export class LabelLayer {
     brush.fillText(text, PADDING + dot, HEIGHT / 2 + 0.5)
     return { image, width }
   }
+}
+
+function isWhole({ left, top, width }: PlacedLabel, sight: LabelSight): boolean {
+  return left >= 0 && top >= 0 && left + width <= sight.width
 }
 
 function placeOf({ at, npc }: Label, sight: LabelSight): Place | undefined {

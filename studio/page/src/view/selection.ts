@@ -116,7 +116,7 @@ export class SelectionView extends Group {
     }
     for (const { end, surface } of rays) {
       const colour = parseColour(SURFACE_COLOURS[surface] ?? SURFACE_COLOURS[0])
-      this.rays.line(eyes, end, { colour, width: 1.3, opacity: surface === 0 ? 0.14 : 0.5 })
+      this.rays.line(eyes, end, { colour, width: 1.3, opacity: surface === 0 ? 0.1 : 0.4 })
       if (surface !== 0) {
         this.dots.sprite(end, { colour, shape: 'disc', size: 0.18, least: 3, most: 6 })
       }

@@ -339,6 +339,10 @@ class View implements Viewport, Show {
     const played = this.scene.track.update(now / 1000, this.stage.camera.position, this.scale)
     const { following } = this.rig
     const npc = following === undefined ? undefined : this.poses.find(following)
+    if (npc?.snapped) {
+      this.rig.arriveAgain()
+      this.steered = -STEER_MS
+    }
     if (npc && this.rig.steersItself && now - this.steered >= STEER_MS) {
       this.steered = now
       this.steer(npc)
@@ -437,9 +441,10 @@ class View implements Viewport, Show {
   private steer(npc: ShownNpc): void {
     const { rig } = this
     const { azimuth, polar } = rig.pose
-    const at = { x: npc.x, y: npc.y + 1.2, z: npc.z }
+    const at = { x: npc.x, y: npc.y + 0.8, z: npc.z }
     const isFree = (angles: Angles): boolean => !this.isHidden(at, lensOf(rig.chasePose(at, angles), 1).eye)
-    rig.steer(chaseAngles(npc, npc.goal, { azimuth, polar }, isFree))
+    const present = { azimuth, polar }
+    rig.steer(chaseAngles(npc, npc.goal, present, isFree), !isFree(present))
   }
 
   /** Whether rock is between two places. */

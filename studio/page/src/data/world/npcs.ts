@@ -29,12 +29,24 @@ export function afterMessage(known: Followed, message: FollowNpcResponse): Follo
     id: known.id,
     npc: message.npc ?? known.npc,
     plan: message.plan ?? known.plan,
-    waypointIdx: message.waypointIdx,
+    waypointIdx: headingOf(known, message),
     eyes: message.eyes,
     rays: message.rays,
     history: message.history.length > 0 ? message.history : known.history,
   }
 }
+
+/**
+ * Index of the waypoint of its plan that an NPC heads for. While it heads for a point off its plan, as it does to get
+ * out of the way of others, the message names the last waypoint, and the one that is known stays.
+ */
+function headingOf(known: Followed, { npc, plan, waypointIdx }: FollowNpcResponse): number {
+  const [to, named] = [npc?.waypoint, (plan ?? known.plan)?.waypoints[waypointIdx]]
+  const isOnPlan = to === undefined ? npc?.goal === undefined : named !== undefined && isSame(to, named)
+  return isOnPlan ? waypointIdx : plan === undefined ? known.waypointIdx : 0
+}
+
+const isSame = (a: Place, b: Place): boolean => a.x === b.x && a.y === b.y && a.z === b.z
 
 export class Npcs {
   readonly selectedId = signal<bigint | undefined>(undefined)
