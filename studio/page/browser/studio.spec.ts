@@ -1,5 +1,5 @@
 import { expect, type Page, test } from '@playwright/test'
-import type { StudioHook } from '../src/main'
+import { ask, clickMap, openOnMap, withGraph } from './page'
 import { Scene } from './scene'
 
 let scene: Scene
@@ -9,23 +9,6 @@ test.beforeAll(async () => {
 test.afterAll(async () => {
   await scene.stop()
 })
-
-/** Calls a function with what the page knows. */
-function ask<T>(page: Page, question: (studio: StudioHook) => T): Promise<T> {
-  return page.evaluate(`(${question.toString()})(window.surefootStudio)`) as Promise<T>
-}
-
-async function open(page: Page): Promise<void> {
-  await page.goto(scene.studio)
-  await page.waitForFunction(() => 'surefootStudio' in window)
-  await expect.poll(() => ask(page, (studio) => studio.state.level.state.value.kind), { timeout: 60_000 }).toBe('ready')
-}
-
-async function withGraph(page: Page): Promise<void> {
-  await expect
-    .poll(() => ask(page, (studio) => studio.state.graphs.loaded.value?.edges.length ?? 0), { timeout: 90_000 })
-    .toBeGreaterThan(300)
-}
 
 /** Share of the picture's pixels that are not of its most common colour, and how many colours there are. */
 function picture(page: Page) {
@@ -47,7 +30,7 @@ test('the map is drawn, and can be looked into', async ({ page }) => {
     const { host } = new URL(request.url())
     if (![scene.studio, scene.planner].some((address) => new URL(address).host === host)) errors.push(request.url())
   })
-  await open(page)
+  await openOnMap(page, scene)
   const whole = await picture(page)
   expect(whole.busy).toBeGreaterThan(0.25)
   expect(whole.colours).toBeGreaterThan(200)
@@ -55,8 +38,8 @@ test('the map is drawn, and can be looked into', async ({ page }) => {
   await page.keyboard.press('h')
   await expect.poll(async () => (await picture(page)).busy).toBeGreaterThan(0.4)
   // Cut at its foot, it is one level face. The graph is shown in any case.
-  await page.getByRole('button', { name: 'Graph', exact: true }).click()
   await ask(page, ({ state }) => {
+    state.graphs.setFilter({ presence: 'off' })
     state.view.section.value = true
     state.view.sectionHeight.value = 1
   })
@@ -83,18 +66,11 @@ test('a link to another planner contacts no one unless the user agrees and the s
   expect(await planner()).toBe(evil)
 })
 
-/** A point of the map that a click at this place of the canvas meets, once it is known which. */
-async function clickMap(page: Page, x: number, y: number): Promise<void> {
-  const box = await page.locator('canvas').first().boundingBox()
-  await page.mouse.click(box!.x + x * box!.width, box!.y + y * box!.height)
-}
-
 test('a designer forbids a leg, and the plan and the NPC go another way', async ({ page }) => {
-  await open(page)
+  await openOnMap(page, scene)
   await withGraph(page)
   await page.keyboard.press('t')
   await page.keyboard.press('h')
-  await page.getByRole('button', { name: 'Graph', exact: true }).click()
   await page.getByRole('button', { name: 'Plan a path' }).click()
   await clickMap(page, 0.42, 0.3)
   await clickMap(page, 0.62, 0.72)
@@ -151,7 +127,7 @@ test('a designer forbids a leg, and the plan and the NPC go another way', async 
 })
 
 test('vertices are put in and taken out by a click, and an NPC is put elsewhere', async ({ page }) => {
-  await open(page)
+  await openOnMap(page, scene)
   await withGraph(page)
   await page.keyboard.press('t')
   await page.keyboard.press('h')
@@ -187,7 +163,7 @@ test('vertices are put in and taken out by a click, and an NPC is put elsewhere'
 })
 
 test('a block is put onto the map and taken away again, and the picture and the graph follow', async ({ page }) => {
-  await open(page)
+  await openOnMap(page, scene)
   await withGraph(page)
   const graph = () => ask(page, ({ state }) => state.graphs.summary.value?.mapHash)
   const before = await graph()
@@ -196,7 +172,7 @@ test('a block is put onto the map and taken away again, and the picture and the 
   const section = page.getByRole('region', { name: 'Pieces on the map' })
   await section.getByLabel('Width, m').fill('20')
   await section.getByLabel('Height, m').fill('6')
-  await ask(page, ({ state }) => state.graphs.setFilter({ visible: false }))
+  await ask(page, ({ state }) => state.graphs.setFilter({ presence: 'off' }))
   const pixels = () => ask(page, ({ viewport }) => [...viewport!.snapshot().pixels].reduce((sum, it) => sum + it, 0))
   const bare = await pixels()
   await section.getByRole('button', { name: 'Add to the map' }).click()
@@ -211,7 +187,7 @@ test('a block is put onto the map and taken away again, and the picture and the 
 })
 
 test('a graph is built while its progress is shown, and compared', async ({ page }) => {
-  await open(page)
+  await openOnMap(page, scene)
   await withGraph(page)
   await page.getByRole('tab', { name: 'Build' }).click()
   await page.getByLabel('Vertices').fill('150')
@@ -237,7 +213,7 @@ test('a graph is built while its progress is shown, and compared', async ({ page
 })
 
 test('an edge is probed again, and its attempt is played', async ({ page }) => {
-  await open(page)
+  await openOnMap(page, scene)
   await withGraph(page)
   await ask(page, ({ state }) => {
     // One that does not go away while NPCs report how they fared.
@@ -266,12 +242,12 @@ test('an edge is probed again, and its attempt is played', async ({ page }) => {
 })
 
 test('what another designer did meanwhile is shown, and nothing is lost', async ({ page, context }) => {
-  await open(page)
+  await openOnMap(page, scene)
   await withGraph(page)
   const late = await context.newPage()
   // This page gets no changes.
   await late.route('**/WatchGraph', () => undefined)
-  await open(late)
+  await openOnMap(late, scene)
   await withGraph(late)
   const forbid = (who: Page, index: number) =>
     who.evaluate((index) => {
@@ -294,7 +270,7 @@ test('what another designer did meanwhile is shown, and nothing is lost', async 
 })
 
 test('when the server is gone the page says so and comes back by itself', async ({ page }) => {
-  await open(page)
+  await openOnMap(page, scene)
   await withGraph(page)
   const tick = () => ask(page, ({ state }) => Number(state.live.moment.value.tick))
   // Old enough that the one after it is younger for long.
@@ -328,7 +304,7 @@ test('when the server is gone the page says so and comes back by itself', async 
 test('a designer drops a level, reads what is odd about it, and gets a world of it with another body', async ({
   page,
 }) => {
-  await open(page)
+  await openOnMap(page, scene)
   // A floor of 40 x 30 m in centimetres, z up, one-sided: one quad.
   const corners = ['0 0 0', '4000 0 0', '4000 3000 0', '0 3000 0'].map((at) => `v ${at}\n`).join('')
   const buffer = Buffer.from(`o floor\n${corners}f 1 2 3 4\n`)

@@ -3,6 +3,7 @@ import { render } from 'preact'
 import type { Context } from './data/context'
 import { readPlannerName } from './data/net/address'
 import { chooseAddresses, ConfirmedOrigins } from './data/net/consent'
+import { decodeLink } from './data/view-link'
 import { watchPolicy } from './data/net/policy'
 import { connectPlanner, connectWorld } from './data/net/services'
 import { Sessions } from './data/net/session'
@@ -15,9 +16,11 @@ import './styles-cards.css'
 import './styles-dialogs.css'
 import './styles-stage.css'
 import './styles-layout.css'
+import './styles-tour.css'
 import { App } from './ui/app'
 import { askForConsent } from './ui/consent-prompt'
 import { listenToKeys } from './ui/keys'
+import { keepLinks } from './ui/links'
 import type { Viewport } from './view/viewport.types'
 
 /** For tests and for curious users: the 3D view, and all that the page knows and can do. */
@@ -82,7 +85,8 @@ async function begin(): Promise<void> {
   listenToKeys(window, studio)
   render(<App studio={studio} />, root)
   for (const refusal of addresses.refusals) context.toasts.say(refusal, 'bad')
-  studio.start()
+  studio.start(decodeLink(page.hash))
+  keepLinks(window, studio)
 }
 
 void begin()

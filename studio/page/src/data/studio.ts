@@ -4,10 +4,14 @@ import { batch, computed, effect, signal, untracked } from '@preact/signals'
 import type { Viewport } from '../view/viewport.types'
 import { Builds } from './build/builds'
 import type { Context } from './context'
+import { keepOpening } from './opening'
 import { Layers } from './edit/layers'
 import { Graphs } from './graph/graphs'
 import { Probes } from './graph/probes'
+import { legKey } from './plan/alternatives'
 import { Plans } from './plan/plans'
+import { Tour, type TourFacts } from './tour'
+import type { ViewLink } from './view-link'
 import { ViewSettings } from './view-settings'
 import { Levels } from './world/import'
 import { Level } from './world/level'
@@ -16,7 +20,10 @@ import { Marks } from './world/marks'
 import { Movers } from './world/movers'
 import { Npcs } from './world/npcs'
 import { type Box, Pieces } from './world/pieces'
+import { Recorder } from './world/recorder'
+import { Replays } from './world/replays'
 import { Surveys } from './world/surveys'
+import { npcAfter } from './world/under-way'
 import { type Site, Worlds } from './world/worlds'
 
 /** What a click on the map does. */
@@ -44,6 +51,9 @@ export class Studio {
   readonly builds: Builds
   readonly probes: Probes
   readonly view: ViewSettings
+  readonly tour: Tour
+  private readonly recorder = new Recorder()
+  readonly replays = new Replays(this.recorder)
 
   readonly tool = signal<Tool>('select')
   readonly tab = signal<Tab>('map')
@@ -54,6 +64,12 @@ export class Studio {
   /** Undefined until it stands, and where the browser cannot draw. */
   readonly viewport = signal<Viewport | undefined>(undefined)
   readonly viewportFailure = signal('')
+  /** Whether the world that is shown has yet to open on an NPC under way. */
+  readonly opening = signal(true)
+  /** A link whose view is to be shown. */
+  readonly link = signal<ViewLink | undefined>(undefined)
+  /** Turns, moves and zooms of the camera by hand so far. */
+  readonly looks = signal(0)
   /** The world that is shown, once it is known what lies on its map. */
   readonly site = computed<Site | undefined>(() => {
     const [world, laid] = [this.worlds.chosen.value, this.pieces.laid.value]
@@ -67,11 +83,13 @@ export class Studio {
 
   constructor(readonly context: Context) {
     this.view = new ViewSettings(context.store)
+    this.tour = new Tour(context.store)
     this.worlds = new Worlds(context)
     this.movers = new Movers(context)
     this.pieces = new Pieces(context, (box) => this.redraw(box))
     this.live = new Live(
       context,
+      (tick, npc) => this.recorder.take(tick, npc),
       (states, isDelta) => this.movers.take(states, isDelta),
       (revision) => this.noteRevision(revision),
     )
@@ -90,8 +108,9 @@ export class Studio {
     })
   }
 
-  /** Begins to talk to the services. */
-  start(): void {
+  /** Begins to talk to the services, and shows the view of a link if there is one. */
+  start(link?: ViewLink): void {
+    if (link !== undefined) this.openLink(link)
     void this.worlds.poll()
     void this.graphs.poll()
     const worldKey = this.worlds.key
@@ -149,6 +168,19 @@ export class Studio {
       this.forceFrom.value = undefined
     })
     effect(() => {
+      const id = this.npcs.selectedId.value
+      if (this.replays.shown.peek()?.npcId !== id) this.replays.close()
+    })
+    effect(() => {
+      // Each step begins with what is known then.
+      void this.tour.at.value
+      this.tour.take(this.facts())
+    })
+    effect(() => {
+      if (this.level.state.value.kind === 'ready' && link === undefined) untracked(() => this.tour.offer())
+    })
+    keepOpening(this)
+    effect(() => {
       if (this.layers.conflict.value !== undefined) untracked(() => this.openTab('layers'))
     })
   }
@@ -161,6 +193,8 @@ export class Studio {
   setTool(tool: Tool): void {
     batch(() => {
       this.tool.value = tool
+      // What is clicked stands still.
+      if (tool !== 'select') this.npcs.camera.value = false
       this.forceFrom.value = undefined
       this.marks.begun.value = undefined
       this.pieces.begun.value = undefined
@@ -168,11 +202,48 @@ export class Studio {
       if (tool === 'mark' || tool === 'build') this.openTab('map')
       if (tool === 'mark') {
         // It would hide what is marked.
-        this.graphs.setFilter({ visible: false })
+        this.graphs.setFilter({ presence: 'off' })
       }
       // What is changed should be seen.
-      if (EDIT_TOOLS.has(tool)) this.graphs.setFilter({ visible: true })
+      if (EDIT_TOOLS.has(tool)) this.graphs.setFilter({ presence: 'full' })
     })
+  }
+
+  /** Shows the view of a link, on its world. */
+  openLink(link: ViewLink): void {
+    const { worlds } = this
+    worlds.wanted = link.world
+    batch(() => {
+      this.link.value = link
+      this.opening.value = true
+      const isThere = worlds.list.value.some(({ worldId }) => worldId === link.world.id)
+      if (isThere) worlds.choose(link.world.id)
+    })
+  }
+
+  /** Brings out the edges of the graph, or makes them faint again. */
+  toggleGraph(): void {
+    const { graphs } = this
+    graphs.setFilter({ presence: graphs.filter.peek().presence === 'full' ? 'faint' : 'full' })
+  }
+
+  /** Follows another NPC with the camera, one under way if there is any. */
+  followAnother(): void {
+    const next = npcAfter(this.live.moment.peek().npcs, this.npcs.selectedId.peek())
+    if (next === undefined) return this.context.toasts.say('There is no NPC to follow.')
+    this.npcs.goAlong(next.npcId)
+  }
+
+  /** Replays the last attempt of the selected NPC, or ends the replay. */
+  toggleReplay(): void {
+    const { npcs, replays } = this
+    const followed = npcs.followed.peek()
+    if (replays.shown.peek() !== undefined) return replays.close()
+    if (followed?.npc === undefined) return this.context.toasts.say('Select an NPC first.')
+    const { id, npc, history } = followed
+    if (!replays.open(id, npc.attemptsBegun, history)) {
+      this.context.toasts.say('No attempt of this NPC has been received yet.')
+    }
   }
 
   openTab(tab: Tab): void {
@@ -180,6 +251,19 @@ export class Studio {
       this.tab.value = tab
       this.panelOpen.value = true
     })
+  }
+
+  /** What the tour notices. */
+  private facts(): TourFacts {
+    const plan = this.plans.chosen.value
+    const edits = this.layers.list.value.flatMap(({ edits }) => edits)
+    return {
+      looks: this.looks.value,
+      follows: this.npcs.camera.value ? this.npcs.selectedId.value : undefined,
+      plan: plan?.found === true ? legKey(plan) : undefined,
+      sent: this.npcs.sent.value,
+      forbidden: edits.filter(({ edit }) => edit.case === 'forbidEdge').length,
+    }
   }
 
   /** The map of the world that is shown has this revision. */
@@ -208,6 +292,9 @@ export class Studio {
       this.probes.forget()
       this.builds.clearComparison()
       this.npcs.select(undefined)
+      this.replays.close()
+      this.recorder.forget()
+      this.opening.value = true
       this.marks.clear()
       this.surveys.shown.value = undefined
       if (this.tool.value === 'mark' || this.tool.value === 'build') this.tool.value = 'select'

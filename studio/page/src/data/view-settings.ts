@@ -4,11 +4,14 @@ import { computed, signal } from '@preact/signals'
 
 export type ThemeChoice = 'auto' | 'dark' | 'light'
 
-const KEPT_AS = 'surefoot.theme'
+const THEME_KEPT_AS = 'surefoot.theme'
+const NAMES_KEPT_AS = 'surefoot.names'
 
 export class ViewSettings {
   readonly top = signal(false)
   readonly trails = signal(true)
+  /** Whether names of places are shown. */
+  readonly names = signal(true)
   /** Whether everything above `sectionHeight` is hidden. */
   readonly section = signal(false)
   readonly sectionHeight = signal(20)
@@ -17,12 +20,18 @@ export class ViewSettings {
   readonly dark = computed(() => (this.theme.value === 'auto' ? this.systemIsDark.value : this.theme.value === 'dark'))
 
   constructor(private readonly store: Pick<Storage, 'getItem' | 'setItem'> | undefined) {
-    this.theme.value = readTheme(store?.getItem(KEPT_AS))
+    this.theme.value = readTheme(store?.getItem(THEME_KEPT_AS))
+    this.names.value = store?.getItem(NAMES_KEPT_AS) !== 'off'
   }
 
   setTheme(theme: ThemeChoice): void {
     this.theme.value = theme
-    this.store?.setItem(KEPT_AS, theme)
+    this.store?.setItem(THEME_KEPT_AS, theme)
+  }
+
+  setNames(shown: boolean): void {
+    this.names.value = shown
+    this.store?.setItem(NAMES_KEPT_AS, shown ? 'on' : 'off')
   }
 
   /** Follows what the system prefers. */

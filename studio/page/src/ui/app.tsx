@@ -8,6 +8,7 @@ import { Stage } from './stage'
 import { ToastList } from './toast-list'
 import { TokenPrompt } from './token-prompt'
 import { TopBar } from './top-bar'
+import { TourCard } from './tour-card'
 
 export function App({ studio }: { studio: Studio }) {
   return (
@@ -20,6 +21,7 @@ export function App({ studio }: { studio: Studio }) {
       </main>
       <Panel studio={studio} />
       <Dashboard studio={studio} />
+      <TourCard studio={studio} />
       <ToastList toasts={studio.context.toasts} />
       <Shortcuts studio={studio} />
       <TokenPrompt context={studio.context} />

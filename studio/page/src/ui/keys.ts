@@ -1,10 +1,12 @@
 // Keys, and what they do.
 
 import type { Studio, Tool } from '../data/studio'
+import { copyLink } from './links'
 
 export type Command =
   | { kind: 'tool'; tool: Tool }
-  | { kind: 'cancel' | 'follow' | 'top' | 'frame' | 'graph' | 'trails' | 'panel' | 'help' | 'undo' | 'redo' }
+  | { kind: 'cancel' | 'follow' | 'another' | 'replay' | 'top' | 'frame' | 'graph' | 'names' | 'trails' }
+  | { kind: 'link' | 'panel' | 'help' | 'undo' | 'redo' }
 
 /** What of a keyboard event matters. */
 export interface Stroke {
@@ -31,23 +33,31 @@ export const TOOL_KEYS: readonly { key: string; tool: Tool; name: string }[] = [
 /** All other keys, for the sheet. */
 export const OTHER_KEYS: readonly { keys: string; does: string }[] = [
   { keys: 'Esc', does: 'Cancel the tool, clear the selection' },
-  { keys: 'F', does: 'Follow the selected NPC' },
+  { keys: 'J', does: 'Follow another NPC' },
+  { keys: 'F', does: 'Follow the selected NPC, or stay' },
+  { keys: 'R', does: "Replay the NPC's last attempt" },
   { keys: 'T', does: 'Top view' },
   { keys: 'H', does: 'Show the whole map' },
-  { keys: 'G', does: 'Graph on or off' },
+  { keys: 'G', does: 'Graph bright or faint' },
+  { keys: 'N', does: 'Names on or off' },
   { keys: 'L', does: 'Trails on or off' },
+  { keys: 'C', does: 'Copy a link to this view' },
   { keys: 'P', does: 'Side panel on or off' },
   { keys: 'Ctrl Z', does: 'Undo an edit' },
-  { keys: 'Ctrl Shift Z', does: 'Do it again' },
-  { keys: '?', does: 'This sheet' },
+  { keys: 'Ctrl Shift Z', does: 'Redo it' },
+  { keys: '?', does: 'This help' },
 ]
 
 const LETTERS: Record<string, Command> = {
+  j: { kind: 'another' },
   f: { kind: 'follow' },
+  r: { kind: 'replay' },
   t: { kind: 'top' },
   h: { kind: 'frame' },
   g: { kind: 'graph' },
+  n: { kind: 'names' },
   l: { kind: 'trails' },
+  c: { kind: 'link' },
   p: { kind: 'panel' },
 }
 
@@ -65,7 +75,7 @@ export function commandFor({ key, ctrl, shift, alt, typing }: Stroke): Command |
 }
 
 export function perform(studio: Studio, command: Command): void {
-  const { view, graphs, layers, npcs, viewport } = studio
+  const { view, layers, npcs, viewport } = studio
   switch (command.kind) {
     case 'tool':
       return studio.setTool(command.tool)
@@ -73,16 +83,24 @@ export function perform(studio: Studio, command: Command): void {
       return cancel(studio)
     case 'follow':
       return npcs.toggleCamera()
+    case 'another':
+      return studio.followAnother()
+    case 'replay':
+      return studio.toggleReplay()
     case 'top':
       view.top.value = !view.top.value
       return
     case 'frame':
       return viewport.peek()?.frameMap()
     case 'graph':
-      return graphs.setFilter({ visible: !graphs.filter.peek().visible })
+      return studio.toggleGraph()
+    case 'names':
+      return view.setNames(!view.names.peek())
     case 'trails':
       view.trails.value = !view.trails.value
       return
+    case 'link':
+      return void copyLink(window, studio)
     case 'panel':
       studio.panelOpen.value = !studio.panelOpen.value
       return
@@ -96,9 +114,10 @@ export function perform(studio: Studio, command: Command): void {
   }
 }
 
-/** Takes one thing back after the other: the sheet, half an edge, the tool, the selection. */
+/** Takes one thing back after the other: the help, the replay, half an edge, the tool, the selection. */
 export function cancel(studio: Studio): void {
   if (studio.helpOpen.value) studio.helpOpen.value = false
+  else if (studio.replays.shown.value !== undefined) studio.replays.close()
   else if (studio.forceFrom.value !== undefined) studio.forceFrom.value = undefined
   else if (studio.tool.value !== 'select') studio.setTool('select')
   else if (studio.graphs.selection.value !== undefined) studio.graphs.select(undefined)

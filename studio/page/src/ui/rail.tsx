@@ -32,23 +32,26 @@ export function Rail({ studio }: { studio: Studio }) {
     buttons[(at + by + buttons.length) % buttons.length]?.focus()
   }
   return (
-    <div class="rail" role="toolbar" aria-label="Tools" aria-orientation="vertical" ref={bar} onKeyDown={step}>
-      {TOOL_KEYS.map(({ key, tool, name }, index) => (
-        <button
-          key={tool}
-          type="button"
-          class={EDIT_TOOLS.has(tool) && !EDIT_TOOLS.has(TOOL_KEYS[index - 1]?.tool ?? 'forbid') ? 'first' : ''}
-          aria-label={name}
-          aria-pressed={tool === current}
-          aria-keyshortcuts={key}
-          title={`${name} (${key})`}
-          tabIndex={tool === focusable ? 0 : -1}
-          onClick={() => studio.setTool(tool)}
-        >
-          <Icon name={ICONS[tool]} size={20} />
-          <kbd>{key}</kbd>
-        </button>
-      ))}
-    </div>
+    <section class="rail" aria-label="Tools">
+      <div role="toolbar" aria-label="Tools" aria-orientation="vertical" ref={bar} onKeyDown={step}>
+        {TOOL_KEYS.map(({ key, tool, name }, index) => (
+          <button
+            key={tool}
+            type="button"
+            class={EDIT_TOOLS.has(tool) && !EDIT_TOOLS.has(TOOL_KEYS[index - 1]?.tool ?? 'forbid') ? 'first' : ''}
+            aria-label={name}
+            aria-pressed={tool === current}
+            aria-keyshortcuts={key}
+            data-key={key}
+            data-tour={`tool-${tool}`}
+            title={`${name} (${key})`}
+            tabIndex={tool === focusable ? 0 : -1}
+            onClick={() => studio.setTool(tool)}
+          >
+            <Icon name={ICONS[tool]} size={20} />
+          </button>
+        ))}
+      </div>
+    </section>
   )
 }

@@ -1,13 +1,16 @@
 // Keeps the 3D view in step with what the page knows.
 
-import { effect } from '@preact/signals'
+import { computed, effect } from '@preact/signals'
 import { marksOf } from '../data/edit/edits'
+import { moverNames, npcNames, placeNames, planNames, topOf } from '../data/names'
 import type { Studio } from '../data/studio'
 import { PICKABLE } from './tools'
 import { featuresWith } from '../data/world/marks'
 import { lostWithout } from '../data/world/movers'
 import { poseOf } from '../data/world/snapshot'
 import { type Mover, MoverKind, type MoverState } from '../gen/surefoot/world/v1/living_pb'
+import { Outcome } from '../gen/surefoot/world/v1/world_pb'
+import { MARK_COLOURS } from '../view/colours'
 import type { MoverPose, MoverShape, Place, SelectedNpc, Viewport } from '../view/viewport.types'
 
 const ORIGIN: Place = { x: 0, y: 0, z: 0 }
@@ -16,7 +19,7 @@ const LOST_M = 1.2
 
 /** Shows everything, and goes on doing so until what is returned is called. */
 export function show(studio: Studio, viewport: Viewport): () => void {
-  const { graphs, layers, live, npcs, plans, builds, view, marks, movers, surveys } = studio
+  const { graphs, layers, live, npcs, plans, builds, view, marks, movers, surveys, replays } = studio
   const ends = [
     effect(() => {
       const { tick, npcs, players } = live.moment.value
@@ -31,6 +34,14 @@ export function show(studio: Studio, viewport: Viewport): () => void {
       viewport.setMoverPoses(new Map([...movers.states.value].map(([index, state]) => [index, poseOfMover(state)])))
     }),
     effect(() => viewport.setTrails(view.trails.value)),
+    effect(() => viewport.setLabelsVisible(view.names.value)),
+    ...showNames(studio, viewport),
+    effect(() => {
+      const shown = replays.shown.value
+      viewport.setReplay(
+        shown && { track: shown.track, seconds: replays.seconds.value, colour: replayColour(shown.outcome) },
+      )
+    }),
     effect(() => viewport.setSelectedNpc(selectedNpc(studio))),
     effect(() => viewport.follow(npcs.camera.value ? npcs.selectedId.value : undefined)),
     effect(() => viewport.setGraph(graphs.shown.value)),
@@ -41,9 +52,7 @@ export function show(studio: Studio, viewport: Viewport): () => void {
     effect(() => viewport.setPickable(PICKABLE[studio.tool.value])),
     effect(() => viewport.setPaths(plans.lines.value)),
     effect(() => {
-      const best = plans.plans.value[0]
-      const nearest = best === undefined || best.found ? undefined : best.nearestReachable
-      viewport.setMarkers(plans.start.value, plans.goal.value, nearest)
+      viewport.setMarkers(plans.start.value, plans.goal.value, plans.nearest.value)
     }),
     effect(() => {
       viewport.setEditMarks(
@@ -70,6 +79,32 @@ export function show(studio: Studio, viewport: Viewport): () => void {
   return () => {
     for (const end of ends) end()
   }
+}
+
+/** Names of places, of what moves, and of what is selected. */
+function showNames(studio: Studio, viewport: Viewport): (() => void)[] {
+  const { level, pieces, marks, movers, npcs, plans } = studio
+  const tops = computed(() => movers.list.value.map(topOf))
+  return [
+    effect(() => {
+      const features = level.features.value
+      const named = features && placeNames(featuresWith(features, marks.list.value), pieces.laid.value?.pieces ?? [])
+      viewport.setLabels('places', named ?? [])
+    }),
+    effect(() => viewport.setLabels('movers', moverNames(movers.list.value, tops.value, movers.states.value))),
+    effect(() => {
+      const followed = npcs.followed.value
+      viewport.setLabels('npc', followed?.id === npcs.selectedId.value && followed ? npcNames(followed) : [])
+    }),
+    effect(() => {
+      viewport.setLabels('plan', planNames(plans.start.value, plans.goal.value, plans.nearest.value))
+    }),
+  ]
+}
+
+function replayColour(outcome: Outcome | undefined): string {
+  if (outcome === undefined) return MARK_COLOURS.nearest
+  return outcome === Outcome.REACHED ? MARK_COLOURS.gained : MARK_COLOURS.lost
 }
 
 function shapeOf({ positions, pivot, kind }: Mover): MoverShape {

@@ -12,6 +12,7 @@ import { CreateWorldForm } from './map/create-world'
 import { show } from './show'
 import { clicked, dragged, hintFor } from './tools'
 import { ViewBar } from './view-bar'
+import { WatchBar } from './watch-bar'
 
 const hovered = signal<Hit | undefined>(undefined)
 
@@ -28,6 +29,7 @@ export function Stage({ studio }: { studio: Studio }) {
       <p class="hint" role="status">
         {hintFor(studio)}
       </p>
+      <WatchBar studio={studio} />
       <HoverLine studio={studio} />
     </div>
   )
@@ -39,7 +41,11 @@ function mount(studio: Studio, container: HTMLElement): () => void {
       click: (hit) => clicked(studio, hit),
       hover: (hit) => (hovered.value = hit),
       vertexDragged: (index, to) => dragged(studio, index, to),
-      cameraMoved: () => (studio.npcs.camera.value = false),
+      followingEnded: () => (studio.npcs.camera.value = false),
+      lookedAround: () => {
+        studio.looks.value += 1
+        if (studio.link.peek() === undefined) studio.opening.value = false
+      },
       detailWanted: (around, radius) => studio.level.want(around, radius),
     })
     // First, since the level clears the view before it is loaded into it.

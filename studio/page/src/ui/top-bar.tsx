@@ -4,6 +4,7 @@ import { mapName } from '../data/world/worlds'
 import type { LinkState } from '../data/net/link'
 import { Button } from './controls'
 import { Icon, type IconName } from './icons'
+import { copyLink } from './links'
 
 export function TopBar({ studio }: { studio: Studio }) {
   const { layers } = studio
@@ -14,7 +15,7 @@ export function TopBar({ studio }: { studio: Studio }) {
         Surefoot <span>Studio</span>
       </h1>
       <WorldPicker studio={studio} />
-      <div class="group" role="group" aria-label="Edits">
+      <div class="group" role="group" aria-label="Edits" data-tour="undo">
         <Button
           label="Undo"
           icon="undo"
@@ -38,6 +39,13 @@ export function TopBar({ studio }: { studio: Studio }) {
       <span class="spring" />
       <LinkDot name="World server" state={studio.context.world.link.state.value} />
       <LinkDot name="Planner" state={studio.context.planner.link.state.value} />
+      <Button
+        label="Copy link"
+        icon="link"
+        bare
+        hint="Copy a link to this view (C)"
+        onClick={() => void copyLink(window, studio)}
+      />
       <ThemeButton studio={studio} />
       <Button
         label="Token"
@@ -45,7 +53,13 @@ export function TopBar({ studio }: { studio: Studio }) {
         bare
         onClick={() => studio.context.world.session.ask('Enter the token of this page.')}
       />
-      <Button label="Keyboard shortcuts" icon="help" bare onClick={() => (studio.helpOpen.value = true)} />
+      <Button
+        label="Help"
+        icon="help"
+        bare
+        hint="Help: tour and keys (?)"
+        onClick={() => (studio.helpOpen.value = true)}
+      />
       <Button
         label="Side panel"
         icon="panel"

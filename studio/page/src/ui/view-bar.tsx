@@ -1,10 +1,13 @@
 import type { Studio } from '../data/studio'
+import { recording, savePicture, toggleClip } from './capture'
 import { Button, Slider } from './controls'
 
 /** How the map is looked at. */
 export function ViewBar({ studio }: { studio: Studio }) {
-  const { view, graphs, level, npcs } = studio
+  const { view, graphs, level } = studio
   const height = level.features.value?.size.height ?? 80
+  const isBright = graphs.filter.value.presence === 'full'
+  const isRecording = recording.value !== undefined
   return (
     <div class="view-bar">
       <div class="group" role="toolbar" aria-label="View">
@@ -27,9 +30,17 @@ export function ViewBar({ studio }: { studio: Studio }) {
           label="Graph"
           icon="graph"
           bare
-          hint="Graph (G)"
-          pressed={graphs.filter.value.visible}
-          onClick={() => graphs.setFilter({ visible: !graphs.filter.value.visible })}
+          hint="Bring out the edges of the graph (G)"
+          pressed={isBright}
+          onClick={() => studio.toggleGraph()}
+        />
+        <Button
+          label="Names"
+          icon="names"
+          bare
+          hint="Names of places (N)"
+          pressed={view.names.value}
+          onClick={() => view.setNames(!view.names.value)}
         />
         <Button
           label="Trails"
@@ -47,14 +58,14 @@ export function ViewBar({ studio }: { studio: Studio }) {
           pressed={view.section.value}
           onClick={() => (view.section.value = !view.section.value)}
         />
+        <i class="divider" />
+        <Button label="Save a picture" icon="picture" bare onClick={() => void savePicture(studio)} />
         <Button
-          label="Follow the NPC"
-          icon="follow"
+          label={isRecording ? 'Stop and save the clip' : 'Record a clip'}
+          icon={isRecording ? 'stop' : 'record'}
           bare
-          hint="Follow the selected NPC (F)"
-          disabled={npcs.selectedId.value === undefined}
-          pressed={npcs.camera.value}
-          onClick={() => npcs.toggleCamera()}
+          tone={isRecording ? 'bad' : 'plain'}
+          onClick={() => void toggleClip(studio)}
         />
       </div>
       {view.section.value && (

@@ -69,7 +69,7 @@ export class Aim {
     return { ground, depth: ground ? ground.distance / stretch : Infinity }
   }
 
-  private projector(): Projector {
+  projector(): Projector {
     const { camera, size } = this.scene.stage
     const matrix = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse)
     this.matrix.set(matrix.elements)

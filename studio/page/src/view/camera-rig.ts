@@ -1,9 +1,10 @@
 // The camera: where it is, where it is going, whom it follows.
 
 import { type PerspectiveCamera, Vector3 } from 'three'
-import { approach, copyPose, fitBox, lensOf, type OrbitPose, pan, rotate, zoom } from './orbit'
+import { type Angles, CHASE_M, turnCalmly } from './chase'
+import { approach, copyPose, fitBox, lensOf, type OrbitPose, pan, rotate, samePose, zoom } from './orbit'
 import type { Ray } from './ground'
-import type { Place } from './viewport.types'
+import type { CameraPose, Place } from './viewport.types'
 import type { Box } from './terrain'
 
 /** How quickly the camera comes where it should be, ms. */
@@ -15,8 +16,8 @@ const SIDE_POLAR = 0.95
 const SIDE_AZIMUTH = 0.6
 /** A place that is looked at is seen from this near at most, m. */
 const LOOK_M = 45
-/** Over the feet of whom the camera follows, m. */
-const FOLLOW_LIFT_M = 1
+/** Over the feet of the NPC that the camera follows, m. */
+const FOLLOW_LIFT_M = 2.2
 
 export class CameraRig {
   private readonly goal: OrbitPose = {
@@ -27,11 +28,18 @@ export class CameraRig {
     flat: 0,
   }
   private readonly shown = copyPose(this.goal)
+  private readonly before = copyPose(this.goal)
   private timeMs = HAND_MS
   private sidePolar = SIDE_POLAR
   private extent = 350
   private readonly calm = window.matchMedia('(prefers-reduced-motion: reduce)')
-  following: bigint | undefined
+  private followed: bigint | undefined
+  /** It has yet to come near to the one that it follows. */
+  private arriving = false
+  /** The user has turned the camera while it follows. */
+  private steered = false
+  private wanted: Angles | undefined
+  private hurried = false
 
   constructor(private readonly camera: PerspectiveCamera) {}
 
@@ -43,7 +51,55 @@ export class CameraRig {
     return this.goal.flat > 0.5
   }
 
+  get following(): bigint | undefined {
+    return this.followed
+  }
+
+  /** Whether the camera chooses its own angles: while it follows an NPC and the user has not turned it. */
+  get steersItself(): boolean {
+    return this.followed !== undefined && !this.steered && !this.top
+  }
+
+  /** Follows an NPC from near by, or stays where it is. */
+  follow(id: bigint | undefined): void {
+    this.followed = id
+    this.arriving = id !== undefined
+    this.steered = false
+    this.wanted = undefined
+  }
+
+  /** The angles to follow from; `hurried`: rock hides the NPC at present. */
+  steer(angles: Angles, hurried: boolean): void {
+    this.wanted = angles
+    this.hurried = hurried
+  }
+
+  /** The NPC that it follows was put elsewhere. */
+  arriveAgain(): void {
+    this.arriving = this.steersItself
+  }
+
+  /** How it would stand to follow what is at `target` from these angles. */
+  chasePose(target: Place, angles: Angles): OrbitPose {
+    return { ...this.goal, ...angles, target, distance: this.arriving ? CHASE_M : this.goal.distance }
+  }
+
+  /** Where the camera is on its way to, as links keep it. */
+  get kept(): CameraPose {
+    const { target, distance, azimuth, polar } = this.goal
+    return { target: { ...target }, distance, azimuth, polar }
+  }
+
+  /** Goes there at once, and goes on following if it does. */
+  restore({ target, distance, azimuth, polar }: CameraPose): void {
+    Object.assign(this.goal, { target: { ...target }, distance, azimuth, polar: this.top ? 0 : polar })
+    this.arriving = false
+    this.steered = true
+    approach(this.shown, this.goal, 1, 0)
+  }
+
   rotate(dx: number, dy: number, height: number): void {
+    this.steered = true
     rotate(this.goal, dx, dy, height)
     this.timeMs = HAND_MS
   }
@@ -53,9 +109,9 @@ export class CameraRig {
     this.timeMs = HAND_MS
   }
 
-  /** Towards `at`, or towards whom the camera follows. */
+  /** Towards `at`, or towards the NPC that it follows. */
   zoom(factor: number, at: Place | undefined): void {
-    zoom(this.goal, factor, this.following === undefined ? at : undefined)
+    zoom(this.goal, factor, this.followed === undefined ? at : undefined)
     this.timeMs = HAND_MS
   }
 
@@ -92,15 +148,34 @@ export class CameraRig {
     this.extent = Math.hypot(high.x - low.x, high.y - low.y, high.z - low.z)
   }
 
-  /** Moves on by `elapsed` ms; tells whether the camera has moved. `followed`: where the one is whom it follows. */
+  /** Moves on by `elapsed` ms; tells whether the camera has moved. `followed`: where the NPC is that it follows. */
   update(elapsed: number, followed: Place | undefined): boolean {
     if (followed) {
-      this.goal.target = { x: followed.x, y: followed.y + FOLLOW_LIFT_M, z: followed.z }
+      this.keepUp(elapsed, followed)
     }
-    const before = JSON.stringify(this.shown)
+    const { shown, before } = this
+    Object.assign(before, shown)
+    before.target = { ...shown.target }
     const timeMs = this.calm.matches ? 0 : followed ? Math.max(FOLLOW_MS, this.timeMs) : this.timeMs
-    approach(this.shown, this.goal, elapsed, timeMs)
-    return before !== JSON.stringify(this.shown)
+    approach(shown, this.goal, elapsed, timeMs)
+    return !samePose(before, shown)
+  }
+
+  private keepUp(elapsed: number, { x, y, z }: Place): void {
+    const { goal, wanted } = this
+    goal.target.x = x
+    goal.target.y = y + FOLLOW_LIFT_M
+    goal.target.z = z
+    if (this.arriving) {
+      this.arriving = false
+      this.timeMs = FLIGHT_MS
+      goal.distance = this.top ? Math.min(goal.distance, LOOK_M) : CHASE_M
+      if (wanted && this.steersItself) {
+        Object.assign(goal, wanted)
+      }
+    } else if (wanted && this.steersItself && !this.calm.matches) {
+      turnCalmly(goal, wanted, elapsed, this.hurried)
+    }
   }
 
   /** Puts the camera where it is; returns the height in pixels of one metre at a distance of one metre. */

@@ -47,7 +47,7 @@ export function isEdited(edge: GraphEdge): boolean {
 
 export function isShown(edge: GraphEdge, filter: GraphFilter): boolean {
   return (
-    filter.visible &&
+    filter.presence !== 'off' &&
     filter.abilities.has(edge.ability) &&
     edge.chance >= filter.minChance &&
     edge.chance <= filter.maxChance &&

@@ -143,8 +143,8 @@ export class FeatureView extends Group {
     private palette: Palette,
   ) {
     super()
-    this.lines = new LineBatch(materials, false, 5)
-    this.dashes = new LineBatch(materials, true, 5)
+    this.lines = new LineBatch(materials, 'lines', 5)
+    this.dashes = new LineBatch(materials, 'dashes', 5)
     this.arrows = new ArrowBatch(materials, 6)
     this.add(this.lines, this.dashes, this.arrows)
   }

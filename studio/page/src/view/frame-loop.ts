@@ -14,8 +14,10 @@ export interface Show {
   place(now: number): void
   /** Leaves out what can be missed while the camera moves, or shows it again. */
   setQuick(quick: boolean): void
-  /** What stands still lies elsewhere in the picture now. */
+  /** What stands still has another place in the picture now. */
   stillChanged(): void
+  /** A picture has been drawn. */
+  drawn(now: number): void
 }
 
 export class FrameLoop {
@@ -67,8 +69,8 @@ export class FrameLoop {
     }
   }
 
-  framesPerSecond(): number {
-    return this.counter.perSecond(performance.now())
+  pace(): { framesPerSecond: number; millisecondsPerFrame: number } {
+    return this.counter.pace(performance.now())
   }
 
   dispose(): void {
@@ -83,12 +85,14 @@ export class FrameLoop {
   }
 
   private tick(now: number): void {
+    const began = performance.now()
     this.request = undefined
     const pause = now - this.last
     this.last = now
     const goesOn = this.show.advance(now, this.running ? Math.min(pause, 100) : 16)
     if (this.stillChanged || this.movingChanged) {
       this.draw(now, pause)
+      this.counter.add(now, performance.now() - began)
     } else {
       this.running = undefined
     }
@@ -115,7 +119,7 @@ export class FrameLoop {
       this.show.setQuick(this.stage.software && governor === this.roaming)
     }
     this.stage.draw(!this.stillChanged)
-    this.counter.add(now)
+    this.show.drawn(now)
     this.stillChanged = false
     this.movingChanged = false
     if (governor === this.roaming && (this.stage.software || this.roaming.share < 1)) {

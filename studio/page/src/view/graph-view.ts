@@ -11,6 +11,8 @@ import type { Graph, GraphFilter, Place, Traffic } from './viewport.types'
 const TRAP = parseColour('#ff3045')
 const SELECTED = parseColour(MARK_COLOURS.selected)
 export const VERTEX_M = 0.8
+/** Opacity of a faint graph. */
+const FAINT = 0.12
 
 const lifted = (place: Place): Place => ({ ...place, y: place.y + LIFT_M })
 
@@ -21,6 +23,7 @@ export class GraphView extends Group {
   private traffic: Traffic = new Map()
   private vertex: number | undefined
   private edge: { from: number; to: number } | undefined
+  private readonly faint: LineBatch
   private readonly lines: LineBatch
   private readonly dashes: LineBatch
   private readonly arrows: ArrowBatch
@@ -32,16 +35,17 @@ export class GraphView extends Group {
     private palette: Palette,
   ) {
     super()
+    this.faint = new LineBatch(materials, 'softLines', 9)
     this.lines = new LineBatch(materials)
-    this.dashes = new LineBatch(materials, true)
+    this.dashes = new LineBatch(materials, 'dashes')
     this.arrows = new ArrowBatch(materials)
     this.dots = new SpriteBatch(materials)
     this.marks = {
-      lines: new LineBatch(materials, false, 13),
+      lines: new LineBatch(materials, 'lines', 13),
       arrows: new ArrowBatch(materials, 14),
       dots: new SpriteBatch(materials, 15),
     }
-    this.add(this.lines, this.dashes, this.arrows, this.dots, this.marks.lines, this.marks.arrows, this.marks.dots)
+    this.add(...this.batches)
   }
 
   setGraph(graph: Graph | undefined): void {
@@ -78,21 +82,15 @@ export class GraphView extends Group {
   }
 
   get showsVertices(): boolean {
-    return this.graph !== undefined && this.filter?.visible === true
+    return this.graph !== undefined && this.filter !== undefined && this.filter.presence !== 'off'
   }
 
   override dispose(): void {
-    for (const batch of [
-      this.lines,
-      this.dashes,
-      this.arrows,
-      this.dots,
-      this.marks.lines,
-      this.marks.arrows,
-      this.marks.dots,
-    ]) {
-      batch.dispose()
-    }
+    this.batches.forEach((batch) => batch.dispose())
+  }
+
+  private get batches(): (LineBatch | ArrowBatch | SpriteBatch)[] {
+    return [this.faint, this.lines, this.dashes, this.arrows, this.dots, ...Object.values(this.marks)]
   }
 
   private rebuild(): void {
@@ -102,7 +100,7 @@ export class GraphView extends Group {
       this.addEdges(graph, filter)
       this.addVertices(graph, filter)
     }
-    for (const batch of [this.lines, this.dashes, this.arrows, this.dots]) {
+    for (const batch of [this.faint, this.lines, this.dashes, this.arrows, this.dots]) {
       batch.commit()
     }
     this.rebuildMarks()
@@ -111,6 +109,10 @@ export class GraphView extends Group {
   private addEdges(graph: Graph, filter: GraphFilter): void {
     const range = secondsRange(graph)
     for (const { edge, points } of this.edges) {
+      if (filter.presence === 'faint' && !isEdited(edge)) {
+        this.faint.polyline(points, { colour: this.palette.vertex, width: 1.2, opacity: FAINT })
+        continue
+      }
       const npcs = this.traffic.get(`${edge.from}>${edge.to}`) ?? 0
       const colour = edgeColour(edge, graph, filter.colour, { ...range, npcs })
       if (filter.colour === 'traffic' && npcs > 0) {
@@ -126,16 +128,20 @@ export class GraphView extends Group {
   }
 
   private addVertices(graph: Graph, filter: GraphFilter): void {
-    if (!filter.visible) {
+    if (filter.presence === 'off') {
       return
     }
+    const look =
+      filter.presence === 'full'
+        ? { size: VERTEX_M, least: 4, most: 15 }
+        : { size: VERTEX_M / 2, least: 2, most: 5, opacity: 2 * FAINT }
     for (const { position, island, trap, removed } of graph.vertices) {
       if (removed) {
         continue
       }
       const at = lifted(position)
       const colour: Rgb = trap ? TRAP : filter.colour === 'island' ? islandColour(island) : this.palette.vertex
-      this.dots.sprite(at, { colour, shape: 'disc', size: VERTEX_M, least: 4, most: 15 })
+      this.dots.sprite(at, { colour, shape: 'disc', ...look })
       if (trap) {
         this.dots.sprite(at, { colour: TRAP, shape: 'ring', size: VERTEX_M * 2.2, least: 12, most: 30 })
       }
@@ -144,9 +150,10 @@ export class GraphView extends Group {
 
   private rebuildMarks(): void {
     const { lines, arrows, dots } = this.marks
-    const vertices = this.filter?.visible ? this.graph?.vertices : undefined
+    const vertices = this.showsVertices ? this.graph?.vertices : undefined
     const vertex = this.vertex === undefined ? undefined : vertices?.[this.vertex]
     if (vertex) {
+      this.markEdgesOf(this.vertex!)
       dots.sprite(lifted(vertex.position), {
         colour: SELECTED,
         shape: 'ring',
@@ -174,5 +181,22 @@ export class GraphView extends Group {
     lines.commit()
     arrows.commit()
     dots.commit()
+  }
+
+  /** The edges that begin or end at the selected vertex stand out. */
+  private markEdgesOf(vertex: number): void {
+    const { graph, filter } = this
+    if (!graph || !filter) {
+      return
+    }
+    const range = { ...secondsRange(graph), npcs: 0 }
+    for (const { edge, points } of this.edges) {
+      if (edge.from === vertex || edge.to === vertex) {
+        const colour = edgeColour(edge, graph, filter.colour === 'traffic' ? 'chance' : filter.colour, range)
+        this.marks.lines.polyline(points, { colour, width: 3 })
+        const { at, towards } = pointAlong(points, 0.6)
+        this.marks.arrows.arrow(at, towards, colour)
+      }
+    }
   }
 }

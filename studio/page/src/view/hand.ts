@@ -17,6 +17,7 @@ export interface Held {
   aim: Aim
   vertex: VertexDrag
   events: Partial<ViewportEvents>
+  stopFollowing: () => void
   /** Something that moves by itself has changed, or the camera is on its way. */
   changed: () => void
 }
@@ -28,24 +29,25 @@ export class Hand implements Gestures {
   constructor(private readonly held: Held) {}
 
   rotate(dx: number, dy: number): void {
-    const { rig, stage, changed } = this.held
+    const { rig, stage, events, changed } = this.held
     rig.rotate(dx, dy, stage.size.height)
+    events.lookedAround?.()
     changed()
   }
 
   pan(dx: number, dy: number): void {
-    const { rig, stage, events, changed } = this.held
+    const { rig, stage, events, stopFollowing, changed } = this.held
     rig.pan(dx, dy, stage.size.height)
-    if (rig.following !== undefined) {
-      rig.following = undefined
-      events.cameraMoved?.()
-    }
+    stopFollowing()
+    events.lookedAround?.()
     changed()
   }
 
   zoom(factor: number, x: number, y: number): void {
-    this.held.rig.zoom(factor, this.anchorOf(x, y))
-    this.held.changed()
+    const { rig, events, changed } = this.held
+    rig.zoom(factor, this.anchorOf(x, y))
+    events.lookedAround?.()
+    changed()
   }
 
   click(x: number, y: number, event: PointerEvent): void {

@@ -38,8 +38,8 @@ const vector = (): { value: Vector3 } => ({ value: new Vector3() })
 export interface Overlay {
   /** What is in sight. */
   plain: ShaderMaterial
-  /** What lies behind something, faintly. */
-  behind: ShaderMaterial
+  /** What something hides, faintly; undefined: it is not drawn. */
+  behind?: ShaderMaterial
 }
 
 /** All materials of a view; they share their values and are changed together. */
@@ -66,6 +66,7 @@ export class Materials {
     uNear: { value: 0.1 },
     uScale: { value: 1 },
     uThin: { value: 1 },
+    uSoftRange: { value: new Vector2(1, 2) },
     uNow: { value: 0 },
     uLasting: { value: 5 },
     uPoses: { value: null as DataTexture | null },
@@ -87,6 +88,10 @@ export class Materials {
   readonly bedrock = this.make(SOLID_VERTEX, SOLID_FRAGMENT, { glow: 1 })
   readonly lines = this.overlay(LINE_VERTEX, LINE_FRAGMENT, 0.16)
   readonly dashes = this.overlay(LINE_VERTEX, LINE_FRAGMENT, 0.16, { DASHED: '' })
+  /** Lines without outlines that fade with the distance. */
+  readonly softLines: Overlay = {
+    plain: this.make(LINE_VERTEX, LINE_FRAGMENT, { blended: true, bothSides: true, defines: { SOFT: '' } }),
+  }
   readonly sprites = this.overlay(SPRITE_VERTEX, SPRITE_FRAGMENT, 0.2)
   readonly arrows = this.overlay(ARROW_VERTEX, PLAIN_FRAGMENT, 0.16)
   readonly trails = this.make(TRAIL_VERTEX, PLAIN_FRAGMENT, { blended: true })

@@ -76,9 +76,10 @@ export class NpcView extends Group {
     }
     let count = 0
     this.tallest = 0
+    const tall = WIDTH_M + (HEIGHT_M - WIDTH_M) * Math.sin(sight.polar)
     for (const npc of npcs) {
       if (npc.y <= sight.ceiling || npc.id === sight.selected) {
-        this.place(count, npc, sight)
+        this.place(count, npc, tall, sight)
         count += 1
       }
     }
@@ -97,9 +98,8 @@ export class NpcView extends Group {
     this.poses.dispose()
   }
 
-  private place(at: number, npc: ShownNpc, { eye, scale, polar }: Sight): void {
+  private place(at: number, npc: ShownNpc, tall: number, { eye, scale }: Sight): void {
     const distance = Math.hypot(npc.x - eye.x, npc.y - eye.y, npc.z - eye.z)
-    const tall = WIDTH_M + (HEIGHT_M - WIDTH_M) * Math.sin(polar)
     const size = visibleScale(tall, LEAST_PIXELS, distance, scale)
     this.tallest = Math.max(this.tallest, (HEIGHT_M * scale) / distance)
     const values = this.poses.image.data as Float32Array

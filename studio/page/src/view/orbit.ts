@@ -21,6 +21,12 @@ export interface OrbitPose {
   flat: number
 }
 
+/** The turn from one direction to another, the short way round, rad. */
+export function shortestTurn(from: number, to: number): number {
+  const turn = (to - from) % (2 * Math.PI)
+  return turn > Math.PI ? turn - 2 * Math.PI : turn < -Math.PI ? turn + 2 * Math.PI : turn
+}
+
 export interface Lens {
   eye: Place
   fieldOfView: number
@@ -119,6 +125,18 @@ export function fitBox(pose: OrbitPose, low: Place, high: Place, aspect: number)
     distance *= Math.max(seen.right - seen.left, seen.top - seen.bottom) / (2 * FILLED)
   }
   return { target, distance }
+}
+
+export function samePose(a: OrbitPose, b: OrbitPose): boolean {
+  return (
+    a.target.x === b.target.x &&
+    a.target.y === b.target.y &&
+    a.target.z === b.target.z &&
+    a.distance === b.distance &&
+    a.azimuth === b.azimuth &&
+    a.polar === b.polar &&
+    a.flat === b.flat
+  )
 }
 
 /** Brings `shown` nearer to `goal` as after `elapsed` ms; tells whether there is still a way to go. */

@@ -96,19 +96,31 @@ abstract class Batch extends Group {
 
   constructor(materials: Overlay, make: (material: ShaderMaterial) => Mesh | Points, order: number) {
     super()
-    this.drawn = [make(materials.behind), make(materials.plain)]
-    this.drawn.forEach((it, at) => {
+    const { behind, plain } = materials
+    this.drawn = [...(behind ? [make(behind)] : []), make(plain)]
+    for (const it of this.drawn) {
+      const isBehind = it.material === behind
       it.frustumCulled = false
-      it.renderOrder = order + at * 0.1
-      it.userData['behind'] = at === 0
-    })
+      it.renderOrder = isBehind ? order : order + 0.1
+      it.userData['behind'] = isBehind
+    }
     this.add(...this.drawn)
     this.visible = false
   }
 
+  /** Shows other values. Buffers are kept where they have the right size: some batches change with every picture. */
   protected replace(geometry: BufferGeometry, count: number): void {
-    this.drawn[0]!.geometry.dispose()
-    this.drawn.forEach((it) => (it.geometry = geometry))
+    const shown = this.drawn[0]!.geometry
+    if (count > 0 && shown.getAttribute('iColour')?.array.length === geometry.getAttribute('iColour').array.length) {
+      for (const [name, attribute] of Object.entries(geometry.attributes)) {
+        const kept = shown.getAttribute(name) as BufferAttribute
+        kept.array.set(attribute.array)
+        kept.needsUpdate = true
+      }
+    } else {
+      shown.dispose()
+      this.drawn.forEach((it) => (it.geometry = geometry))
+    }
     this.visible = count > 0
   }
 
@@ -130,8 +142,8 @@ export function setSeeThrough(root: Object3D, seeThrough: boolean): void {
 export class LineBatch extends Batch {
   private pieces = new Copies(QUAD)
 
-  constructor(materials: Materials, dashed = false, order = 10) {
-    super(dashed ? materials.dashes : materials.lines, (material) => new Mesh(new BufferGeometry(), material), order)
+  constructor(materials: Materials, look: 'lines' | 'dashes' | 'softLines' = 'lines', order = 10) {
+    super(materials[look], (material) => new Mesh(new BufferGeometry(), material), order)
   }
 
   line(from: Place, to: Place, style: LineStyle): void {

@@ -1,6 +1,7 @@
 // Smooth motion from poses that arrive a few times a second: NPCs are shown about one message late, so that there is
 // mostly a pose on either side to go between. No renderer here.
 
+import { shortestTurn } from './orbit'
 import type { NpcPose, NpcState, Place } from './viewport.types'
 
 const TICKS_PER_MS = 0.06
@@ -75,6 +76,8 @@ interface Track {
   samples: Sample[]
   shown: ShownNpc
   correction: [number, number, number]
+  /** The message that named the NPC last. */
+  message: number
 }
 
 export interface RawPose {
@@ -84,15 +87,22 @@ export interface RawPose {
   yaw: number
 }
 
-const shortestTurn = (from: number, to: number): number => {
-  const turn = (to - from) % (2 * Math.PI)
-  return turn > Math.PI ? turn - 2 * Math.PI : turn < -Math.PI ? turn + 2 * Math.PI : turn
-}
-
 const apart = (a: Place, b: Place): number => Math.hypot(a.x - b.x, a.y - b.y, a.z - b.z)
 
-/** Where an NPC is at a tick that may lie between, before or after its poses. */
-export function poseAt(samples: readonly Sample[], tick: number): RawPose {
+const put = (into: RawPose, x: number, y: number, z: number, yaw: number): RawPose => {
+  into.x = x
+  into.y = y
+  into.z = z
+  into.yaw = yaw
+  return into
+}
+
+/** Where an NPC is at a tick that may lie between, before or after its poses. Writes into `into` and returns it. */
+export function poseAt(
+  samples: readonly Sample[],
+  tick: number,
+  into: RawPose = { x: 0, y: 0, z: 0, yaw: 0 },
+): RawPose {
   let low = samples.length - 1
   while (low > 0 && samples[low]!.tick > tick) {
     low -= 1
@@ -101,25 +111,22 @@ export function poseAt(samples: readonly Sample[], tick: number): RawPose {
   const to = samples[low + 1]
   const { position, velocity, yaw } = from.pose
   if (tick <= from.tick || (to && apart(position, to.pose.position) > SNAP_M)) {
-    return { x: position.x, y: position.y, z: position.z, yaw }
+    return put(into, position.x, position.y, position.z, yaw)
   }
   if (!to) {
     const seconds = Math.min(tick - from.tick, MOST_CARRIED) / 60
-    return {
-      x: position.x + velocity.x * seconds,
-      y: position.y + velocity.y * seconds,
-      z: position.z + velocity.z * seconds,
-      yaw,
-    }
+    const { x, y, z } = velocity
+    return put(into, position.x + x * seconds, position.y + y * seconds, position.z + z * seconds, yaw)
   }
   const share = (tick - from.tick) / (to.tick - from.tick)
   const end = to.pose.position
-  return {
-    x: position.x + (end.x - position.x) * share,
-    y: position.y + (end.y - position.y) * share,
-    z: position.z + (end.z - position.z) * share,
-    yaw: yaw + shortestTurn(yaw, to.pose.yaw) * share,
-  }
+  return put(
+    into,
+    position.x + (end.x - position.x) * share,
+    position.y + (end.y - position.y) * share,
+    position.z + (end.z - position.z) * share,
+    yaw + shortestTurn(yaw, to.pose.yaw) * share,
+  )
 }
 
 /** All NPCs of a world, from message to message. */
@@ -128,6 +135,10 @@ export class PoseBuffer {
   private readonly tracks = new Map<bigint, Track>()
   private list: ShownNpc[] = []
   private tick = 0
+  private message = 0
+  /** Written for each NPC in each picture. */
+  private readonly raw: RawPose = { x: 0, y: 0, z: 0, yaw: 0 }
+  private readonly after: RawPose = { x: 0, y: 0, z: 0, yaw: 0 }
 
   /** Those that are shown, in a steady order. */
   get shown(): readonly ShownNpc[] {
@@ -141,17 +152,21 @@ export class PoseBuffer {
   receive(tick: number, poses: readonly NpcPose[], now: number): void {
     this.clock.receive(tick, now)
     this.tick = this.clock.at(now)
-    const present = new Set<bigint>()
+    this.message += 1
+    const before = this.tracks.size
     for (const pose of poses) {
-      present.add(pose.id)
-      this.add(tick, pose)
+      this.add(tick, pose).message = this.message
     }
-    for (const id of this.tracks.keys()) {
-      if (!present.has(id)) {
+    let changed = this.tracks.size !== before
+    for (const [id, { message }] of this.tracks) {
+      if (message !== this.message) {
         this.tracks.delete(id)
+        changed = true
       }
     }
-    this.list = [...this.tracks.values()].map((track) => track.shown)
+    if (changed) {
+      this.list = [...this.tracks.values()].map((track) => track.shown)
+    }
   }
 
   /** Moves everybody to where they are at `now`; tells whether anybody moved or still has a way to go. */
@@ -170,19 +185,20 @@ export class PoseBuffer {
     this.list = []
   }
 
-  private add(tick: number, pose: NpcPose): void {
+  private add(tick: number, pose: NpcPose): Track {
     const track = this.tracks.get(pose.id)
     if (!track) {
-      this.tracks.set(pose.id, { samples: [{ tick, pose }], shown: firstShown(pose), correction: [0, 0, 0] })
-      return
+      const first: Track = { samples: [{ tick, pose }], shown: firstShown(pose), correction: [0, 0, 0], message: 0 }
+      this.tracks.set(pose.id, first)
+      return first
     }
-    const before = poseAt(track.samples, this.tick)
+    const before = poseAt(track.samples, this.tick, this.raw)
     if (track.samples.at(-1)!.tick >= tick) {
       track.samples = track.samples.filter((it) => it.tick < tick)
     }
     track.samples.push({ tick, pose })
     track.samples.splice(0, track.samples.length - KEPT_POSES)
-    const after = poseAt(track.samples, this.tick)
+    const after = poseAt(track.samples, this.tick, this.after)
     if (apart(before, after) < SNAP_M) {
       track.correction[0] += before.x - after.x
       track.correction[1] += before.y - after.y
@@ -191,22 +207,22 @@ export class PoseBuffer {
     track.shown.state = pose.state
     track.shown.goal = pose.goal
     track.shown.speed = Math.hypot(pose.velocity.x, pose.velocity.y, pose.velocity.z)
+    return track
   }
 
   private move({ samples, shown, correction }: Track, fade: number): boolean {
-    const raw = poseAt(samples, this.tick)
+    const raw = poseAt(samples, this.tick, this.raw)
     for (let axis = 0; axis < 3; axis += 1) {
       correction[axis] = Math.abs(correction[axis]!) < 1e-3 ? 0 : correction[axis]! * fade
     }
-    const next = { x: raw.x + correction[0], y: raw.y + correction[1], z: raw.z + correction[2] }
-    const step = apart(next, shown)
+    raw.x += correction[0]
+    raw.y += correction[1]
+    raw.z += correction[2]
+    const step = apart(raw, shown)
     const turn = Math.abs(shortestTurn(shown.yaw, raw.yaw))
     shown.snapped = step > SNAP_M
-    shown.x = next.x
-    shown.y = next.y
-    shown.z = next.z
-    shown.yaw = raw.yaw
-    const last = samples.at(-1)!.pose
+    put(shown, raw.x, raw.y, raw.z, raw.yaw)
+    const last = samples[samples.length - 1]!.pose
     return (
       step > 1e-4 ||
       turn > 1e-3 ||

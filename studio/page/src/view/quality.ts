@@ -62,23 +62,26 @@ export class ResolutionGovernor {
   }
 }
 
-/** Counts the pictures of the last second. */
+/** Counts the pictures of the last second, and what they cost. */
 export class PictureCounter {
-  private readonly times: number[] = []
+  private readonly pictures: { at: number; ms: number }[] = []
 
-  add(now: number): void {
-    this.times.push(now)
-    this.forget(now)
+  /** Takes in when a picture was drawn, and how long the page worked on it. */
+  add(at: number, ms: number): void {
+    this.pictures.push({ at, ms })
+    this.forget(at)
   }
 
-  perSecond(now: number): number {
+  pace(now: number): { framesPerSecond: number; millisecondsPerFrame: number } {
     this.forget(now)
-    return this.times.length
+    const { length } = this.pictures
+    const worked = this.pictures.reduce((sum, { ms }) => sum + ms, 0)
+    return { framesPerSecond: length, millisecondsPerFrame: length > 0 ? worked / length : 0 }
   }
 
   private forget(now: number): void {
-    while (this.times.length > 0 && this.times[0]! <= now - 1000) {
-      this.times.shift()
+    while (this.pictures.length > 0 && this.pictures[0]!.at <= now - 1000) {
+      this.pictures.shift()
     }
   }
 }

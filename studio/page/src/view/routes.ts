@@ -21,7 +21,7 @@ export class PathView extends Group {
 
   constructor(materials: Materials) {
     super()
-    this.lines = new LineBatch(materials, false, 20)
+    this.lines = new LineBatch(materials, 'lines', 20)
     this.arrows = new ArrowBatch(materials, 21)
     this.dots = new SpriteBatch(materials, 22)
     this.add(this.lines, this.arrows, this.dots)
@@ -104,7 +104,7 @@ export class MarkView extends Group {
 
   constructor(materials: Materials) {
     super()
-    this.dashes = new LineBatch(materials, true, 16)
+    this.dashes = new LineBatch(materials, 'dashes', 16)
     this.crosses = new SpriteBatch(materials, 17)
     this.places = new SpriteBatch(materials, 9)
     this.add(this.dashes, this.crosses, this.places)

@@ -11,7 +11,7 @@ import { SelectionView } from './selection'
 import type { Stage } from './stage'
 import { type Box, Terrain } from './terrain'
 import { paletteOf } from './theme'
-import { TrackView } from './track'
+import { ReplayView, TrackView } from './track'
 import { Trails } from './trails'
 import { VertexDrag } from './vertex-drag'
 import type { Theme } from './viewport.types'
@@ -30,11 +30,12 @@ export class Scene {
   readonly trails = new Trails(this.materials)
   readonly selection = new SelectionView(this.materials)
   readonly track = new TrackView(this.materials)
+  readonly replay = new ReplayView(this.materials)
   readonly drag = new VertexDrag(this.materials)
 
   constructor(private readonly stage: Stage) {
     stage.still.add(this.terrain, this.features, this.graph, this.paths, this.markers, this.marks)
-    stage.moving.add(this.movers, this.trails.lines, this.npcs, this.selection, this.track, this.drag)
+    stage.moving.add(this.movers, this.trails.lines, this.npcs, this.selection, this.track, this.replay, this.drag)
   }
 
   /** Takes away the map and all that is drawn on it. */
@@ -52,6 +53,7 @@ export class Scene {
     this.trails.clear()
     this.selection.set(undefined)
     this.track.stop()
+    this.replay.set(undefined)
     this.drag.end()
   }
 
@@ -99,6 +101,7 @@ export class Scene {
     }
     this.selection.dispose()
     this.track.dispose()
+    this.replay.dispose()
     this.drag.dispose()
     this.materials.dispose()
   }

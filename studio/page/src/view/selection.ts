@@ -28,9 +28,9 @@ export class SelectionView extends Group {
     this.flag = new Mesh(flagShape(parseColour(MARK_COLOURS.goal)), materials.glowing)
     this.ring.visible = false
     this.flag.visible = false
-    this.rays = new LineBatch(materials, false, 7)
-    this.plan = new LineBatch(materials, false, 23)
-    this.current = new LineBatch(materials, false, 24)
+    this.rays = new LineBatch(materials, 'softLines', 7)
+    this.plan = new LineBatch(materials, 'lines', 23)
+    this.current = new LineBatch(materials, 'lines', 24)
     this.dots = new SpriteBatch(materials, 25)
     this.add(this.ring, this.flag, this.rays, this.plan, this.current, this.dots)
   }
@@ -116,7 +116,7 @@ export class SelectionView extends Group {
     }
     for (const { end, surface } of rays) {
       const colour = parseColour(SURFACE_COLOURS[surface] ?? SURFACE_COLOURS[0])
-      this.rays.line(eyes, end, { colour, width: 1, opacity: surface === 0 ? 0.25 : 0.6 })
+      this.rays.line(eyes, end, { colour, width: 1.3, opacity: surface === 0 ? 0.1 : 0.4 })
       if (surface !== 0) {
         this.dots.sprite(end, { colour, shape: 'disc', size: 0.18, least: 3, most: 6 })
       }

@@ -163,6 +163,9 @@ uniform vec2 uHalf;
 uniform float uRatio;
 uniform float uNear;
 uniform float uThin;
+#ifdef SOFT
+uniform vec2 uSoftRange;
+#endif
 attribute vec2 corner;
 attribute vec3 iStart;
 attribute vec3 iEnd;
@@ -185,6 +188,10 @@ void main() {
   }
   if (a.z > near) a = mix(a, b, (a.z - near) / (a.z - b.z));
   if (b.z > near) b = mix(b, a, (b.z - near) / (b.z - a.z));
+#ifdef SOFT
+  // Fades out with the distance, so that many lines seen from afar are no haze.
+  vColour.a *= 1.0 - smoothstep(uSoftRange.x, uSoftRange.y, -mix(a.z, b.z, corner.x));
+#endif
   vec4 from = projectionMatrix * a;
   vec4 to = projectionMatrix * b;
   vec2 way = to.xy / to.w * uHalf - from.xy / from.w * uHalf;
@@ -225,7 +232,11 @@ void main() {
 #endif
   float beyond = clamp(abs(vSide) - vCore + 0.5, 0.0, 1.0);
   float alpha = vColour.a * uOpacity;
+#ifdef SOFT
+  gl_FragColor = vec4(vColour.rgb, alpha * (1.0 - beyond));
+#else
   gl_FragColor = vec4(mix(vColour.rgb, uOutline, beyond), alpha * (1.0 - beyond * 0.5));
+#endif
 }
 `
 

@@ -17,6 +17,7 @@ import type { Place } from './viewport.types'
 
 const UP = new Vector3(0, 1, 0)
 const WHITE: Rgb = [1, 1, 1]
+const ORIGIN: Place = { x: 0, y: 0, z: 0 }
 
 /** Puts solids together into one geometry. */
 export class Solids {
@@ -70,10 +71,12 @@ export class Solids {
 
 /** An NPC, feet at the origin, looking along +z; `fine`: round also from near. */
 export function npcShape(fine: boolean): BufferGeometry {
-  const nose = new Matrix4().makeRotationX(Math.PI / 2).setPosition(0, 1.45, 0.45)
+  const round = fine ? 14 : 6
+  const visor = new Matrix4().makeScale(0.85, 0.62, 0.62).setPosition(0, 1.56, 0.14)
   return new Solids()
-    .add(new CapsuleGeometry(0.4, 1.0, fine ? 4 : 1, fine ? 14 : 6), WHITE, new Matrix4().makeTranslation(0, 0.9, 0))
-    .add(new ConeGeometry(0.17, 0.42, fine ? 10 : 3, 1, true), [0.16, 0.18, 0.22], nose)
+    .at(new CapsuleGeometry(0.37, 0.55, fine ? 4 : 1, round), WHITE, ORIGIN, 0.65)
+    .at(new SphereGeometry(0.27, round, fine ? 10 : 4), [1.3, 1.3, 1.3], ORIGIN, 1.53)
+    .add(new SphereGeometry(0.27, round, fine ? 8 : 4), [0.12, 0.14, 0.18], visor)
     .build()
 }
 

@@ -138,7 +138,12 @@ export class Stage {
 
   /** Pixels of the picture per pixel of the page. */
   get ratio(): number {
-    return Math.min(window.devicePixelRatio || 1, MOST_RATIO) * this.share
+    return this.fullRatio * this.share
+  }
+
+  /** The same where the picture is as sharp as it can be. */
+  get fullRatio(): number {
+    return Math.min(window.devicePixelRatio || 1, MOST_RATIO)
   }
 
   setBackground(colour: Rgb): void {

@@ -12,7 +12,7 @@ const SLOTS = Math.round(LASTING_S / STEP_S)
 /** Over the feet, m. */
 const LIFT_M = 0.25
 
-type Point = readonly [number, number, number]
+type Point = [x: number, y: number, z: number]
 
 export class Trails {
   readonly lines: LineSegments<BufferGeometry>
@@ -64,18 +64,27 @@ export class Trails {
     const { position, tint, born } = this.attributes()
     const ages = born.array as Float32Array
     ages.fill(-1, first, first + this.room * 2)
-    for (const [at, npc] of npcs.entries()) {
-      const here: Point = [npc.x, npc.y + LIFT_M, npc.z]
+    npcs.forEach((npc, at) => {
       const before = this.last.get(npc.id)
-      this.last.set(npc.id, here)
-      const corner = first + at * 2
-      if (before && Math.hypot(here[0] - before[0], here[1] - before[1], here[2] - before[2]) > 0.02) {
-        const colour: Rgb = npcColour(npc)
-        position.array.set([...before, ...here], corner * 3)
-        tint.array.set([...colour, ...colour], corner * 3)
-        ages.set([now - STEP_S, now], corner)
+      const y = npc.y + LIFT_M
+      if (!before) {
+        this.last.set(npc.id, [npc.x, y, npc.z])
+        return
       }
-    }
+      if (Math.hypot(npc.x - before[0], y - before[1], npc.z - before[2]) > 0.02) {
+        const corner = first + at * 2
+        const colour: Rgb = npcColour(npc)
+        position.array.set(before, corner * 3)
+        tint.array.set(colour, corner * 3)
+        ages[corner] = now - STEP_S
+        before[0] = npc.x
+        before[1] = y
+        before[2] = npc.z
+        position.array.set(before, corner * 3 + 3)
+        tint.array.set(colour, corner * 3 + 3)
+        ages[corner + 1] = now
+      }
+    })
     for (const attribute of [position, tint, born]) {
       attribute.addUpdateRange(first * attribute.itemSize, this.room * 2 * attribute.itemSize)
       attribute.needsUpdate = true

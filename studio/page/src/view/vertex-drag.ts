@@ -22,7 +22,7 @@ export class VertexDrag extends Group {
 
   constructor(materials: Materials) {
     super()
-    this.line = new LineBatch(materials, true, 30)
+    this.line = new LineBatch(materials, 'dashes', 30)
     this.dot = new SpriteBatch(materials, 31)
     this.add(this.line, this.dot)
   }

@@ -2,20 +2,28 @@
 
 import { Aim } from './aim'
 import { CameraRig } from './camera-rig'
+import { Clip, pictureOf } from './capture'
+import { type Angles, chaseAngles } from './chase'
 import { Controls } from './controls'
 import { DetailWish } from './detail'
 import { FrameLoop, type Show } from './frame-loop'
 import { Hand } from './hand'
-import { PoseBuffer } from './poses'
+import { LabelLayer } from './labels'
+import { lensOf } from './orbit'
+import { PoseBuffer, type ShownNpc } from './poses'
 import { Scene } from './scene'
 import { Stage } from './stage'
 import { samePlace } from './vertex-drag'
 import type {
+  CameraPose,
+  ClipRecording,
   EditMark,
   Features,
   Graph,
   GraphFilter,
   Hit,
+  Label,
+  LabelGroup,
   MeshTile,
   MoverPose,
   MoverShape,
@@ -23,6 +31,7 @@ import type {
   PathLine,
   Place,
   PlayerPose,
+  Replay,
   SelectedNpc,
   Theme,
   Viewport,
@@ -44,6 +53,13 @@ export { secondsRange } from './edge-shape'
 
 /** Trails fade for so long after the last move, ms. */
 const TRAIL_MS = 5200
+/** How often the camera looks for better angles to follow from, ms. */
+const STEER_MS = 300
+/** Names are shown so far behind what the camera looks at, and so far from the eye at most, m. */
+const NAMED_M = 50
+const MOST_NAMED_M = 150
+/** Rock nearer than this to what is looked at does not hide it, m. */
+const HIDING_M = 1.2
 
 /** @throws Error if the browser offers no WebGL 2. */
 export function createViewport(container: HTMLElement, events: Partial<ViewportEvents>): Viewport {
@@ -61,6 +77,9 @@ class View implements Viewport, Show {
   private readonly detail = new DetailWish((around, radius) => this.events.detailWanted?.(around, radius))
   private readonly resizes: ResizeObserver
   private readonly frames: FrameLoop
+  private readonly labels: LabelLayer
+  private clip: Clip | undefined
+  private steered = 0
   private npcMoved = -TRAIL_MS
   private scale = 1
   private framed = false
@@ -70,6 +89,7 @@ class View implements Viewport, Show {
     private readonly events: Partial<ViewportEvents>,
   ) {
     this.stage = new Stage(container)
+    this.labels = new LabelLayer(container)
     this.scene = new Scene(this.stage)
     this.rig = new CameraRig(this.stage.camera)
     this.frames = new FrameLoop(this.stage, this)
@@ -77,7 +97,8 @@ class View implements Viewport, Show {
     const { terrain, graph, movers, drag: vertex } = this.scene
     this.aim = new Aim({ stage, rig, terrain, graph, movers, poses })
     const { aim } = this
-    this.hand = new Hand({ stage, rig, aim, vertex, events, changed: () => frames.changeMoving() })
+    const stopFollowing = () => this.stopFollowing()
+    this.hand = new Hand({ stage, rig, aim, vertex, events, stopFollowing, changed: () => frames.changeMoving() })
     this.controls = new Controls(stage.canvas, this.hand)
     this.resizes = new ResizeObserver(() => this.resize(container))
     this.resizes.observe(container)
@@ -89,7 +110,8 @@ class View implements Viewport, Show {
   clear(): void {
     this.scene.clear()
     this.poses.clear()
-    this.rig.following = undefined
+    this.labels.clear()
+    this.rig.follow(undefined)
     this.framed = false
     this.detail.forget()
     this.frames.change()
@@ -154,8 +176,24 @@ class View implements Viewport, Show {
   }
 
   follow(id: bigint | undefined): void {
-    this.rig.following = id
+    this.rig.follow(id)
+    this.steered = -STEER_MS
     this.frames.wake()
+  }
+
+  setLabels(group: LabelGroup, labels: readonly Label[]): void {
+    this.labels.set(group, labels)
+    this.frames.changeMoving()
+  }
+
+  setLabelsVisible(visible: boolean): void {
+    this.labels.setVisible(visible)
+    this.frames.changeMoving()
+  }
+
+  setReplay(replay: Replay | undefined): void {
+    this.scene.replay.set(replay)
+    this.frames.changeMoving()
   }
 
   setGraph(graph: Graph | undefined): void {
@@ -233,31 +271,56 @@ class View implements Viewport, Show {
   }
 
   frameMap(): void {
-    this.rig.following = undefined
+    this.stopFollowing()
     this.frame(this.framed)
     this.frames.wake()
   }
 
   lookAt(place: Place): void {
-    this.rig.following = undefined
+    this.stopFollowing()
     this.rig.lookAt(place)
     this.frames.wake()
   }
 
+  camera(): CameraPose {
+    return this.rig.kept
+  }
+
+  setCamera(pose: CameraPose): void {
+    this.rig.restore(pose)
+    this.framed = true
+    this.frames.change()
+  }
+
   setTheme(theme: Theme): void {
     this.scene.setTheme(theme)
+    this.labels.setTheme(theme)
     this.frames.change()
   }
 
   snapshot(): { width: number; height: number; pixels: Uint8Array } {
-    this.advance(performance.now(), 0)
-    this.setQuick(false)
-    this.stage.draw(false)
+    this.drawNow()
     return this.stage.read()
   }
 
-  framesPerSecond(): number {
-    return this.frames.framesPerSecond()
+  picture(): Promise<Blob> {
+    this.stage.setShare(1)
+    this.drawNow()
+    this.frames.change()
+    return pictureOf(this.layers)
+  }
+
+  record(): ClipRecording {
+    const clip = new Clip(this.layers, () => {
+      if (this.clip === clip) this.clip = undefined
+    })
+    this.clip = clip
+    this.frames.change()
+    return clip
+  }
+
+  pace(): { framesPerSecond: number; millisecondsPerFrame: number } {
+    return this.frames.pace()
   }
 
   dispose(): void {
@@ -265,6 +328,7 @@ class View implements Viewport, Show {
     this.detail.dispose()
     this.resizes.disconnect()
     this.controls.dispose()
+    this.labels.dispose()
     this.scene.dispose()
     this.stage.dispose()
   }
@@ -274,7 +338,16 @@ class View implements Viewport, Show {
     const npcs = this.poses.advance(now, elapsed)
     const played = this.scene.track.update(now / 1000, this.stage.camera.position, this.scale)
     const { following } = this.rig
-    const camera = this.rig.update(elapsed, following === undefined ? undefined : this.poses.find(following))
+    const npc = following === undefined ? undefined : this.poses.find(following)
+    if (npc?.snapped) {
+      this.rig.arriveAgain()
+      this.steered = -STEER_MS
+    }
+    if (npc && this.rig.steersItself && now - this.steered >= STEER_MS) {
+      this.steered = now
+      this.steer(npc)
+    }
+    const camera = this.rig.update(elapsed, npc && (this.scene.replay.place ?? npc))
     if (camera) {
       this.frames.cameraMoved(now)
       this.detail.moved(this.rig.pose)
@@ -301,6 +374,7 @@ class View implements Viewport, Show {
     uniforms.uNear.value = stage.camera.near
     uniforms.uThin.value = Math.min(1, Math.max(0.6, 1.2 - rig.pose.distance / 900))
     uniforms.uFogRange.value.set(...rig.fogRange())
+    uniforms.uSoftRange.value.set(rig.pose.distance + 10, rig.pose.distance * 2 + 60)
     const eye = stage.camera.position
     const selected = this.scene.selection.selected?.id
     this.scene.npcs.update(this.poses.shown, {
@@ -315,6 +389,7 @@ class View implements Viewport, Show {
     }
     this.scene.selection.update(selected === undefined ? undefined : this.poses.find(selected), eye, this.scale)
     this.scene.markers.scaleFor(eye, this.scale)
+    this.scene.replay.update(eye, this.scale)
   }
 
   setQuick(quick: boolean): void {
@@ -325,16 +400,72 @@ class View implements Viewport, Show {
     this.aim.invalidate()
   }
 
+  drawn(now: number): void {
+    const { stage, rig, aim } = this
+    const { width, height } = stage.size
+    this.labels.draw({
+      now,
+      projector: aim.projector(),
+      width,
+      height,
+      ratio: stage.fullRatio,
+      eye: stage.camera.position,
+      reach: Math.min(rig.pose.distance + NAMED_M, MOST_NAMED_M),
+      ceiling: aim.section ?? Infinity,
+      npc: (id) => this.poses.find(id),
+      isHidden: (place) => this.isHidden(stage.camera.position, place),
+    })
+    this.clip?.take()
+  }
+
+  private get layers(): readonly HTMLCanvasElement[] {
+    return [this.stage.canvas, this.labels.canvas]
+  }
+
+  private drawNow(): void {
+    const now = performance.now()
+    this.advance(now, 0)
+    this.setQuick(false)
+    this.stage.draw(false)
+    this.drawn(now)
+  }
+
+  private stopFollowing(): void {
+    if (this.rig.following !== undefined) {
+      this.rig.follow(undefined)
+      this.events.followingEnded?.()
+    }
+  }
+
+  /** Chooses where to follow an NPC from. */
+  private steer(npc: ShownNpc): void {
+    const { rig } = this
+    const { azimuth, polar } = rig.pose
+    const at = { x: npc.x, y: npc.y + 0.8, z: npc.z }
+    const isFree = (angles: Angles): boolean => !this.isHidden(at, lensOf(rig.chasePose(at, angles), 1).eye)
+    const present = { azimuth, polar }
+    rig.steer(chaseAngles(npc, npc.goal, present, isFree), !isFree(present))
+  }
+
+  /** Whether rock is between two places. */
+  private isHidden(from: Place, to: Place): boolean {
+    const [x, y, z] = [to.x - from.x, to.y - from.y, to.z - from.z]
+    const length = Math.hypot(x, y, z)
+    const direction = { x: x / length, y: y / length, z: z / length }
+    const met = this.scene.terrain.cast({ origin: { x: from.x, y: from.y, z: from.z }, direction }, this.aim.section)
+    return met !== undefined && met.distance < length - HIDING_M
+  }
+
   private resize(container: HTMLElement): void {
     this.stage.resize(container.clientWidth, container.clientHeight)
     this.frames.change()
   }
 
   private frameOnce(): void {
-    if (!this.framed) {
+    if (!this.framed && this.rig.following === undefined) {
       this.frame(false)
-      this.framed = true
     }
+    this.framed = true
   }
 
   private frame(flight: boolean): void {

@@ -110,15 +110,58 @@ export type Traffic = ReadonlyMap<string, number>
 
 export type EdgeColour = 'chance' | 'seconds' | 'ability' | 'island' | 'traffic'
 
+/** How much of a graph is seen: nothing, thin grey lines, or lines with colours and arrowheads. */
+export type GraphPresence = 'off' | 'faint' | 'full'
+
 /** What of a graph is shown. */
 export interface GraphFilter {
-  visible: boolean
+  presence: GraphPresence
   colour: EdgeColour
   abilities: ReadonlySet<Ability>
   minChance: number
   maxChance: number
   onlyOneWay: boolean
   onlyEdited: boolean
+}
+
+/** Where the camera stands: around its target, m and rad. */
+export interface CameraPose {
+  target: Place
+  distance: number
+  /** Around the vertical; 0 looks towards -z. */
+  azimuth: number
+  /** From the vertical; 0 looks straight down. */
+  polar: number
+}
+
+/** A name on the map. */
+export interface Label {
+  text: string
+  /** What it names, m. */
+  at: Place
+  /** The NPC that it stays over, `lift` m above its feet, in place of `at`. */
+  npc?: { id: bigint; lift: number }
+  /** Where there is no room for all, lower ranks are shown. Those of rank 0 are shown behind rock as well. */
+  rank: number
+  /** Of the dot before the text. */
+  colour?: string | undefined
+}
+
+/** Labels of one source, which replaces all of them at a time. */
+export type LabelGroup = 'places' | 'movers' | 'npc' | 'plan'
+
+/** Something that an NPC did, to be shown at any of its moments. */
+export interface Replay {
+  /** Positions, one per tick (1/60 s), three numbers each. */
+  track: Float32Array
+  seconds: number
+  colour: string
+}
+
+/** A clip that is being recorded. */
+export interface ClipRecording {
+  /** Ends it. */
+  stop(): Promise<Blob>
 }
 
 /** A path to show. */
@@ -151,8 +194,10 @@ export interface ViewportEvents {
   hover(hit: Hit | undefined): void
   /** A vertex was dragged while `setDraggable(true)`: where it was let go on the ground. */
   vertexDragged(index: number, to: Place): void
-  /** The user moved the camera by hand: following has ended. */
-  cameraMoved(): void
+  /** The camera no longer follows an NPC, since the user moved it or looks at something else. */
+  followingEnded(): void
+  /** The user turned, moved or zoomed the camera by hand. */
+  lookedAround(): void
   /** Detail is wanted around this point: load finer tiles there (sent at most twice a second). */
   detailWanted(around: Place, radius: number): void
 }
@@ -180,8 +225,12 @@ export interface Viewport {
   setPlayers(players: readonly PlayerPose[]): void
   setTrails(visible: boolean): void
   setSelectedNpc(npc: SelectedNpc | undefined): void
-  /** Follows an NPC with the camera, or nobody. */
+  /** Follows an NPC with the camera, from near by, or stays. */
   follow(id: bigint | undefined): void
+  setLabels(group: LabelGroup, labels: readonly Label[]): void
+  setLabelsVisible(visible: boolean): void
+  /** Shows what an NPC did at one of its moments; the camera follows that while it follows an NPC. */
+  setReplay(replay: Replay | undefined): void
   setGraph(graph: Graph | undefined): void
   setGraphFilter(filter: GraphFilter): void
   /** Colours edges by it while they are coloured by traffic. */
@@ -205,10 +254,17 @@ export interface Viewport {
   /** Shows the whole map. */
   frameMap(): void
   lookAt(place: Place): void
+  camera(): CameraPose
+  /** Goes there at once. */
+  setCamera(pose: CameraPose): void
   setTheme(theme: Theme): void
   /** Pixels of the picture as it is now, for tests: draws first. */
   snapshot(): { width: number; height: number; pixels: Uint8Array }
-  /** Pictures drawn a second, over the last second. */
-  framesPerSecond(): number
+  /** The picture with its labels, as a PNG at full sharpness. */
+  picture(): Promise<Blob>
+  /** Records the picture with its labels. @throws Error if the browser cannot. */
+  record(): ClipRecording
+  /** Pictures drawn a second and the page's own milliseconds for each, over the last second. */
+  pace(): { framesPerSecond: number; millisecondsPerFrame: number }
   dispose(): void
 }

@@ -44,7 +44,6 @@ const sink: LevelSink = {
   },
   dropTile: () => undefined,
   fineTiles: () => fine,
-  frameMap: () => undefined,
 }
 
 const pause = () => new Promise((resolve) => setTimeout(resolve, 50))

@@ -127,6 +127,18 @@ describe('afterMessage', () => {
     expect(after.waypointIdx).toBe(3)
   })
 
+  it.each<[string, object, object | undefined, number]>([
+    ['a waypoint of its plan', { x: 1 }, undefined, 1],
+    ['a point off its plan', { x: 7 }, undefined, 0],
+    ['a point off a new plan', { x: 7 }, { waypoints: [{ x: 5 }, { x: 6 }] }, 0],
+    ['a waypoint of a new plan', { x: 6 }, { waypoints: [{ x: 5 }, { x: 6 }] }, 1],
+  ])('says which leg an NPC is on while it heads for %s', (_, waypoint, plan, expected) => {
+    const two = create(NpcPlanSchema, { waypoints: [{ x: 0 }, { x: 1 }] })
+    const message = { waypointIdx: 1, npc: { npcId: 1n, goal: { x: 9 }, waypoint }, ...(plan ? { plan } : {}) }
+    const after = afterMessage({ ...known, plan: two }, create(FollowNpcResponseSchema, message))
+    expect(after.waypointIdx).toBe(expected)
+  })
+
   it('takes a plan without waypoints for no plan', () => {
     const after = afterMessage(known, create(FollowNpcResponseSchema, { plan: {} }))
     expect(after.plan?.waypoints).toEqual([])

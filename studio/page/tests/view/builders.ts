@@ -53,7 +53,7 @@ export const edge = (changes: Partial<GraphEdge> = {}): GraphEdge => ({
 })
 
 export const filter = (changes: Partial<GraphFilter> = {}): GraphFilter => ({
-  visible: true,
+  presence: 'full',
   colour: 'chance',
   abilities: new Set([1, 2, 3, 4, 5, 6, 7] as Ability[]),
   minChance: 0,

@@ -142,14 +142,14 @@ describe('ResolutionGovernor', () => {
 })
 
 describe('PictureCounter', () => {
-  it('counts those of the last second', () => {
+  it('counts those of the last second and what they cost', () => {
     const counter = new PictureCounter()
     for (let now = 0; now <= 2000; now += 25) {
-      counter.add(now)
+      counter.add(now, now < 1500 ? 2 : 4)
     }
-    expect(counter.perSecond(2000)).toBe(40)
-    expect(counter.perSecond(2500)).toBe(20)
-    expect(counter.perSecond(9000)).toBe(0)
+    expect(counter.pace(2000)).toEqual({ framesPerSecond: 40, millisecondsPerFrame: (19 * 2 + 21 * 4) / 40 })
+    expect(counter.pace(2500)).toEqual({ framesPerSecond: 20, millisecondsPerFrame: 4 })
+    expect(counter.pace(9000)).toEqual({ framesPerSecond: 0, millisecondsPerFrame: 0 })
   })
 })
 

@@ -24,7 +24,7 @@ import { at, edge, filter } from './builders'
 describe('isShown', () => {
   it.each<[string, Partial<GraphEdge>, Partial<GraphFilter>, boolean]>([
     ['an edge', {}, {}, true],
-    ['with the graph hidden', {}, { visible: false }, false],
+    ['with the graph hidden', {}, { presence: 'off' }, false],
     ['of an ability that is left out', { ability: Ability.PAD }, { abilities: new Set([Ability.WALK]) }, false],
     ['of an ability that is let in', { ability: Ability.PAD }, { abilities: new Set([Ability.PAD]) }, true],
     ['at the lower bound of chance', { chance: 0.5 }, { minChance: 0.5 }, true],
@@ -111,7 +111,7 @@ describe('edges', () => {
       [0, 2],
     ])
     expect(shapeEdges(graph, filter({ abilities: new Set([Ability.PAD]) }))).toHaveLength(1)
-    expect(shapeEdges(graph, filter({ visible: false }))).toHaveLength(0)
+    expect(shapeEdges(graph, filter({ presence: 'off' }))).toHaveLength(0)
   })
 
   it('points onward along a polyline', () => {

@@ -4,7 +4,7 @@ import type { GraphEdge, GraphFilter } from '../../view/viewport.types'
 import { ABILITIES } from '../abilities'
 
 export const SHOW_ALL: GraphFilter = {
-  visible: true,
+  presence: 'faint',
   colour: 'chance',
   abilities: new Set(ABILITIES),
   minChance: 0,

@@ -3,7 +3,7 @@
 import { Code, ConnectError } from '@connectrpc/connect'
 import { batch, computed, type ReadonlySignal, signal } from '@preact/signals'
 import type { Build, GetGraphResponse, GraphSummary, ReadyGraph } from '../../gen/surefoot/planner/v1/planner_pb'
-import type { Graph, GraphFilter, Traffic } from '../../view/viewport.types'
+import type { Graph, GraphFilter, Place, Traffic } from '../../view/viewport.types'
 import type { Context } from '../context'
 import { pauseAfter, sleep } from '../net/backoff'
 import { failureOf, inWords } from '../net/errors'
@@ -28,6 +28,8 @@ const IDLE_MS = 45_000
 /** A build that fails within the planner would fail again, at some cost. */
 const BROKEN_MS = 60_000
 const PATIENCE = { breakdowns: 3 }
+/** A waypoint nearer to a vertex than this is that vertex, m. */
+const SAME_M = 0.3
 
 export type GraphState =
   | { kind: 'none' }
@@ -38,6 +40,10 @@ export type GraphState =
   | { kind: 'failed'; why: string }
 
 export type Selection = { kind: 'edge'; from: number; to: number } | { kind: 'vertex'; index: number }
+
+function isSame(a: Place | undefined, b: Place | undefined): boolean {
+  return a !== undefined && b !== undefined && Math.hypot(a.x - b.x, a.y - b.y, a.z - b.z) < SAME_M
+}
 
 export class Graphs {
   readonly state = signal<GraphState>({ kind: 'none' })
@@ -88,6 +94,22 @@ export class Graphs {
 
   position(vertex: number) {
     return this.loaded.value?.vertices[vertex]
+  }
+
+  /** The edge between two places of a plan; undefined: they are not on the graph, or have no edge any more. */
+  edgeBetween(from: Place | undefined, to: Place | undefined) {
+    const [start, end] = [this.vertexAt(from), this.vertexAt(to)]
+    return start === undefined || end === undefined ? undefined : this.edge(start, end)
+  }
+
+  /** Whether an edge leads from one of these places to the other. */
+  isBetween({ from, to }: { from: number; to: number }, start: Place | undefined, end: Place | undefined): boolean {
+    return isSame(this.position(from), start) && isSame(this.position(to), end)
+  }
+
+  private vertexAt(place: Place | undefined): number | undefined {
+    const index = this.loaded.value?.vertices.findIndex((vertex) => isSame(vertex, place)) ?? -1
+    return index < 0 ? undefined : index
   }
 
   setFilter(change: Partial<GraphFilter>): void {

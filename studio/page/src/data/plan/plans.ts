@@ -24,6 +24,11 @@ export class Plans {
   readonly chosenIdx = signal(0)
   readonly failure = signal('')
   readonly chosen = computed(() => this.plans.value[this.chosenIdx.value])
+  /** Where an NPC can get to instead, if there is no path to the goal. */
+  readonly nearest = computed(() => {
+    const best = this.plans.value[0]
+    return best === undefined || best.found ? undefined : best.nearestReachable
+  })
   readonly lines = computed<PathLine[]>(() => {
     const start = this.start.value
     if (start === undefined) return []
@@ -66,6 +71,17 @@ export class Plans {
       this.chosenIdx.value = 0
       this.goal.value = at
       this.next.value = this.start.value === undefined ? 'start' : 'goal'
+    })
+    void this.ask()
+  }
+
+  /** Sets both ends, as a link has them. */
+  setEnds(start: Place | undefined, goal: Place | undefined): void {
+    batch(() => {
+      this.chosenIdx.value = 0
+      this.start.value = start
+      this.goal.value = goal
+      this.next.value = start === undefined ? 'start' : 'goal'
     })
     void this.ask()
   }

@@ -28,7 +28,6 @@ export interface LevelSink {
   putTile(tile: MeshTile, fine: boolean): void
   dropTile(key: string): void
   fineTiles(): ReadonlySet<string>
-  frameMap(): void
 }
 
 export type LevelState =
@@ -73,7 +72,6 @@ export class Level {
       const features = readFeatures(answer)
       this.features.value = features
       sink.setFeatures(features)
-      sink.frameMap()
       const cellM = firstCell(features.size)
       const tiles = await this.loadWhole(worldId, cellM, sink, signal)
       if (tiles === undefined || signal.aborted) return

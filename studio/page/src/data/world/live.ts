@@ -17,8 +17,8 @@ const PANEL_MS = 300
 /** Pause before the next request for a missing world. */
 const MISSING_MS = 1000
 /** How often figures come, and how many of them are kept. */
-const STATS_S = 0.5
-const SAMPLES = 40
+const STATS_MS = 800
+const SAMPLES = 30
 
 export interface Moment {
   tick: bigint
@@ -39,6 +39,8 @@ export class Live {
 
   constructor(
     private readonly context: Context,
+    /** Called with each pose that comes. */
+    private readonly takePose: (tick: number, npc: Npc) => void,
     private readonly takeMovers: (states: readonly MoverState[], isDelta: boolean) => void,
     /** Called with the revision of the map, again and again. */
     private readonly takeRevision: (revision: bigint) => void,
@@ -53,7 +55,8 @@ export class Live {
     const { world } = this.context
     const request = { worldId, rateHz: RATE_HZ, delta: true }
     const watchNpcs = (signal: AbortSignal) => world.calls.watchWorld(request, { signal })
-    const watchStats = (signal: AbortSignal) => world.calls.watchStats({ worldId, periodS: STATS_S }, { signal })
+    const watchStats = (signal: AbortSignal) =>
+      oneByOne((signal) => world.calls.watchStats({ worldId, periodS: 60 }, { signal }), STATS_MS, signal)
     await Promise.all([
       this.keepWatching(watchNpcs, (message) => this.take(message), signal),
       this.keepWatching(watchStats, (message) => this.keep(message), signal),
@@ -87,6 +90,12 @@ export class Live {
   private take(message: WatchWorldResponse): void {
     const npcs = afterSnapshot(this.moment.peek().npcs, message)
     const now = performance.now()
+    const tick = Number(message.tick)
+    for (const npc of message.npcs) this.takePose(tick, npc)
+    for (const { npcId } of message.changed) {
+      const npc = npcs.get(npcId)
+      if (npc !== undefined) this.takePose(tick, npc)
+    }
     batch(() => {
       this.moment.value = { tick: message.tick, npcs, players: message.players }
       this.takeMovers(message.movers, message.isDelta)
@@ -107,5 +116,25 @@ export class Live {
       this.stats.value = stats
       this.samples.value = [...(isAnew ? [] : samples), { atMs: performance.now(), stats }].slice(-SAMPLES)
     })
+  }
+}
+
+/**
+ * The first message of a stream, again and again. Browsers open six connections to a server without TLS: two windows with
+ * three streams each could make no other call.
+ */
+async function* oneByOne<T>(
+  open: (signal: AbortSignal) => AsyncIterable<T>,
+  pauseMs: number,
+  signal: AbortSignal,
+): AsyncGenerator<T> {
+  while (!signal.aborted) {
+    const enough = new AbortController()
+    for await (const message of open(AbortSignal.any([signal, enough.signal]))) {
+      yield message
+      break
+    }
+    enough.abort()
+    await sleep(pauseMs, signal)
   }
 }

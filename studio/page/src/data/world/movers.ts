@@ -8,6 +8,16 @@ import type { Place } from '../../view/viewport.types'
 import { type Context, report } from '../context'
 import { link, reachable } from '../graph/islands'
 
+export const MOVER_KINDS: Record<MoverKind, string> = {
+  [MoverKind.UNSPECIFIED]: 'Mover',
+  [MoverKind.DOOR]: 'Door',
+  [MoverKind.LIFT]: 'Lift',
+  [MoverKind.PLATFORM]: 'Platform',
+  [MoverKind.FLOOR]: 'Floor',
+  [MoverKind.CONVEYOR]: 'Conveyor',
+  [MoverKind.CRATE]: 'Crate',
+}
+
 /** What each mover does, by its index on the map. */
 export type StatesByMover = ReadonlyMap<number, MoverState>
 

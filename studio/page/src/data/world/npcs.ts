@@ -29,18 +29,32 @@ export function afterMessage(known: Followed, message: FollowNpcResponse): Follo
     id: known.id,
     npc: message.npc ?? known.npc,
     plan: message.plan ?? known.plan,
-    waypointIdx: message.waypointIdx,
+    waypointIdx: headingOf(known, message),
     eyes: message.eyes,
     rays: message.rays,
     history: message.history.length > 0 ? message.history : known.history,
   }
 }
 
+/**
+ * Index of the waypoint of its plan that an NPC heads for. While it heads for a point off its plan, as it does to get
+ * out of the way of others, the message names the last waypoint, and the one that is known stays.
+ */
+function headingOf(known: Followed, { npc, plan, waypointIdx }: FollowNpcResponse): number {
+  const [to, named] = [npc?.waypoint, (plan ?? known.plan)?.waypoints[waypointIdx]]
+  const isOnPlan = to === undefined ? npc?.goal === undefined : named !== undefined && isSame(to, named)
+  return isOnPlan ? waypointIdx : plan === undefined ? known.waypointIdx : 0
+}
+
+const isSame = (a: Place, b: Place): boolean => a.x === b.x && a.y === b.y && a.z === b.z
+
 export class Npcs {
   readonly selectedId = signal<bigint | undefined>(undefined)
   readonly followed = signal<Followed | undefined>(undefined)
   /** Whether the camera follows the selected NPC. */
   readonly camera = signal(false)
+  /** NPCs that were sent to a goal so far. */
+  readonly sent = signal(0)
 
   constructor(private readonly context: Context) {}
 
@@ -48,6 +62,14 @@ export class Npcs {
     batch(() => {
       if (id !== this.selectedId.value) this.camera.value = false
       this.selectedId.value = id
+    })
+  }
+
+  /** Selects an NPC and follows it with the camera. */
+  goAlong(id: bigint): void {
+    batch(() => {
+      this.selectedId.value = id
+      this.camera.value = true
     })
   }
 
@@ -98,6 +120,7 @@ export class Npcs {
   async send(npcId: bigint, goal: Place): Promise<void> {
     try {
       await this.context.world.calls.setGoal({ npcId, goal })
+      this.sent.value += 1
     } catch (error) {
       report(this.context, `NPC ${npcNumber(npcId)} was not sent`, error)
     }

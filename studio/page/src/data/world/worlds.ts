@@ -19,6 +19,8 @@ export class Worlds {
   readonly state = signal<WorldsState>('loading')
   readonly chosenId = signal<bigint | undefined>(undefined)
   readonly creating = signal(false)
+  /** The world to show first, of which a link names the id and the first digits of its map's hash. */
+  wanted: { id: bigint; map: string } | undefined
   readonly chosen = computed(() => this.list.value.find(({ worldId }) => worldId === this.chosenId.value))
   /** Distinguishes worlds even if a restarted server reuses ids; undefined: no world is chosen. */
   readonly key = computed(() => {
@@ -82,13 +84,21 @@ export class Worlds {
     batch(() => {
       this.list.value = worlds
       this.state.value = 'ready'
-      if (chosen === undefined || isGone) this.chosenId.value = worlds[0]?.worldId
+      if (chosen === undefined || isGone) this.chosenId.value = (this.findWanted(worlds) ?? worlds[0])?.worldId
     })
     if (isGone) this.context.toasts.say(`World ${chosen} has ended.`)
   }
+
+  /** The world of the link, or another one on the same map. */
+  private findWanted(worlds: readonly World[]): World | undefined {
+    const { wanted } = this
+    if (wanted === undefined) return undefined
+    const onMap = worlds.filter(({ mapHash }) => mapHash.startsWith(wanted.map))
+    return onMap.find(({ worldId }) => worldId === wanted.id) ?? onMap[0]
+  }
 }
 
-/** What tells services which map a world's was made of. */
+/** What names the map of a world to services. */
 export function mapOf({ map, mapHash }: Pick<World, 'map' | 'mapHash'>): { map: MapSpec } | { mapHash: string } {
   return map === undefined ? { mapHash } : { map }
 }

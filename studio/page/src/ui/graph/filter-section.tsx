@@ -3,7 +3,7 @@ import { percent } from '../../data/format'
 import { isFiltered, SHOW_ALL } from '../../data/graph/filter'
 import type { Studio } from '../../data/studio'
 import type { Ability } from '../../gen/surefoot/world/v1/map_pb'
-import type { EdgeColour } from '../../view/viewport.types'
+import type { EdgeColour, GraphPresence } from '../../view/viewport.types'
 import {
   ABILITY_COLOURS,
   BUSY_NPCS,
@@ -23,6 +23,12 @@ const COLOURS: readonly { value: EdgeColour; name: string }[] = [
   { value: 'traffic', name: 'Traffic' },
 ]
 
+const PRESENCES: readonly { value: GraphPresence; name: string }[] = [
+  { value: 'full', name: 'Bright' },
+  { value: 'faint', name: 'Faint' },
+  { value: 'off', name: 'Hidden' },
+]
+
 export function FilterSection({ studio: { graphs } }: { studio: Studio }) {
   const filter = graphs.filter.value
   const toggle = (ability: Ability, on: boolean) => {
@@ -31,17 +37,28 @@ export function FilterSection({ studio: { graphs } }: { studio: Studio }) {
     else abilities.delete(ability)
     graphs.setFilter({ abilities })
   }
-  const { visible, colour } = filter
+  const { presence, colour } = filter
   return (
     <Section
       title="Edges shown"
       actions={
         isFiltered(filter) && (
-          <Button label="Show all" onClick={() => graphs.setFilter({ ...SHOW_ALL, visible, colour })} />
+          <Button label="Show all" onClick={() => graphs.setFilter({ ...SHOW_ALL, presence, colour })} />
         )
       }
     >
-      <Choice label="Colour by" value={colour} options={COLOURS} onChange={(colour) => graphs.setFilter({ colour })} />
+      <Choice
+        label="Edges are"
+        value={presence}
+        options={PRESENCES}
+        onChange={(presence) => graphs.setFilter({ presence })}
+      />
+      <Choice
+        label="Colour by"
+        value={colour}
+        options={COLOURS}
+        onChange={(colour) => graphs.setFilter({ colour, presence: 'full' })}
+      />
       <Legend colour={colour} />
       <div class="checks" role="group" aria-label="Abilities">
         {ABILITIES.map((ability) => (

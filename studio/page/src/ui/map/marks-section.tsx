@@ -1,6 +1,7 @@
 import { place } from '../../data/format'
 import type { Studio } from '../../data/studio'
 import type { MarkKind } from '../../data/world/marks'
+import { giveFile } from '../capture'
 import { Button, Section, SelectField } from '../controls'
 import type { BodyName } from './kinds'
 
@@ -76,9 +77,6 @@ function save({ levels, marks }: Studio): void {
   const sidecar = levels.sidecarWith(marks.list.peek())
   const imported = levels.imported.peek()
   if (sidecar === undefined || imported === undefined) return
-  const link = document.createElement('a')
-  link.href = URL.createObjectURL(new Blob([sidecar], { type: 'application/json' }))
-  link.download = `${imported.name.replace(/\.[^.]*$/, '')}.surefoot.json`
-  link.click()
-  URL.revokeObjectURL(link.href)
+  const name = `${imported.name.replace(/\.[^.]*$/, '')}.surefoot.json`
+  giveFile(name, new Blob([sidecar], { type: 'application/json' }))
 }

@@ -1,19 +1,9 @@
 import { useComputed } from '@preact/signals'
 import { counted } from '../../data/format'
 import type { Studio } from '../../data/studio'
-import { doing, isOpen, lostWithout } from '../../data/world/movers'
+import { doing, isOpen, lostWithout, MOVER_KINDS } from '../../data/world/movers'
 import { type Mover, MoverKind } from '../../gen/surefoot/world/v1/living_pb'
 import { Button, Section } from '../controls'
-
-const KINDS: Record<MoverKind, string> = {
-  [MoverKind.UNSPECIFIED]: 'Mover',
-  [MoverKind.DOOR]: 'Door',
-  [MoverKind.LIFT]: 'Lift',
-  [MoverKind.PLATFORM]: 'Platform',
-  [MoverKind.FLOOR]: 'Floor',
-  [MoverKind.CONVEYOR]: 'Conveyor',
-  [MoverKind.CRATE]: 'Crate',
-}
 
 /** The doors, lifts and other movers of a world: what they do, and what one could tell them. */
 export function MoversSection({ studio }: { studio: Studio }) {
@@ -56,7 +46,7 @@ function MoverRow({ studio, mover, index }: { studio: Studio; mover: Mover; inde
   return (
     <li>
       <span>
-        <strong>{mover.name}</strong> {KINDS[mover.kind]}, {doing(mover.kind, state)}
+        <strong>{mover.name}</strong> {MOVER_KINDS[mover.kind]}, {doing(mover.kind, state)}
       </span>
       <div class="row wrap" role="group" aria-label={`Orders for ${mover.name}`}>
         {opens && <Button label={opened ? shut : open} onClick={() => tell({ case: 'open', value: !opened })} />}

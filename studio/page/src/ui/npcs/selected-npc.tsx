@@ -6,6 +6,7 @@ import { npcNumber, stateOf } from '../../data/world/snapshot'
 import { Outcome } from '../../gen/surefoot/world/v1/world_pb'
 import { STATE_COLOURS } from '../../view/colours'
 import { AbilityName, Button, ChanceBar, Facts, Section, SureButton } from '../controls'
+import { LegActions } from '../plan/leg-actions'
 
 export function SelectedNpcCard({ studio }: { studio: Studio }) {
   const { npcs, live } = studio
@@ -54,13 +55,6 @@ function Actions({ studio, id }: { studio: Studio; id: bigint }) {
   const tool = studio.tool.value
   return (
     <div class="row wrap" role="group" aria-label="Actions for the NPC">
-      <Button
-        label="Follow camera"
-        icon="follow"
-        hint="F"
-        pressed={npcs.camera.value}
-        onClick={() => npcs.toggleCamera()}
-      />
       <Button label="Send somewhere" icon="send" pressed={tool === 'send'} onClick={() => studio.setTool('send')} />
       <Button
         label="Teleport"
@@ -76,6 +70,11 @@ function Actions({ studio, id }: { studio: Studio; id: bigint }) {
 
 function NpcPlan({ followed, studio }: { followed: Followed; studio: Studio }) {
   const { plan, waypointIdx } = followed
+  const { graphs, npcs } = studio
+  // Of the legs that it has behind it, only the last.
+  const first = Math.max(0, waypointIdx - 1)
+  const selection = graphs.selection.value
+  const selected = selection?.kind === 'edge' ? graphs.edge(selection.from, selection.to) : undefined
   if (plan === undefined || plan.waypoints.length === 0) {
     return <p class="note">This NPC has no plan.</p>
   }
@@ -83,27 +82,35 @@ function NpcPlan({ followed, studio }: { followed: Followed; studio: Studio }) {
     <>
       <h3>Plan</h3>
       {plan.noPath !== '' && <p class="warn">No path: {plan.noPath}. It goes as near as it can.</p>}
-      <ol class="legs" aria-label="Legs of its plan">
-        {plan.legs.map((leg, index) => (
-          <li
-            key={index}
-            class={index < waypointIdx ? 'past' : index === waypointIdx ? 'current' : ''}
-            aria-current={index === waypointIdx ? 'step' : undefined}
-          >
-            <button
-              type="button"
-              class="item"
-              onClick={() => {
-                const at = plan.waypoints[index]
-                if (at !== undefined) studio.viewport.value?.lookAt(at)
-              }}
+      <ol class="legs" aria-label="Legs of its plan" style={{ counterReset: `leg ${first}` }}>
+        {plan.legs.slice(first).map((leg, row) => {
+          const index = first + row
+          const [from, to] = [plan.waypoints[index - 1], plan.waypoints[index]]
+          const isSelected = selected !== undefined && graphs.isBetween(selected, from, to)
+          return (
+            <li
+              key={index}
+              class={index < waypointIdx ? 'past' : index === waypointIdx ? 'current' : ''}
+              aria-current={index === waypointIdx ? 'step' : undefined}
             >
-              <AbilityName ability={leg.ability} />
-              <span class="number">{duration(leg.seconds)}</span>
-              <ChanceBar chance={leg.chance} />
-            </button>
-          </li>
-        ))}
+              <button
+                type="button"
+                class="item"
+                aria-pressed={isSelected}
+                onClick={() => {
+                  const edge = graphs.edgeBetween(from, to)
+                  graphs.select(edge && !isSelected ? { kind: 'edge', from: edge.from, to: edge.to } : undefined)
+                  if (to !== undefined && !npcs.camera.value) studio.viewport.value?.lookAt(to)
+                }}
+              >
+                <AbilityName ability={leg.ability} />
+                <span class="number">{duration(leg.seconds)}</span>
+                <ChanceBar chance={leg.chance} />
+              </button>
+              {isSelected && <LegActions studio={studio} edge={selected} />}
+            </li>
+          )
+        })}
       </ol>
     </>
   )

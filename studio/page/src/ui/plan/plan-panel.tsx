@@ -1,16 +1,12 @@
 import { noPathReason } from '../../data/abilities'
-import { priceEdge } from '../../data/edit/edits'
 import { count, duration, percent, place } from '../../data/format'
 import { edgeOf, legEnds } from '../../data/plan/alternatives'
 import type { Studio } from '../../data/studio'
+import { npcNumber } from '../../data/world/snapshot'
 import type { Leg, Plan } from '../../gen/surefoot/planner/v1/planner_pb'
 import { AbilityName, Button, ChanceBar, Choice, Empty, Facts, Section } from '../controls'
 import { NoGraph } from '../graph/no-graph'
-import { forbid } from '../tools'
-
-/** What "Raise its cost" multiplies a price by. */
-const DEARER = 4
-const MAX_FACTOR = 1000
+import { LegActions } from './leg-actions'
 
 export function PlanPanel({ studio }: { studio: Studio }) {
   const { plans, graphs } = studio
@@ -104,8 +100,8 @@ function Result({ studio }: { studio: Studio }) {
           ['Dies, unrehearsed', percent(plan.deathChance)],
         ]}
       />
-      <SendButton studio={studio} />
-      <ol class="legs" aria-label="Legs">
+      <SendButtons studio={studio} />
+      <ol class="legs" aria-label="Legs" data-tour="legs">
         {plan.legs.map((leg, index) => (
           <LegRow key={index} studio={studio} plan={plan} leg={leg} index={index} />
         ))}
@@ -167,35 +163,38 @@ function moverName({ movers }: Studio, index: number): string {
   return movers.list.value[index]?.name ?? `mover ${index}`
 }
 
-function LegActions({ studio, edge }: { studio: Studio; edge: { from: number; to: number } }) {
-  const { graphs, layers } = studio
-  const makeDearer = () => {
-    const [from, to] = [graphs.position(edge.from), graphs.position(edge.to)]
-    const present = graphs.edge(edge.from, edge.to)?.priceFactor || 1
-    if (from === undefined || to === undefined) return
-    void layers.apply(priceEdge(from, to, Math.min(MAX_FACTOR / present, DEARER)))
-  }
-  return (
-    <div class="row wrap" role="group" aria-label="Actions for the leg">
-      <Button label="Forbid this leg" icon="forbid" onClick={() => forbid(studio, edge.from, edge.to)} />
-      <Button label="Raise its cost" icon="plus" hint={`Multiplies its cost by ${DEARER}`} onClick={makeDearer} />
-      <Button label="Inspect" icon="look" onClick={() => studio.openTab('graph')} />
-    </div>
-  )
-}
-
-/** Sends the selected NPC to the goal, or a new one that begins at the start. */
-function SendButton({ studio }: { studio: Studio }) {
+/** Sends a new NPC from the start to the goal, or the selected NPC from where it is. */
+function SendButtons({ studio }: { studio: Studio }) {
   const { plans, npcs, worlds } = studio
-  const send = async () => {
+  const send = async (chosen: bigint | undefined) => {
     const [start, goal, worldId] = [plans.start.peek(), plans.goal.peek(), worlds.chosenId.peek()]
     if (start === undefined || goal === undefined || worldId === undefined) return
-    const id = npcs.selectedId.peek() ?? (await npcs.spawn(worldId, start))
-    if (id !== undefined) await npcs.send(id, goal)
+    const id = chosen ?? (await npcs.spawn(worldId, start))
+    if (id === undefined) return
+    await npcs.send(id, goal)
+    studio.setTool('select')
+    npcs.goAlong(id)
   }
-  const hint =
-    npcs.selectedId.value === undefined ? 'Spawns an NPC at the start' : 'Sends the selected NPC from its position'
-  return <Button label="Send an NPC" icon="send" tone="main" hint={hint} onClick={() => void send()} />
+  const selected = npcs.selectedId.value
+  return (
+    <div class="row wrap" data-tour="send">
+      <Button
+        label="Send an NPC"
+        icon="spawn"
+        tone="main"
+        hint="Spawns an NPC at the start"
+        onClick={() => void send(undefined)}
+      />
+      {selected !== undefined && (
+        <Button
+          label={`Send NPC ${npcNumber(selected)}`}
+          icon="send"
+          hint="Sends the selected NPC from its position"
+          onClick={() => void send(selected)}
+        />
+      )}
+    </div>
+  )
 }
 
 function NoWay({ studio, plan }: { studio: Studio; plan: Plan }) {
@@ -216,7 +215,7 @@ function NoWay({ studio, plan }: { studio: Studio; plan: Plan }) {
           </div>
         </>
       )}
-      <SendButton studio={studio} />
+      <SendButtons studio={studio} />
     </Section>
   )
 }

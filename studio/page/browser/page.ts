@@ -1,0 +1,44 @@
+// What all tests of the page do with it.
+
+import { expect, type Page } from '@playwright/test'
+import type { StudioHook } from '../src/main'
+import type { Scene } from './scene'
+
+/** Calls a function with what the page knows. */
+export function ask<T>(page: Page, question: (studio: StudioHook) => T): Promise<T> {
+  return page.evaluate(`(${question.toString()})(window.surefootStudio)`) as Promise<T>
+}
+
+/** Opens the page as on any visit but the first, with what stands behind the # of its address. */
+export async function open(page: Page, scene: Scene, hash = ''): Promise<void> {
+  await page.addInitScript(() => localStorage.setItem('surefoot.tour', 'seen'))
+  await openAtFirst(page, scene, hash)
+}
+
+/** Opens the page as it is on the first visit. */
+export async function openAtFirst(page: Page, scene: Scene, hash = ''): Promise<void> {
+  await page.goto(scene.studio + hash)
+  await page.waitForFunction(() => 'surefootStudio' in window)
+  await expect.poll(() => ask(page, (studio) => studio.state.level.state.value.kind), { timeout: 60_000 }).toBe('ready')
+}
+
+/** Opens the page on the whole map with nothing selected. */
+export async function openOnMap(page: Page, scene: Scene): Promise<void> {
+  await open(page, scene)
+  await expect.poll(() => ask(page, ({ state }) => state.opening.value)).toBe(false)
+  await page.keyboard.press('Escape')
+  await page.keyboard.press('h')
+  await page.getByRole('tab', { name: 'Map' }).click()
+}
+
+export async function withGraph(page: Page): Promise<void> {
+  await expect
+    .poll(() => ask(page, (studio) => studio.state.graphs.loaded.value?.edges.length ?? 0), { timeout: 90_000 })
+    .toBeGreaterThan(300)
+}
+
+/** Clicks the map at shares of the width and the height of the canvas. */
+export async function clickMap(page: Page, x: number, y: number): Promise<void> {
+  const box = await page.locator('canvas').first().boundingBox()
+  await page.mouse.click(box!.x + x * box!.width, box!.y + y * box!.height)
+}
