@@ -27,9 +27,12 @@ export function ReplayBar({ studio: { replays } }: { studio: Studio }) {
         <strong>NPC {npcNumber(shown.npcId)}</strong>
         <span>
           attempt {shown.attempt}, {how}
-          {shown.isCut && ', from when this page began to watch'}
         </span>
+        {shown.isCut && <span>(without its beginning)</span>}
       </p>
+      <span class="number">
+        {seconds.toFixed(1)} / {length.toFixed(1)} s
+      </span>
       <input
         type="range"
         aria-label="Moment of the replay"
@@ -40,9 +43,6 @@ export function ReplayBar({ studio: { replays } }: { studio: Studio }) {
         value={seconds}
         onInput={(event) => replays.seek(event.currentTarget.valueAsNumber)}
       />
-      <span class="number">
-        {seconds.toFixed(1)} / {length.toFixed(1)} s
-      </span>
       <Button label="End the replay" icon="close" bare hint="End the replay (R)" onClick={() => replays.close()} />
     </div>
   )

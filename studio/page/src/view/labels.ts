@@ -35,8 +35,9 @@ export interface LabelSight {
   height: number
   /** Pixels of the screen per pixel of the page. */
   ratio: number
-  eye: Place
-  /** Names farther than this from the eye are not shown, m. */
+  /** What the camera looks at. */
+  centre: Place
+  /** Names farther than this from it are not shown, m. */
   reach: number
   /** What is above is not shown. */
   ceiling: number
@@ -136,8 +137,9 @@ export class LabelLayer {
     for (const [group, labels] of this.groups) {
       labels.forEach((label, index) => {
         const at = placeOf(label, sight)
-        const near = at && Math.hypot(at.x - sight.eye.x, at.y - sight.eye.y, at.z - sight.eye.z) <= sight.reach
-        if (!at || at.y > sight.ceiling || !(near || label.rank === 0)) {
+        const { centre, reach } = sight
+        const isNear = at && Math.hypot(at.x - centre.x, at.y - centre.y, at.z - centre.z) <= reach
+        if (!at || at.y > sight.ceiling || !(isNear || label.rank === 0)) {
           return
         }
         const plate = this.plateOf(label)

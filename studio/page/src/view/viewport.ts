@@ -55,8 +55,8 @@ export { secondsRange } from './edge-shape'
 const TRAIL_MS = 5200
 /** How often the camera looks for better angles to follow from, ms. */
 const STEER_MS = 300
-/** Names are shown so far behind what the camera looks at, and so far from the eye at most, m. */
-const NAMED_M = 50
+/** Names are shown at least so far around what the camera looks at, and while it is nearer than this to that, m. */
+const NAMED_M = 45
 const MOST_NAMED_M = 150
 /** Rock nearer than this to what is looked at does not hide it, m. */
 const HIDING_M = 1.2
@@ -409,8 +409,8 @@ class View implements Viewport, Show {
       width,
       height,
       ratio: stage.fullRatio,
-      eye: stage.camera.position,
-      reach: Math.min(rig.pose.distance + NAMED_M, MOST_NAMED_M),
+      centre: rig.pose.target,
+      reach: rig.pose.distance < MOST_NAMED_M ? rig.pose.distance * 0.7 + NAMED_M : 0,
       ceiling: aim.section ?? Infinity,
       npc: (id) => this.poses.find(id),
       isHidden: (place) => this.isHidden(stage.camera.position, place),
