@@ -3,6 +3,7 @@
 use super::config::{EvalConfig, EvalError, Method, Price};
 use super::maps::{EvalMap, MapName};
 use super::reachable::{Terrain, is_on_foot, reachable};
+use super::record::Record;
 use super::unit::{Batch, GraphFigures, Unit};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
