@@ -28,7 +28,7 @@ export interface TourStep {
   isDone(before: TourFacts, now: TourFacts): boolean
 }
 
-/** Gestures come many a second: so many are no accident. */
+/** Gestures that count as looking around; a drag makes dozens a second. */
 const LOOKS = 12
 
 export const TOUR_STEPS: readonly TourStep[] = [

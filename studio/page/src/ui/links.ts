@@ -30,8 +30,9 @@ export async function copyLink(page: Window, studio: Studio): Promise<void> {
 }
 
 function note(page: Window, studio: Studio): void {
-  // Until the view has opened, the link of before stays.
-  const link = studio.opening.peek() || page.document.hidden ? undefined : linkOf(studio)
+  // Until its view has opened, the address keeps the link that it came with.
+  const isOpening = studio.link.peek() !== undefined
+  const link = isOpening || page.document.hidden ? undefined : linkOf(studio)
   if (link === undefined) return
   const hash = `#${encodeLink(link)}`
   if (hash !== page.location.hash) page.history.replaceState(page.history.state, '', hash)

@@ -8,7 +8,7 @@ const CAPACITY = 1 << 19
 const MOST_NPCS = 1 << 16
 /** Poses farther apart than this are not joined: the NPC was put elsewhere, m. */
 const SNAP_M = 5
-/** So much of what follows an attempt belongs to it, ticks: it may end in a fall. */
+/** A track goes on for this long after the end of its attempt, ticks: it may end in a fall. */
 const AFTER_TICKS = 45
 /** Longest track, ticks. */
 const LONGEST_TICKS = 60 * 60 * 10
