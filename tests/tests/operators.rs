@@ -29,13 +29,14 @@ fn exported(text: &str) -> BTreeMap<String, String> {
     types.map(|(name, kind)| (name.to_owned(), kind.to_owned())).collect()
 }
 
-/// Metrics that a source file writes: its services do not run in this test.
+/// Metrics that a source file renders: its services do not run in this test.
 fn declared(path: &str) -> BTreeSet<String> {
     let source = read(path);
-    let starts = ["# HELP ", "(\""].into_iter().flat_map(|mark| source.split(mark).skip(1));
     let is_part = |letter: char| letter.is_ascii_lowercase() || letter == '_';
-    let words = starts.map(|rest| rest.split(|letter: char| !is_part(letter)).next().unwrap_or_default());
-    words.filter(|word| word.starts_with("surefoot_")).map(str::to_owned).collect()
+    let texts = source.split('"').map(|text| text.strip_prefix("surefoot_").unwrap_or(text));
+    let names = texts.filter(|text| text.chars().all(is_part));
+    let names = names.filter(|name| name.ends_with("_total") || name.ends_with("_connected"));
+    names.map(|name| format!("surefoot_{name}")).collect()
 }
 
 /// Names of the labels of all samples.
