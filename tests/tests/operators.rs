@@ -59,10 +59,11 @@ async fn the_page_of_metrics_lists_those_that_are_exported() {
     let (server_types, planner_types) = (exported(&of_server), exported(&of_planner));
 
     assert_eq!(&names(&section("World server")) | &of_all, names(&server_types));
-    let over_nats = declared("operate/fleet/src/work/dispatch.rs");
+    let of_queue = declared("operate/fleet/src/work/queue.rs");
+    let over_nats = &declared("operate/fleet/src/work/dispatch.rs") | &of_queue;
     assert_eq!(&names(&section("Planner")) | &of_all, &names(&planner_types) | &over_nats);
     let of_prover = &declared("operate/fleet/src/work/prover.rs") | &declared("cli/src/commands/fleet/units.rs");
-    assert_eq!(names(&section("Prover")), of_prover);
+    assert_eq!(names(&section("Prover")), &of_prover | &of_queue);
 
     for (name, kind) in server_types.iter().chain(&planner_types) {
         let by_name = match name.as_str() {
