@@ -83,9 +83,16 @@ pub fn save(folder: &Path, manifest: &Manifest, weights: &[u8]) -> Result<(), Ch
     let text = serde_json::to_vec_pretty(manifest).expect("a manifest is plain data");
     std::fs::create_dir_all(folder).map_err(|source| CheckpointError::Io { path: folder.to_owned(), source })?;
     let (next, path) = (folder.join(NEXT_WEIGHTS_FILE), folder.join(WEIGHTS_FILE));
+    let finish = || std::fs::rename(&next, &path).map_err(|source| CheckpointError::Io { path: path.clone(), source });
+    // If the previous save was killed after it wrote its manifest, its weights have this name only.
+    if let (Ok(manifest), Ok(weights)) = (Manifest::load(folder), read(&next))
+        && manifest.check(&weights).is_ok()
+    {
+        finish()?;
+    }
     write_atomically(&next, weights)?;
     write_atomically(&folder.join(MANIFEST_FILE), &text)?;
-    std::fs::rename(&next, &path).map_err(|source| CheckpointError::Io { path, source })
+    finish()
 }
 
 /// Writes a file atomically: writes `bytes` beside `path`, then renames, so that readers never see a partial file.

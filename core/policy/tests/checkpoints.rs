@@ -24,6 +24,29 @@ fn saved_weights_decide_as_before() {
 }
 
 #[test]
+fn two_saves_that_are_killed_one_after_the_other_leave_a_whole_model() {
+    let sizes = |hidden| ActorConfig { ray_features: 16, hidden, memory: None, sees_others: false };
+    let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    let hidden = || Policy::load(folder.path()).unwrap().manifest().actor.hidden;
+    save(folder.path());
+    // Killed after it wrote its manifest.
+    let (manifest, weights) = model(sizes(24));
+    checkpoint::save(other.path(), &manifest, &weights).unwrap();
+    std::fs::copy(other.path().join(MANIFEST_FILE), at(MANIFEST_FILE)).unwrap();
+    std::fs::copy(other.path().join(WEIGHTS_FILE), at("weights.next")).unwrap();
+    assert_eq!(hidden(), 24);
+    // Ends after it wrote its weights, because its manifest cannot be written.
+    std::fs::create_dir(at("manifest.tmp")).unwrap();
+    let (manifest, weights) = model(sizes(40));
+    assert!(checkpoint::save(folder.path(), &manifest, &weights).is_err());
+    assert_eq!(hidden(), 24);
+    std::fs::remove_dir(at("manifest.tmp")).unwrap();
+    checkpoint::save(folder.path(), &manifest, &weights).unwrap();
+    assert_eq!(hidden(), 40);
+}
+
+#[test]
 fn damaged_missing_and_foreign_weights_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     save(folder.path());
