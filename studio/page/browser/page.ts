@@ -31,10 +31,14 @@ export async function openOnMap(page: Page, scene: Scene): Promise<void> {
   await page.getByRole('tab', { name: 'Map' }).click()
 }
 
+/** Waits until the page has a graph that no build changes any more. */
 export async function withGraph(page: Page): Promise<void> {
-  await expect
-    .poll(() => ask(page, (studio) => studio.state.graphs.loaded.value?.edges.length ?? 0), { timeout: 90_000 })
-    .toBeGreaterThan(300)
+  const edges = () =>
+    ask(page, ({ state }) => {
+      const [loaded, summary] = [state.graphs.loaded.value?.edges.length ?? 0, state.graphs.summary.value]
+      return summary?.expectedEdges === 0 && summary.edges === loaded ? loaded : 0
+    })
+  await expect.poll(edges, { timeout: 90_000 }).toBeGreaterThan(300)
 }
 
 /** Clicks the map at shares of the width and the height of the canvas. */
