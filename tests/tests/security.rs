@@ -814,13 +814,15 @@ async fn a_token_that_is_removed_ends_its_open_streams_and_no_others() {
     std::fs::write(&path, staying).unwrap();
     let ends = async {
         let end = loop {
-            if let Err(status) = removed.message().await {
-                break status;
+            match removed.message().await {
+                Ok(message) => assert!(message.is_some(), "the reader's stream ends without a status"),
+                Err(status) => break status,
             }
         };
         let cut = loop {
-            if let Err(status) = works.message().await {
-                break status;
+            match works.message().await {
+                Ok(message) => assert!(message.is_some(), "the worker's stream ends without a status"),
+                Err(status) => break status,
             }
         };
         [end, cut]

@@ -57,6 +57,17 @@ struct Guarded {
     is_over: bool,
 }
 
+impl Guarded {
+    /// Whether the token is removed; if so, the body is over.
+    fn is_removed(&mut self, context: &mut Context<'_>) -> bool {
+        self.is_over = self.removed.as_mut().poll(context).is_ready();
+        if self.is_over {
+            self.body = Body::empty();
+        }
+        self.is_over
+    }
+}
+
 impl HttpBody for Guarded {
     type Data = Bytes;
     type Error = axum::Error;
@@ -68,12 +79,20 @@ impl HttpBody for Guarded {
         if self.is_over {
             return Poll::Ready(None);
         }
-        if self.removed.as_mut().poll(context).is_ready() {
-            self.is_over = true;
-            self.body = Body::empty();
+        if self.is_removed(context) {
             return Poll::Ready(Some(self.end.frame()));
         }
-        Pin::new(&mut self.body).poll_frame(context)
+        let polled = Pin::new(&mut self.body).poll_frame(context);
+        let is_end = match &polled {
+            Poll::Ready(Some(frame)) => frame.as_ref().is_ok_and(Frame::is_trailers),
+            Poll::Ready(None) => true,
+            Poll::Pending => false,
+        };
+        // The end of the request may have ended the answer with another status since the first look.
+        if is_end && self.is_removed(context) {
+            return Poll::Ready(Some(self.end.frame()));
+        }
+        polled
     }
 
     fn is_end_stream(&self) -> bool {
