@@ -15,8 +15,15 @@ use surefoot_proto::reason::Reason;
 /// Runs a gRPC call while its token is accepted. Connect calls are gRPC calls at this layer.
 pub(super) async fn watch(request: Request, next: Next) -> Response<Body> {
     let Some(holder) = request.extensions().get::<Holder>().cloned() else { return next.run(request).await };
-    let guard =
-        |body, end| Body::new(Guarded { body, removed: Box::pin(holder.clone().removed()), end, is_over: false });
+    let guard = |body, end| {
+        Body::new(Guarded {
+            body,
+            holder: holder.clone(),
+            removed: Box::pin(holder.clone().removed()),
+            end,
+            is_over: false,
+        })
+    };
     let request = request.map(|body| guard(body, End::Error));
     let response = next.run(request).await;
     let kind = response.headers().get(header::CONTENT_TYPE);
@@ -52,6 +59,8 @@ impl End {
 /// A body that ends when the token of its call is removed.
 struct Guarded {
     body: Body,
+    holder: Holder,
+    /// Wakes the task once the token is removed.
     removed: Pin<Box<dyn Future<Output = ()> + Send>>,
     end: End,
     is_over: bool,
@@ -60,7 +69,7 @@ struct Guarded {
 impl Guarded {
     /// Whether the token is removed; if so, the body is over.
     fn is_removed(&mut self, context: &mut Context<'_>) -> bool {
-        self.is_over = self.removed.as_mut().poll(context).is_ready();
+        self.is_over = self.removed.as_mut().poll(context).is_ready() || self.holder.is_removed();
         if self.is_over {
             self.body = Body::empty();
         }

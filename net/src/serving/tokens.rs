@@ -73,7 +73,12 @@ impl Holder {
         (self.token.name.clone(), self.token.role)
     }
 
-    /// Resolves once the token is no longer accepted, or has another role.
+    /// Whether the token is no longer accepted, or has another role.
+    pub fn is_removed(&self) -> bool {
+        !self.accepted.borrow().contains(&self.token)
+    }
+
+    /// Resolves some time after [`is_removed`](Self::is_removed) holds.
     pub async fn removed(mut self) {
         if self.accepted.wait_for(|tokens| !tokens.contains(&self.token)).await.is_err() {
             // The endpoint has stopped: its tokens can no longer change.
