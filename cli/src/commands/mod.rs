@@ -15,6 +15,7 @@ pub mod up;
 use anyhow::{Context, bail};
 use std::ops::Range;
 use std::path::Path;
+use std::str::FromStr;
 use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
 
@@ -82,6 +83,12 @@ pub fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
             .context("--maps takes training, validation, test, benchmark, or seeds such as 7 or 0..4")?,
     };
     seeds.into_iter().map(|seed| MapSpec::with_side(seed, side)).collect::<Result<_, _>>().context("--size")
+}
+
+/// A share from 0 to 1.
+pub fn parse_share<T: FromStr + PartialOrd + From<u8>>(text: &str) -> Result<T, String> {
+    let share = text.parse().ok().filter(|share| (T::from(0)..=T::from(1)).contains(share));
+    share.ok_or_else(|| "must be a share from 0 to 1, such as 0.98 for 98 %".to_owned())
 }
 
 /// A duration, s.

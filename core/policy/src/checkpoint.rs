@@ -68,11 +68,12 @@ impl Policy {
 
 /// Reads the weights that a manifest describes from its folder.
 fn weights(folder: &Path, manifest: &Manifest) -> Result<Vec<u8>, CheckpointError> {
-    // If the program was killed after it wrote the manifest, the manifest describes this file.
-    match read(&folder.join(NEXT_WEIGHTS_FILE)) {
-        Ok(next) if manifest.check(&next).is_ok() => Ok(next),
-        _ => read(&folder.join(WEIGHTS_FILE)),
-    }
+    unfinished(folder, manifest).map_or_else(|| read(&folder.join(WEIGHTS_FILE)), Ok)
+}
+
+/// The weights of a save that was killed after it wrote this manifest: they still have the name of the next ones.
+fn unfinished(folder: &Path, manifest: &Manifest) -> Option<Vec<u8>> {
+    read(&folder.join(NEXT_WEIGHTS_FILE)).ok().filter(|next| manifest.check(next).is_ok())
 }
 
 /// Writes a model's folder. If the program is killed meanwhile, the folder holds the previous model or this one.
@@ -84,10 +85,7 @@ pub fn save(folder: &Path, manifest: &Manifest, weights: &[u8]) -> Result<(), Ch
     std::fs::create_dir_all(folder).map_err(|source| CheckpointError::Io { path: folder.to_owned(), source })?;
     let (next, path) = (folder.join(NEXT_WEIGHTS_FILE), folder.join(WEIGHTS_FILE));
     let finish = || std::fs::rename(&next, &path).map_err(|source| CheckpointError::Io { path: path.clone(), source });
-    // If the previous save was killed after it wrote its manifest, its weights have this name only.
-    if let (Ok(manifest), Ok(weights)) = (Manifest::load(folder), read(&next))
-        && manifest.check(&weights).is_ok()
-    {
+    if Manifest::load(folder).is_ok_and(|former| unfinished(folder, &former).is_some()) {
         finish()?;
     }
     write_atomically(&next, weights)?;

@@ -1,7 +1,7 @@
 //! `surefoot graph export`.
 
 use super::{Loaded, Target};
-use crate::commands::core_count;
+use crate::commands::{core_count, parse_share};
 use crate::terminal::{print_json, progress_bar, with_spinner};
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -34,7 +34,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "max_detour")]
     all_links: bool,
     /// Omit links on which a plain scripted controller succeeds in a smaller share of its tries, 0 to 1
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share::<f32>)]
     min_driven: f32,
     /// File to write; default: standard output
     #[arg(long, value_name = "FILE")]
@@ -65,11 +65,6 @@ impl Output {
 fn parse_ratio(text: &str) -> Result<f64, String> {
     let ratio = text.parse::<f64>().ok().filter(|ratio| *ratio > 1.0 && ratio.is_finite());
     ratio.ok_or_else(|| "must be a number above 1".to_owned())
-}
-
-fn parse_share(text: &str) -> Result<f32, String> {
-    let share = text.parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
-    share.ok_or_else(|| "must be a number from 0 to 1".to_owned())
 }
 
 /// What the links connect, for output.

@@ -1,8 +1,8 @@
 //! `surefoot graph reach` and `diff`: reachability as a check.
 
 use super::{Loaded, Target};
-use crate::commands::core_count;
 use crate::commands::map::check_scale;
+use crate::commands::{core_count, parse_share};
 use crate::terminal::{print_json, with_spinner};
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -29,10 +29,10 @@ pub struct Args {
     #[command(flatten)]
     target: Target,
     /// Fail if a smaller share of all places to stand can be reached from the largest region
-    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    #[arg(long, value_name = "SHARE", value_parser = parse_share::<f64>)]
     min_reachable: Option<f64>,
     /// Fail if a smaller share of ordered vertex pairs has a path
-    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    #[arg(long, value_name = "SHARE", value_parser = parse_share::<f64>)]
     min_connected: Option<f64>,
     /// Fail if the graph has more one-way traps than this
     #[arg(long, value_name = "N")]
@@ -156,12 +156,6 @@ impl Args {
         }
         checks
     }
-}
-
-/// Parses a share from 0 to 1.
-fn parse_share(text: &str) -> Result<f64, String> {
-    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
-    share.ok_or_else(|| "must be a share from 0 to 1, such as 0.98 for 98 %".to_owned())
 }
 
 /// Regions that cannot be reached from the largest one.

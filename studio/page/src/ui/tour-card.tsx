@@ -1,3 +1,4 @@
+import type { ComponentChildren } from 'preact'
 import { useEffect, useState } from 'preact/hooks'
 import type { Studio } from '../data/studio'
 import { type Tour, TOUR_STEPS } from '../data/tour'
@@ -24,11 +25,18 @@ export function TourCard({ studio: { tour } }: { studio: Studio }) {
   return (
     <>
       {!done && <Ring target={step.value.target} />}
-      <section class="tour-card" aria-label={`Tour, step ${at.value + 1} of ${TOUR_STEPS.length}`}>
-        <header>
-          <h2>{step.value.title}</h2>
-          <Button label="End the tour" icon="close" bare onClick={() => tour.end()} />
-        </header>
+      <Card
+        label={`Tour, step ${at.value + 1} of ${TOUR_STEPS.length}`}
+        title={step.value.title}
+        corner={<Button label="End the tour" icon="close" bare onClick={() => tour.end()} />}
+        actions={
+          <>
+            <Dots at={at.value} />
+            <Button label="Back" disabled={at.value === 0} onClick={() => tour.back()} />
+            <Button label={done ? 'Next' : 'Skip'} tone={done ? 'main' : 'plain'} onClick={() => tour.next()} />
+          </>
+        }
+      >
         <p aria-live="polite">
           {done ? (
             <span class="tour-done">
@@ -38,44 +46,61 @@ export function TourCard({ studio: { tour } }: { studio: Studio }) {
             step.value.text
           )}
         </p>
-        <footer>
-          <Dots at={at.value} />
-          <Button label="Back" disabled={at.value === 0} onClick={() => tour.back()} />
-          <Button label={done ? 'Next' : 'Skip'} tone={done ? 'main' : 'plain'} onClick={() => tour.next()} />
-        </footer>
-      </section>
+      </Card>
     </>
   )
 }
 
 function Offer({ tour }: { tour: Tour }) {
   return (
-    <section class="tour-card" aria-label="Tour">
-      <header>
-        <h2>New here?</h2>
-      </header>
+    <Card
+      label="Tour"
+      title="New here?"
+      actions={
+        <>
+          <Button label="Not now" onClick={() => tour.end()} />
+          <Button label="Take the tour" tone="main" onClick={() => tour.start()} />
+        </>
+      }
+    >
       <p>In two minutes: look around, ask for a plan, forbid a leg, and see NPCs take another route.</p>
-      <footer>
-        <Button label="Not now" onClick={() => tour.end()} />
-        <Button label="Take the tour" tone="main" onClick={() => tour.start()} />
-      </footer>
-    </section>
+    </Card>
   )
 }
 
 function Farewell({ tour }: { tour: Tour }) {
   return (
-    <section class="tour-card" aria-label="Tour, end">
-      <header>
-        <h2>That is the idea</h2>
-      </header>
+    <Card
+      label="Tour, end"
+      title="That is the idea"
+      actions={<Button label="Close" tone="main" onClick={() => tour.end()} />}
+    >
       <p>
         Every edit works like this: NPCs follow it at once, and Ctrl Z takes it back. Press <kbd>?</kbd> for all keys
         and for this tour.
       </p>
-      <footer>
-        <Button label="Close" tone="main" onClick={() => tour.end()} />
-      </footer>
+    </Card>
+  )
+}
+
+interface CardProps {
+  label: string
+  title: string
+  corner?: ComponentChildren
+  actions: ComponentChildren
+  children: ComponentChildren
+}
+
+/** A card beside the map, with what can be done below its text. */
+function Card({ label, title, corner, actions, children }: CardProps) {
+  return (
+    <section class="tour-card" aria-label={label}>
+      <header>
+        <h2>{title}</h2>
+        {corner}
+      </header>
+      {children}
+      <footer>{actions}</footer>
     </section>
   )
 }
