@@ -105,15 +105,15 @@ test('a designer forbids a leg, and the plan and the NPC go another way', async 
     return last.pair
   }, pairs(before).reverse())
   await page.getByRole('button', { name: 'Forbid', exact: true }).click()
-  await expect.poll(async () => pairs(await planned()).includes(forbidden)).toBe(false)
-  expect((await planned()).length).toBeGreaterThan(1)
+  // While the new plan is made there may be none.
+  const goesAnotherWay = (way: string[]) => way.length > 1 && !pairs(way).includes(forbidden)
+  await expect.poll(async () => goesAnotherWay(await planned())).toBe(true)
   const shown = () =>
     ask(
       page,
       ({ state }) => state.plans.chosen.value?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? [],
     )
-  await expect.poll(async () => pairs(await shown()).includes(forbidden)).toBe(false)
-  expect((await shown()).length).toBeGreaterThan(1)
+  await expect.poll(async () => goesAnotherWay(await shown())).toBe(true)
   await expect.poll(edges).toBe(whole - 1)
   await page.getByRole('tab', { name: 'Plan', exact: true }).click()
   await legs.nth(2).getByRole('button').first().click()
