@@ -1,8 +1,8 @@
 //! A service's memory budget: the bytes that each client holds. Requests are refused before they allocate.
 
-use parking_lot::Mutex;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// Fits a machine with 4 GB, beside the rest of the process and one import at a time.
 pub const DEFAULT_MAX_MEMORY_BYTES: u64 = 2_000_000_000;
@@ -13,6 +13,13 @@ const MB: f64 = 1.0e6;
 pub struct MemoryBudget {
     limit_bytes: u64,
     used: Arc<Mutex<BTreeMap<Arc<str>, u64>>>,
+    caches: Arc<Mutex<Vec<Weak<dyn Cache>>>>,
+}
+
+/// Memory that is held only to save work.
+pub trait Cache: std::fmt::Debug + Send + Sync {
+    /// Drops everything. It is called before a request is refused.
+    fn clear(&self);
 }
 
 /// Bytes that a client holds; dropping it returns them.
@@ -54,7 +61,13 @@ fn by_client(holders: &[(Arc<str>, u64)]) -> String {
 impl MemoryBudget {
     /// A budget of `limit_bytes`.
     pub fn new(limit_bytes: u64) -> Self {
-        Self { limit_bytes, used: Arc::default() }
+        Self { limit_bytes, used: Arc::default(), caches: Arc::default() }
+    }
+
+    /// Clears `cache` whenever the budget is exhausted, for as long as the cache lives.
+    pub fn clear_when_exhausted(&self, cache: &Arc<impl Cache + 'static>) {
+        let cache = Arc::downgrade(cache);
+        self.caches.lock().push(cache);
     }
 
     /// Most bytes in use.
@@ -69,14 +82,27 @@ impl MemoryBudget {
 
     /// Reserves memory for a client.
     pub fn reserve(&self, client: &str, bytes: u64) -> Result<Reservation, MemoryError> {
-        let mut used = self.used.lock();
-        self.check(&used, bytes)?;
+        let mut used = self.room_for(bytes)?;
         Ok(self.add(&mut used, client, bytes))
     }
 
     /// Reserves memory even beyond the limit, as for worlds that are restored.
     pub fn grant(&self, client: &str, bytes: u64) -> Reservation {
         self.add(&mut self.used.lock(), client, bytes)
+    }
+
+    /// Locks the budget with room for so many bytes more.
+    fn room_for(&self, bytes: u64) -> Result<MutexGuard<'_, BTreeMap<Arc<str>, u64>>, MemoryError> {
+        let used = self.used.lock();
+        if self.check(&used, bytes).is_ok() {
+            return Ok(used);
+        }
+        // What caches drop returns its memory to this budget.
+        drop(used);
+        self.caches.lock().retain(|cache| cache.upgrade().inspect(|cache| cache.clear()).is_some());
+        let used = self.used.lock();
+        self.check(&used, bytes)?;
+        Ok(used)
     }
 
     fn check(&self, used: &BTreeMap<Arc<str>, u64>, needed: u64) -> Result<(), MemoryError> {
@@ -100,8 +126,7 @@ impl Reservation {
     /// Replaces an estimate by the bytes that are really held. If the increase exceeds the rest of the budget, the
     /// reservation does not change.
     pub fn resize(&mut self, bytes: u64) -> Result<(), MemoryError> {
-        let mut used = self.budget.used.lock();
-        self.budget.check(&used, bytes.saturating_sub(self.bytes))?;
+        let mut used = self.budget.room_for(bytes.saturating_sub(self.bytes))?;
         if let Some(held) = used.get_mut(&self.client) {
             *held = *held - self.bytes + bytes;
         }
@@ -119,5 +144,37 @@ impl Drop for Reservation {
                 used.remove(&self.client);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Default)]
+    struct Kept(Mutex<Vec<Reservation>>);
+
+    impl Cache for Kept {
+        fn clear(&self) {
+            self.0.lock().clear();
+        }
+    }
+
+    #[test]
+    fn caches_give_way_to_requests_and_only_to_those_that_need_their_memory() {
+        let budget = MemoryBudget::new(100);
+        let kept = Arc::new(Kept::default());
+        budget.clear_when_exhausted(&kept);
+        kept.0.lock().push(budget.reserve("cache", 60).unwrap());
+        let mut held = budget.reserve("world", 40).unwrap();
+        assert_eq!(budget.used_bytes(), 100);
+        held.resize(41).unwrap();
+        assert_eq!(budget.used_bytes(), 41);
+
+        kept.0.lock().push(budget.reserve("cache", 59).unwrap());
+        drop(kept);
+        let error = budget.reserve("world", 60).unwrap_err();
+        assert!(error.to_string().contains("world: 0 MB"), "{error}");
+        assert_eq!(budget.used_bytes(), 41);
     }
 }

@@ -1,18 +1,19 @@
-//! The maps of graphs. The latest are kept: edits, loads and probes of one map follow each other.
+//! The maps of graphs. The latest are kept while nothing else needs their memory: edits, loads and probes of one map
+//! follow each other.
 
 use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use surefoot_net::levels::{MapPool, MapSource, SharedMap};
+use surefoot_net::memory::Cache;
 use surefoot_world::Map;
 use tokio::runtime::Handle;
 
 /// Maximum number of maps that are kept although no graph needs them.
 const MAX_RECENT: usize = 2;
-/// Maps that are kept take at most this part of the memory budget: a quarter.
-const RECENT_SHARE: u64 = 4;
 
 /// The maps of graphs.
+#[derive(Debug)]
 pub(crate) struct RecentMaps {
     pool: MapPool,
     /// Maps without pieces, the latest last.
@@ -20,9 +21,11 @@ pub(crate) struct RecentMaps {
 }
 
 impl RecentMaps {
-    /// Creates a cache of maps from `pool`.
-    pub fn new(pool: MapPool) -> Self {
-        Self { pool, recent: Mutex::default() }
+    /// Creates a cache of maps from `pool`, which gives way to all else that needs the pool's memory.
+    pub fn new(pool: MapPool) -> Arc<Self> {
+        let maps = Arc::new(Self { pool, recent: Mutex::default() });
+        maps.pool.memory().clear_when_exhausted(&maps);
+        maps
     }
 
     /// Returns the map of a source. Without room for it in memory, the map is not kept. Call this from a thread that
@@ -34,14 +37,17 @@ impl RecentMaps {
         let mut recent = self.recent.lock();
         recent.retain(|other| !Arc::ptr_eq(other.map(), shared.map()));
         recent.push_back(shared.clone());
-        let limit = self.pool.memory().limit_bytes() / RECENT_SHARE;
-        let bytes = |recent: &VecDeque<Arc<SharedMap>>| -> u64 {
-            recent.iter().map(|shared| shared.map().memory_bytes() as u64).sum()
-        };
-        while recent.len() > MAX_RECENT || bytes(&recent) > limit {
+        if recent.len() > MAX_RECENT {
             recent.pop_front();
         }
         drop(recent);
         source.finish(shared.map())
+    }
+}
+
+impl Cache for RecentMaps {
+    fn clear(&self) {
+        let dropped = std::mem::take(&mut *self.recent.lock());
+        drop(dropped);
     }
 }

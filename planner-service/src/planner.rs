@@ -54,7 +54,7 @@ impl Planner {
         let graphs = Arc::new(GraphCache::new(config.graphs_in_memory, shutdown.clone()));
         let layers = Arc::new(LayerEditor::new(stores.clone(), graphs.clone(), shutdown.clone()));
         let reports = Arc::new(Reports::new(stores.clone(), shutdown.clone()));
-        let maps = Arc::new(RecentMaps::new(config.maps.clone()));
+        let maps = RecentMaps::new(config.maps.clone());
         let changes = (layers.clone(), reports.clone());
         let runner =
             BuildRunner::new((config.clone(), policy.clone()), stores.clone(), graphs.clone(), changes, maps.clone());
