@@ -1,0 +1,91 @@
+//! How a level's own coordinates relate to its map's.
+
+use crate::Vec3;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Vertical axis of a level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum UpAxis {
+    /// y is up, as in glTF and on maps.
+    #[default]
+    Y,
+    /// z is up, as in many OBJ files: (x, y, z) becomes (x, z, -y).
+    Z,
+}
+
+/// The transform from a level's own coordinates to its map's. It is no part of the map's content hash.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LevelFrame {
+    /// Position of the level's origin on the map, m.
+    pub origin: DVec3,
+    /// Metres per unit of the level, above 0.
+    pub scale: f64,
+    /// Vertical axis of the level.
+    pub up: UpAxis,
+}
+
+impl Default for LevelFrame {
+    /// The frame of a generated map: the map's own.
+    fn default() -> Self {
+        Self { origin: DVec3::ZERO, scale: 1.0, up: UpAxis::Y }
+    }
+}
+
+impl LevelFrame {
+    /// A point of the level, on the map.
+    pub fn to_map(&self, point: DVec3) -> Vec3 {
+        (self.to_metres(point) + self.origin).as_vec3()
+    }
+
+    /// A direction or velocity of the level, on the map.
+    pub fn vector_to_map(&self, vector: DVec3) -> Vec3 {
+        self.to_metres(vector).as_vec3()
+    }
+
+    /// A point of the map, in the level's own coordinates.
+    pub fn to_level(&self, point: Vec3) -> DVec3 {
+        self.from_metres(point.as_dvec3() - self.origin)
+    }
+
+    /// A direction or velocity on the map, in the level's own coordinates.
+    pub fn vector_to_level(&self, vector: Vec3) -> DVec3 {
+        self.from_metres(vector.as_dvec3())
+    }
+
+    /// A point or vector of the level in metres, y up, about the level's own origin.
+    pub fn to_metres(&self, point: DVec3) -> DVec3 {
+        let upright = match self.up {
+            UpAxis::Y => point,
+            UpAxis::Z => DVec3::new(point.x, point.z, -point.y),
+        };
+        upright * self.scale
+    }
+
+    fn from_metres(&self, point: DVec3) -> DVec3 {
+        let point = point / self.scale;
+        match self.up {
+            UpAxis::Y => point,
+            UpAxis::Z => DVec3::new(point.x, -point.z, point.y),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_comes_back_from_the_map_whatever_the_frame() {
+        let origin = DVec3::new(-512_345.25, 2.0, 5_400_123.5);
+        for (scale, up) in [(1.0, UpAxis::Y), (0.01, UpAxis::Z), (2.5, UpAxis::Z)] {
+            let frame = LevelFrame { origin, scale, up };
+            let on_map = Vec3::new(10.25, 3.0, 77.5);
+            assert!((frame.to_map(frame.to_level(on_map)) - on_map).length() < 1.0e-4, "{frame:?}");
+            let vector = Vec3::new(1.0, -2.0, 3.0);
+            assert!((frame.vector_to_map(frame.vector_to_level(vector)) - vector).length() < 1.0e-5, "{frame:?}");
+        }
+        let frame = LevelFrame { origin: DVec3::ZERO, scale: 0.01, up: UpAxis::Z };
+        assert_eq!(frame.to_map(DVec3::new(100.0, 200.0, 300.0)), Vec3::new(1.0, 3.0, -2.0));
+    }
+}
