@@ -45,7 +45,13 @@ impl Stage {
     /// Tells a mover where to go.
     pub async fn order(&mut self, name: &str, r#where: Where) -> wire::MoverState {
         let r#where = Some(r#where);
-        let request = wire::SetMoverRequest { world_id: self.world_id, name: name.to_owned(), r#where, pace: None };
+        let request = wire::SetMoverRequest {
+            world_id: self.world_id,
+            name: name.to_owned(),
+            r#where,
+            pace: None,
+            ..Default::default()
+        };
         self.client.set_mover(request).await.unwrap().into_inner().state.unwrap()
     }
 

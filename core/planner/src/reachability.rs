@@ -6,6 +6,7 @@ use crate::grid::PointGrid;
 use crate::ids::VertexId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use surefoot_world::map::LevelFrame;
 use surefoot_world::{Ability, Vec3};
 
 /// Greatest distance at which vertices of two versions count as the same place, m.
@@ -120,26 +121,39 @@ pub struct Difference {
     pub islands: (usize, usize),
 }
 
-/// Compares two versions of a level. A position counts as reached in a version if a reached vertex is at most 8 m
-/// away.
+/// Compares two versions of a level whose maps have the same frame, see [`compare_levels`].
 pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
+    compare_levels((before, &LevelFrame::default()), (after, &LevelFrame::default()))
+}
+
+/// Compares two versions of a level by their graphs and the frames of their maps: an import of a larger version may put
+/// the level elsewhere on its map. A position counts as reached in a version if a reached vertex is at most 8 m away.
+/// Positions that were lost are on the map before, those that were gained on the map after.
+pub fn compare_levels(
+    (before, frame_before): (&NavGraph, &LevelFrame),
+    (after, frame_after): (&NavGraph, &LevelFrame),
+) -> Difference {
     let reached = |graph: &NavGraph| -> Vec<Vec3> {
         let reached = graph.vertices().zip(reached_from_main(graph)).filter(|(_, reached)| *reached);
         reached.map(|(vertex, _)| graph.position(vertex)).collect()
     };
     let (old, new) = (reached(before), reached(after));
-    let only = |here: &[Vec3], there: &[Vec3]| -> Vec<Vec3> {
+    let is_moved = frame_before != frame_after;
+    let to_before = |&at: &Vec3| if is_moved { frame_before.to_map(frame_after.to_level(at)) } else { at };
+    let new_before: Vec<Vec3> = new.iter().map(to_before).collect();
+    // The indices of places `here` that are not `there`.
+    let only = |here: &[Vec3], there: &[Vec3]| -> Vec<usize> {
         let grid = PointGrid::new(there, SAME_M);
         let is_same = |at: Vec3, other: u32| there[other as usize].distance_squared(at) <= SAME_M * SAME_M;
         // A little more, because columns are computed with rounding.
         let is_reached = |at: &Vec3| grid.within(*at, SAME_M + 0.1).any(|other| is_same(*at, other));
-        here.iter().copied().filter(|at| !is_reached(at)).collect()
+        (0..here.len()).filter(|&idx| !is_reached(&here[idx])).collect()
     };
     Difference {
         connected_before: before.connected_share(),
         connected_after: after.connected_share(),
-        lost: only(&old, &new),
-        gained: only(&new, &old),
+        lost: only(&old, &new_before).into_iter().map(|idx| old[idx]).collect(),
+        gained: only(&new_before, &old).into_iter().map(|idx| new[idx]).collect(),
         islands: (before.island_count() as usize, after.island_count() as usize),
     }
 }
@@ -152,6 +166,7 @@ mod tests {
     use crate::ids::EdgeKey;
     use crate::legs::LegModel;
     use proptest::prelude::*;
+    use surefoot_world::DVec3;
 
     /// A graph of vertices on a plane and edges by abilities.
     fn graph(places: &[(u8, u8)], edges: &[(u8, u8, Ability)]) -> NavGraph {
@@ -214,5 +229,16 @@ mod tests {
             prop_assert_eq!(difference.lost, only(&before, &after));
             prop_assert_eq!(difference.gained, only(&after, &before));
         }
+    }
+
+    #[test]
+    fn a_level_that_the_import_puts_elsewhere_on_its_map_has_lost_nothing() {
+        let walks = [(0, 1, Ability::Walk), (1, 0, Ability::Walk)];
+        let (before, after) = (graph(&[(5, 5), (15, 5)], &walks), graph(&[(45, 5), (55, 5)], &walks));
+        let frame = |x: f64| LevelFrame { origin: DVec3::new(x, 0.0, 0.0), ..LevelFrame::default() };
+        let difference = compare_levels((&before, &frame(2.0)), (&after, &frame(42.0)));
+        assert_eq!((difference.lost, difference.gained), (Vec::new(), Vec::new()));
+        let apart = compare(&before, &after);
+        assert_eq!((apart.lost.len(), apart.gained), (2, vec![Vec3::new(45.0, 0.0, 5.0), Vec3::new(55.0, 0.0, 5.0)]));
     }
 }
