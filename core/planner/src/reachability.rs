@@ -7,7 +7,7 @@ use crate::ids::VertexId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use surefoot_world::map::LevelFrame;
-use surefoot_world::{Ability, Vec3};
+use surefoot_world::{Ability, DVec3, Vec3};
 
 /// Greatest distance at which vertices of two versions count as the same place, m.
 const SAME_M: f32 = 8.0;
@@ -21,6 +21,9 @@ pub struct Island {
     pub vertices: usize,
     /// Position of one of its vertices, m.
     pub at: Vec3,
+    /// The same in the level's own coordinates, if they are not those of the map and were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_in_level: Option<DVec3>,
     /// Whether a path leads here from the largest island.
     pub entered: bool,
     /// Whether a path leads from here to the largest island.
@@ -49,6 +52,15 @@ pub struct Connection {
     pub lost_without: BTreeMap<String, f64>,
 }
 
+impl Connection {
+    /// Adds the places in the coordinates of a level with this frame.
+    #[must_use]
+    pub fn in_level(mut self, frame: &LevelFrame) -> Self {
+        self.islands.iter_mut().for_each(|island| island.at_in_level = frame.other_place(island.at));
+        self
+    }
+}
+
 /// Describes the connectivity of `graph`.
 pub fn describe(graph: &NavGraph) -> Connection {
     let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
@@ -66,6 +78,7 @@ pub fn describe(graph: &NavGraph) -> Connection {
             id: *id,
             vertices: members.len(),
             at: graph.position(members[0]),
+            at_in_level: None,
             entered: from_main[members[0].idx()],
             left: to_main[members[0].idx()],
         })
@@ -117,6 +130,12 @@ pub struct Difference {
     pub lost: Vec<Vec3>,
     /// Positions that the largest island reaches now and did not reach before, m.
     pub gained: Vec<Vec3>,
+    /// The lost positions in the level's own coordinates, if they are not those of the map.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lost_in_level: Vec<DVec3>,
+    /// The gained positions in the level's own coordinates, if they are not those of the map.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gained_in_level: Vec<DVec3>,
     /// Number of islands before and after.
     pub islands: (usize, usize),
 }
@@ -149,11 +168,15 @@ pub fn compare_levels(
         let is_reached = |at: &Vec3| grid.within(*at, SAME_M + 0.1).any(|other| is_same(*at, other));
         (0..here.len()).filter(|&idx| !is_reached(&here[idx])).collect()
     };
+    let lost: Vec<Vec3> = only(&old, &new_before).into_iter().map(|idx| old[idx]).collect();
+    let gained: Vec<Vec3> = only(&new_before, &old).into_iter().map(|idx| new[idx]).collect();
     Difference {
         connected_before: before.connected_share(),
         connected_after: after.connected_share(),
-        lost: only(&old, &new_before).into_iter().map(|idx| old[idx]).collect(),
-        gained: only(&new_before, &old).into_iter().map(|idx| new[idx]).collect(),
+        lost_in_level: lost.iter().filter_map(|&at| frame_before.other_place(at)).collect(),
+        gained_in_level: gained.iter().filter_map(|&at| frame_after.other_place(at)).collect(),
+        lost,
+        gained,
         islands: (before.island_count() as usize, after.island_count() as usize),
     }
 }
@@ -166,7 +189,6 @@ mod tests {
     use crate::ids::EdgeKey;
     use crate::legs::LegModel;
     use proptest::prelude::*;
-    use surefoot_world::DVec3;
 
     /// A graph of vertices on a plane and edges by abilities.
     fn graph(places: &[(u8, u8)], edges: &[(u8, u8, Ability)]) -> NavGraph {

@@ -157,7 +157,8 @@ impl Edit {
         matches!(self, Edit::AddVertex { .. } | Edit::MoveVertex { .. })
     }
 
-    fn places(&self) -> Vec<Vec3> {
+    /// The positions that the edit refers to, m.
+    pub fn places(&self) -> Vec<Vec3> {
         match *self {
             Edit::ForbidEdge { from, to }
             | Edit::ForceEdge { from, to, .. }

@@ -67,6 +67,11 @@ impl LevelFrame {
         *self == Self::default()
     }
 
+    /// A place of the map in the level's own coordinates; `None` if they are those of the map.
+    pub fn other_place(&self, place: Vec3) -> Option<DVec3> {
+        (!self.is_map()).then(|| self.to_level(place))
+    }
+
     /// A place of the map for people: on the map and, where they differ, in the level's own coordinates.
     pub fn describe(&self, place: Vec3) -> String {
         format!("({:.1}, {:.1}, {:.1}){}", place.x, place.y, place.z, self.aside(place))
@@ -74,7 +79,7 @@ impl LevelFrame {
 
     /// What [`describe`](Self::describe) says besides the place on the map; empty where the coordinates do not differ.
     pub fn aside(&self, place: Vec3) -> String {
-        if self.is_map() { String::new() } else { format!(", in the level {}", self.format(self.to_level(place))) }
+        self.other_place(place).map(|place| format!(", in the level {}", self.format(place))).unwrap_or_default()
     }
 
     /// The places of a map of this extent, m, for people: on the map and, where they differ, in the level's own
