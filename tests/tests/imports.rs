@@ -100,7 +100,7 @@ async fn a_place_of_the_map_that_is_marked_in_the_sidecar_is_there_in_the_next_i
     };
     let first = maps.import_map(request(String::new())).await.unwrap().into_inner();
     let origin = first.origin.unwrap();
-    let marked = wire::Vec3 { x: 20.0, y: 1.0, z: 12.0 };
+    let marked = wire::Vec3d { x: 20.0, y: 1.0, z: 12.0 };
     // As ImportMapResponse.origin says, and back to the level's axes and unit.
     let at = [marked.x - origin.x, -(marked.z - origin.z), marked.y - origin.y].map(|metres| metres / 0.01);
     let second = maps.import_map(request(format!("{{\"pads\": [{{\"at\": {at:?}}}]}}"))).await.unwrap().into_inner();
@@ -111,7 +111,7 @@ async fn a_place_of_the_map_that_is_marked_in_the_sidecar_is_there_in_the_next_i
     let features =
         client.get_features(wire::GetFeaturesRequest { world_id, ..Default::default() }).await.unwrap().into_inner();
     let pad = features.pads[0].centre.unwrap();
-    let misses = [pad.x - marked.x, pad.y - marked.y, pad.z - marked.z];
+    let misses = [f64::from(pad.x) - marked.x, f64::from(pad.y) - marked.y, f64::from(pad.z) - marked.z];
     assert!(misses.iter().all(|miss| miss.abs() < 0.01), "{pad:?}");
     server.stop().await;
 }

@@ -19,8 +19,7 @@ impl Vec3 {
         Err(Fault::argument(format!("{name} is ({x}, {y}, {z}): all three must be finite, and at most a million")))
     }
 
-    /// The place on the map, m, if it is checked; `frame` is that of the level in whose coordinates this is, if it is
-    /// not in those of the map.
+    /// The place on the map, m, checked. With a `frame`, this place is in the coordinates of a level, else of the map.
     pub fn on_map(self, frame: Option<&LevelFrame>, name: impl std::fmt::Display) -> Result<world::Vec3, Fault> {
         let Some(frame) = frame else { return self.checked(name) };
         let Self { x, y, z } = self;

@@ -321,7 +321,7 @@ pub fn caution(number: f32) -> Result<Caution, Fault> {
     Caution::new(number).ok_or_else(|| Fault::argument(format!("caution is {number}, but must be 0 to 1")))
 }
 
-/// The legs of a plan; `frame` is that of the caller's places.
+/// The legs of a plan, with places in the coordinates of a level with this frame, or else of the map.
 pub fn legs(plan: &Plan, frame: Option<&LevelFrame>) -> impl Iterator<Item = abi::Leg> {
     plan.legs.iter().zip(&plan.waypoints).map(move |(leg, waypoint)| abi::Leg {
         waypoint: abi::Vec3::of_map(*waypoint, frame),

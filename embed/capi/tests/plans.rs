@@ -194,7 +194,7 @@ fn a_follower_goes_on_to_the_next_waypoint_plans_anew_and_reports() {
 }
 
 #[test]
-fn places_are_those_of_the_levels_file_if_the_graph_is_told_so() {
+fn a_graph_takes_and_gives_places_of_the_levels_file() {
     // In centimetres with z up: (x, y, z) of the level is (x + 20, z + 1, 10 - y) on the map, in metres.
     let frame = LevelFrame { origin: DVec3::new(20.0, 1.0, 10.0), scale: 0.01, up: UpAxis::Z };
     let graph = load_graph(&graph_text_of(Some(frame)));

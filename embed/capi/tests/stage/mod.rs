@@ -107,7 +107,7 @@ pub fn graph_text() -> String {
     graph_text_of(None)
 }
 
-/// The same of a level with this frame.
+/// This graph, for a level with this frame.
 pub fn graph_text_of(frame: Option<LevelFrame>) -> String {
     let place = |idx: u32| surefoot_world::Vec3::new((idx % 4) as f32 * 30.0, 0.0, (idx / 4) as f32 * 40.0);
     let mut edges = Vec::new();
