@@ -8,6 +8,7 @@
 mod file;
 pub mod grpc;
 pub mod pool;
+mod report;
 mod store;
 pub mod uploads;
 
