@@ -80,7 +80,7 @@ describe('a level whose sidecar has changed', () => {
     expect(levels.sidecar.value).toBe('')
     expect(levels.unsent.value).toBeUndefined()
     expect(worlds.chosen.value?.worldId).toBe(1n)
-    expect(toasts.list.value.map(({ text }) => text)).toEqual([
+    expect(toasts.shown.value.map(({ text }) => text)).toEqual([
       'The level was not imported with this change: Sky is no door.',
     ])
   })
