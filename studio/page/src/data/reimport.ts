@@ -8,8 +8,8 @@ import { mapDigits } from './view-link'
 import type { Imported } from './world/import'
 
 /**
- * Imports the level again and, if its map is shown, shows the new one from the same side. Tells whether it was imported.
- * `withMarks`: the sidecar lists the marks now.
+ * Imports the level again and, if its map is shown, shows the new one from the same side.
+ * Returns whether it was imported. `withMarks`: the sidecar lists the marks now.
  */
 export async function importAgain(studio: Studio, sidecar: string, withMarks = false): Promise<boolean> {
   const { levels, marks, worlds } = studio

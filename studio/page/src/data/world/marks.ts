@@ -93,7 +93,7 @@ function poolBox(a: Place, b: Place): { low: Place; high: Place } {
   }
 }
 
-/** The content of a level's .surefoot.json with these marks after what it had before; throws where that is no JSON object. */
+/** The content of a sidecar with these marks after its own entries. @throws SyntaxError if it is not JSON. */
 export function sidecarWith(before: string, marks: readonly Mark[], frame: Frame): string {
   const sidecar = readSidecar(before)
   for (const { kind, at, to = at } of marks) {
