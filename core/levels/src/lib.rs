@@ -24,6 +24,7 @@ mod moving;
 mod named;
 mod obj_in;
 mod pairs;
+mod polygon;
 mod scene;
 mod sidecar;
 mod sides;
