@@ -30,6 +30,7 @@ mod named;
 mod obj_in;
 mod pairs;
 mod place;
+mod polygon;
 mod report;
 mod scene;
 mod shape;
