@@ -53,8 +53,8 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let new_edits = args.new_edits()?;
-    let map = args.target.source.load()?;
-    let level = args.target.level(&map);
+    let (context, _) = args.target.context_with_origin(&args.target.source)?;
+    let level = args.target.level(&context.map);
     {
         let store = args.target.cache.open()?;
         let found = store.layers(&level)?;
@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
     }
-    let loaded = args.target.load(None)?;
+    let loaded = args.target.load_in(context, None)?;
     super::print_unapplied(&loaded.unapplied);
     println!("{} vertices, {} edges with all layers", loaded.graph.vertex_count(), loaded.graph.edge_count());
     Ok(())

@@ -96,8 +96,8 @@ impl Loaded {
 }
 
 impl Target {
-    fn context_with_origin(&self) -> anyhow::Result<(ProbeContext, Option<Vec3>)> {
-        let (map, origin) = self.source.load_with_origin()?;
+    fn context_with_origin(&self, source: &Source) -> anyhow::Result<(ProbeContext, Option<Vec3>)> {
+        let (map, origin) = source.load_with_origin()?;
         let profile = self.body.profile()?;
         Ok((ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? }, origin))
     }
@@ -117,11 +117,15 @@ impl Target {
     /// Takes the graph from the cache or builds it, starting from the graph of an earlier version of the map if one is
     /// given, and applies the level's edits.
     fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
-        let (context, origin) = self.context_with_origin()?;
-        Ok(Loaded { origin, ..self.load_in(context, changed_from)? })
+        let (source, earlier) = match changed_from {
+            Some(earlier) => self.source.versions(earlier).map(|[own, earlier]| (own, Some(earlier)))?,
+            None => (self.source.clone(), None),
+        };
+        let (context, origin) = self.context_with_origin(&source)?;
+        Ok(Loaded { origin, ..self.load_in(context, earlier.as_ref())? })
     }
 
-    fn load_in(&self, context: ProbeContext, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
+    fn load_in(&self, context: ProbeContext, changed_from: Option<&Source>) -> anyhow::Result<Loaded> {
         let settings = self.graph.settings()?;
         let store = self.cache.open()?;
         let id = graphs::id_of(&context, &settings);
@@ -136,8 +140,7 @@ impl Target {
         let mut retried = None;
         let (built, cached) = get_or_make(&store, &id, || {
             let Some(earlier) = changed_from else { return build_with_bar(&context, &settings) };
-            let source = Source { map: earlier.to_owned(), ..self.source.clone() };
-            let old = ProbeContext { map: Arc::new(source.load()?), ..context.clone() };
+            let old = ProbeContext { map: Arc::new(earlier.load()?), ..context.clone() };
             let old_id = graphs::id_of(&old, &settings);
             let (graph, _) = get_or_make(&store, &old_id, || build_with_bar(&old, &settings))?;
             let updated = with_bar(|progress| {

@@ -1,7 +1,7 @@
 //! `surefoot graph reach` and `diff`: reachability as a check.
 
 use super::{Loaded, Target};
-use crate::commands::map::check_scale;
+use crate::commands::map::{Source, check_scale};
 use crate::commands::{core_count, parse_share};
 use crate::terminal::{print_json, with_spinner};
 use anyhow::{Context, bail};
@@ -44,8 +44,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
     /// Pixels per metre in the picture
-    #[arg(long, default_value_t = 4.0)]
-    scale: f32,
+    #[arg(long, default_value_t = 4.0, value_name = "PIXELS")]
+    pixels_per_m: f32,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -87,12 +87,12 @@ struct Check {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     let Loaded { context, graph, .. } = &loaded;
-    check_scale(args.scale, &context.map)?;
+    check_scale(args.pixels_per_m, &context.map)?;
     let survey =
         with_spinner("surveying the level", || Reach::survey_far(&context.map, &context.profile, core_count()));
     let report = args.report(&survey, graph);
     if let Some(path) = &args.png {
-        draw(&loaded, &survey, args.scale).save(path)?;
+        draw(&loaded, &survey, args.pixels_per_m).save(path)?;
     }
     if let Some(path) = &args.junit {
         std::fs::write(path, junit(&report)).with_context(|| format!("cannot write {}", path.display()))?;
@@ -294,16 +294,17 @@ pub struct DiffArgs {
 }
 
 pub fn diff(args: &DiffArgs) -> anyhow::Result<()> {
-    let load = |map: &str| -> anyhow::Result<NavGraph> {
+    let load = |source: &Source| -> anyhow::Result<NavGraph> {
+        let map = &source.map;
         if Path::new(map).extension().is_some_and(|extension| extension == "json") {
             let text = std::fs::read_to_string(map).with_context(|| format!("cannot read {map}"))?;
             return import_json(&text).with_context(|| format!("cannot use {map}"));
         }
-        let mut target = args.before.clone();
-        map.clone_into(&mut target.source.map);
+        let target = Target { source: source.clone(), ..args.before.clone() };
         Ok(target.load(None)?.graph)
     };
-    let difference = compare(&load(&args.before.source.map)?, &load(&args.after)?);
+    let [before, after] = args.before.source.versions(&args.after)?;
+    let difference = compare(&load(&before)?, &load(&after)?);
     if args.json {
         print_json(&difference)?;
     } else {
