@@ -141,7 +141,9 @@ impl<'a> Shaper<'a> {
         pose: &Pose,
         shape: &mut Shape,
     ) -> Result<(), ImportError> {
-        let mode = primitive.mode.unwrap_or(TRIANGLES);
+        // What Draco compresses is single triangles, even of a strip.
+        let is_draco = primitive.extensions.draco.is_some();
+        let mode = primitive.mode.filter(|_| !is_draco).unwrap_or(TRIANGLES);
         // Every primitive costs one triangle, so that the work is bounded even if it has none.
         self.spend(1)?;
         if mode < TRIANGLES {
@@ -182,8 +184,14 @@ impl<'a> Shaper<'a> {
                 Some(known) => known.clone(),
                 None => {
                     let bytes = self.source.whole_view(mesh, draco.view)?;
-                    let decoded = draco::decode(bytes, draco, *self.budget).map_err(|it| data_error(mesh, it))?;
-                    self.source.spend(decoded.bytes())?;
+                    let positions = draco.attributes.get("POSITION");
+                    let positions = positions.ok_or_else(|| data_error(mesh, "no positions: export the level again"))?;
+                    let influences = draco.attributes.get("JOINTS_0").zip(draco.attributes.get("WEIGHTS_0"));
+                    let ids: Vec<u32> =
+                        [*positions].into_iter().chain(influences.into_iter().flat_map(|(a, b)| [*a, *b])).collect();
+                    let decoded = draco::decode(bytes, &ids, *self.budget).map_err(|it| data_error(mesh, it))?;
+                    let numbers = decoded.attributes.iter().map(Vec::len).sum::<usize>();
+                    self.source.spend(size_of::<[f32; 4]>() * numbers + size_of::<u32>() * decoded.indices.len())?;
                     let decoded = Rc::new(decoded);
                     self.decoded.insert(draco.view, decoded.clone());
                     decoded
@@ -247,6 +255,7 @@ enum Vertices<'a> {
         /// Joints that move vertices, and their weights.
         influences: Vec<(Elements<'a>, Elements<'a>)>,
     },
+    /// Positions, and the numbers and weights of joints if there are any.
     Decoded(Rc<DracoMesh>),
 }
 
@@ -254,7 +263,7 @@ impl Vertices<'_> {
     fn count(&self) -> usize {
         match self {
             Self::Stored { positions, .. } => positions.count,
-            Self::Decoded(mesh) => mesh.positions.len(),
+            Self::Decoded(mesh) => mesh.attributes[0].len(),
         }
     }
 
@@ -277,7 +286,7 @@ impl Vertices<'_> {
                 }
                 Some(point)
             }
-            Self::Decoded(mesh) => mesh.positions.get(idx).map(|point| Vec3::from(*point).as_dvec3()),
+            Self::Decoded(mesh) => mesh.attributes[0].get(idx).map(|[x, y, z, _]| Vec3::new(*x, *y, *z).as_dvec3()),
         }
     }
 
@@ -298,7 +307,10 @@ impl Vertices<'_> {
                     add(numbers.joints(idx)?, weights.floats(idx)?);
                 }
             }
-            Self::Decoded(mesh) => add(*mesh.joints.get(idx)?, *mesh.weights.get(idx)?),
+            Self::Decoded(mesh) => {
+                let [_, numbers, weights] = mesh.attributes.as_slice() else { return None };
+                add(numbers.get(idx)?.map(|number| number as u32), *weights.get(idx)?);
+            }
         }
         (total > 0.0).then(|| place / total)
     }
