@@ -4,7 +4,36 @@ use crate::animated::Animation;
 use glam::DVec3;
 use serde_json::value::RawValue;
 use surefoot_world::Vec3;
-use surefoot_world::map::MapSize;
+use surefoot_world::map::{MapSize, UpAxis};
+
+/// How to interpret a level.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImportOptions {
+    /// Metres per unit of the level, above 0.
+    pub scale: f64,
+    /// Vertical axis of the level.
+    pub up: UpAxis,
+    /// Leaves the fronts and backs of all surfaces as they were modelled, instead of turning what looks wrong and
+    /// giving thickness to surfaces without.
+    pub keep_sides: bool,
+    /// Names of nodes have no meaning.
+    pub ignore_names: bool,
+    /// Imports the nodes of all scenes of a glTF instead of its default scene.
+    pub all_scenes: bool,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self { scale: 1.0, up: UpAxis::Y, keep_sides: false, ignore_names: false, all_scenes: false }
+    }
+}
+
+impl ImportOptions {
+    /// Whether coordinates stay as they are.
+    pub(super) fn is_unchanged(&self) -> bool {
+        self.scale == 1.0 && self.up == UpAxis::Y
+    }
+}
 
 /// A level as named nodes; parents come before their children.
 #[derive(Default)]
@@ -20,6 +49,8 @@ pub(super) struct Scene {
 pub(super) struct Node<P = Vec3> {
     /// Name of the node; empty if it has none.
     pub(super) name: String,
+    /// Index of the node in the file.
+    pub(super) file_idx: usize,
     pub(super) parent: Option<usize>,
     pub(super) origin: P,
     /// Triangles with corners counter-clockwise seen from outside.
@@ -32,6 +63,8 @@ pub(super) struct Node<P = Vec3> {
     pub(super) skipped_count: usize,
     /// Whether the node's mesh has a skin, as figures have.
     pub(super) is_skinned: bool,
+    /// Whether the file says that the node and those below it are not to be seen.
+    pub(super) is_hidden: bool,
 }
 
 impl<P> Node<P> {
@@ -39,6 +72,7 @@ impl<P> Node<P> {
     pub(super) fn map<Q>(self, point: impl Fn(P) -> Q) -> Node<Q> {
         Node {
             name: self.name,
+            file_idx: self.file_idx,
             parent: self.parent,
             origin: point(self.origin),
             triangles: self.triangles.into_iter().map(|corners| corners.map(&point)).collect(),
@@ -46,6 +80,7 @@ impl<P> Node<P> {
             animation: self.animation,
             skipped_count: self.skipped_count,
             is_skinned: self.is_skinned,
+            is_hidden: self.is_hidden,
         }
     }
 }

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
-use surefoot_levels::ImportOptions;
+use surefoot_levels::{ImportOptions, Imported, NoFiles};
 use surefoot_world::map::LevelFrame;
 use surefoot_world::map::piece::{self, Piece, PieceError};
 use surefoot_world::{Map, MapHash, MapSpec, Vec3};
@@ -408,31 +408,22 @@ pub(super) enum LevelFormat {
     Obj,
 }
 
-/// A parsed level.
-pub(super) struct Read {
-    pub map: Map,
-    /// Position of the level's origin on the map, m.
-    pub origin: Vec3,
-    /// Problems that a designer may want to fix.
-    pub warnings: Vec<String>,
-}
-
-/// Parses the map in a file.
+/// Parses the map in a file, which is sent alone or as a `.zip` with all that it refers to.
 pub(super) fn read(
     format: LevelFormat,
     file: &[u8],
     sidecar: Option<&str>,
     options: &ImportOptions,
-) -> Result<Read, LevelError> {
+) -> Result<Imported, LevelError> {
+    let is_packed = file.starts_with(b"PK");
     let imported = match format {
         LevelFormat::Saved => {
             let map = surefoot_levels::decode(file).map_err(|error| LevelError::File(error.to_string()))?;
-            return Ok(Read { map, origin: Vec3::ZERO, warnings: Vec::new() });
+            return Ok(Imported::saved(map));
         }
-        LevelFormat::Gltf => surefoot_levels::import_gltf(file, sidecar, options),
-        LevelFormat::Obj => surefoot_levels::import_obj(file, sidecar, options),
+        LevelFormat::Gltf if !is_packed => surefoot_levels::import_gltf(file, sidecar, options, &NoFiles),
+        LevelFormat::Obj if !is_packed => surefoot_levels::import_obj(file, sidecar, options),
+        LevelFormat::Gltf | LevelFormat::Obj => surefoot_levels::import_zip(file, sidecar, options),
     };
-    let imported = imported.map_err(|error| LevelError::File(error.to_string()))?;
-    let warnings = imported.warnings.iter().map(ToString::to_string).collect();
-    Ok(Read { map: imported.map, origin: imported.origin, warnings })
+    imported.map_err(|error| LevelError::File(error.to_string()))
 }

@@ -66,8 +66,8 @@ enum Coordinates {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let map = args.target.source.load()?;
-    let (level, frame) = (args.target.level(&map), *map.frame());
+    let context = args.target.context(&args.target.source)?;
+    let (level, frame) = (args.target.level(&context.map), *context.map.frame());
     let new_edits = args.new_edits(&frame)?;
     {
         let store = args.target.cache.open()?;
@@ -106,7 +106,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
     }
-    let loaded = args.target.load(None)?;
+    let loaded = args.target.load_in(context, None)?;
     loaded.print_unapplied();
     println!("{} vertices, {} edges with all layers", loaded.graph.vertex_count(), loaded.graph.edge_count());
     Ok(())

@@ -94,8 +94,8 @@ impl Loaded {
 }
 
 impl Target {
-    fn context(&self) -> anyhow::Result<ProbeContext> {
-        let (map, profile) = (self.source.load()?, self.body.profile()?);
+    fn context(&self, source: &Source) -> anyhow::Result<ProbeContext> {
+        let (map, profile) = (source.load()?, self.body.profile()?);
         Ok(ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? })
     }
 
@@ -114,7 +114,14 @@ impl Target {
     /// Takes the graph from the cache or builds it, starting from the graph of an earlier version of the map if one is
     /// given, and applies the level's edits.
     fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
-        let context = self.context()?;
+        let (source, earlier) = match changed_from {
+            Some(earlier) => self.source.versions(earlier).map(|[own, earlier]| (own, Some(earlier)))?,
+            None => (self.source.clone(), None),
+        };
+        self.load_in(self.context(&source)?, earlier.as_ref())
+    }
+
+    fn load_in(&self, context: ProbeContext, changed_from: Option<&Source>) -> anyhow::Result<Loaded> {
         let settings = self.graph.settings()?;
         let store = self.cache.open()?;
         let id = graphs::id_of(&context, &settings);
@@ -129,8 +136,7 @@ impl Target {
         let mut retried = None;
         let (built, cached) = get_or_make(&store, &id, || {
             let Some(earlier) = changed_from else { return build_with_bar(&context, &settings) };
-            let source = Source { map: earlier.to_owned(), ..self.source.clone() };
-            let old = ProbeContext { map: Arc::new(source.load()?), ..context.clone() };
+            let old = ProbeContext { map: Arc::new(earlier.load()?), ..context.clone() };
             let old_id = graphs::id_of(&old, &settings);
             let (graph, _) = get_or_make(&store, &old_id, || build_with_bar(&old, &settings))?;
             let updated = with_bar(|progress| {

@@ -1,7 +1,7 @@
 //! `surefoot graph reach` and `diff`: reachability as a check.
 
 use super::{Loaded, Target};
-use crate::commands::map::check_scale;
+use crate::commands::map::{Source, check_scale};
 use crate::commands::{core_count, parse_share};
 use crate::terminal::{print_json, with_spinner};
 use anyhow::{Context, bail};
@@ -45,8 +45,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
     /// Pixels per metre in the picture
-    #[arg(long, default_value_t = 4.0)]
-    scale: f32,
+    #[arg(long, default_value_t = 4.0, value_name = "PIXELS")]
+    pixels_per_m: f32,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -100,13 +100,13 @@ struct Check {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     let Loaded { context, graph, .. } = &loaded;
-    check_scale(args.scale, &context.map)?;
+    check_scale(args.pixels_per_m, &context.map)?;
     let survey =
         with_spinner("surveying the level", || Reach::survey_far(&context.map, &context.profile, core_count()));
     let frame = context.map.frame();
     let report = args.report(&survey, graph, frame);
     if let Some(path) = &args.png {
-        draw(&loaded, &survey, args.scale).save(path)?;
+        draw(&loaded, &survey, args.pixels_per_m).save(path)?;
     }
     if let Some(path) = &args.junit {
         std::fs::write(path, junit(&report)).with_context(|| format!("cannot write {}", path.display()))?;
@@ -332,18 +332,19 @@ pub struct DiffArgs {
 }
 
 pub fn diff(args: &DiffArgs) -> anyhow::Result<()> {
-    let load = |map: &str| -> anyhow::Result<(NavGraph, Option<LevelFrame>)> {
+    let load = |source: &Source| -> anyhow::Result<(NavGraph, Option<LevelFrame>)> {
+        let map = &source.map;
         if Path::new(map).extension().is_some_and(|extension| extension == "json") {
             let text = std::fs::read_to_string(map).with_context(|| format!("cannot read {map}"))?;
             let graph = import_json(&text).with_context(|| format!("cannot use {map}"))?;
             return Ok((graph, frame_of(&text)));
         }
-        let mut target = args.before.clone();
-        map.clone_into(&mut target.source.map);
+        let target = Target { source: source.clone(), ..args.before.clone() };
         let Loaded { graph, context, .. } = target.load(None)?;
-        Ok((graph, Some(*context.map.frame())))
+        Ok((graph, source.frame_of(&context.map)))
     };
-    let (before, after) = (load(&args.before.source.map)?, load(&args.after)?);
+    let [before, after] = args.before.source.versions(&args.after)?;
+    let (before, after) = (load(&before)?, load(&after)?);
     // A version that does not say where its level lies is taken to lie where the other one does.
     let frame_before = before.1.or(after.1).unwrap_or_default();
     let frame_after = after.1.unwrap_or(frame_before);

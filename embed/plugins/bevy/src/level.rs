@@ -47,7 +47,7 @@ impl SurefootLevel {
     /// Says what is wrong with the file.
     pub fn from_bytes(bytes: &[u8], format: LevelFormat) -> Result<Self, SurefootError> {
         let rejected = |error: &dyn Error| SurefootError::Level(chain(error));
-        let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
+        let options = ImportOptions::default();
         let imported = match format {
             LevelFormat::Map => {
                 let map = surefoot_levels::decode(bytes).map_err(|error| rejected(&error))?;
