@@ -60,10 +60,11 @@ impl PlannerApi {
 
     /// The same for a call that has not found its graph yet.
     async fn frame(&self, graph_id: &str, coordinates: i32) -> Result<CallFrame, Status> {
-        match Coordinates::read(coordinates)? {
-            Coordinates::Map => Ok(CallFrame::default()),
-            Coordinates::Level => Ok(self.frame_on(&self.planner.get_or_load(graph_id).await?, coordinates)?),
+        if Coordinates::read(coordinates)? == Coordinates::Map {
+            return Ok(CallFrame::default());
         }
+        let hosted = self.planner.get_or_load(graph_id).await?;
+        Ok(self.frame_on(&hosted, coordinates)?)
     }
 
     /// Converts a query, and checks that it lies in or near the map of the graph.
