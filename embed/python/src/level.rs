@@ -8,7 +8,8 @@ use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use surefoot_levels::Imported;
+use surefoot_levels::{ImportOptions, Imported, NoFiles};
+use surefoot_net::levels::folder::{LevelFileError, import_file, is_level};
 use surefoot_report::render::View;
 use surefoot_world::map::{DeviceKind, Features, MapKind, MapSize, MoverDensities, UpAxis};
 use surefoot_world::{DVec3, Map, MapSpec, RawMapSpec};
@@ -27,16 +28,16 @@ impl Level {
     }
 }
 
-/// Loads a level from a file, with its sidecar if there is one.
-fn load(path: &Path) -> PyResult<Level> {
+/// Loads a level from a file, with its sidecar and the files that it refers to.
+fn load(path: &Path, options: &ImportOptions) -> PyResult<Level> {
+    if is_level(path) {
+        return import_file(path, None, options).map(Level::of).map_err(|error| match error {
+            LevelFileError::Read { path, source } => file(&path, &source),
+            error => value(chain(&error)),
+        });
+    }
     let bytes = std::fs::read(path).map_err(|error| file(path, &error))?;
-    let beside = path.with_extension("surefoot.json");
-    let sidecar = if beside.exists() {
-        Some(std::fs::read_to_string(&beside).map_err(|error| file(&beside, &error))?)
-    } else {
-        None
-    };
-    let level = surefoot_levels::read_level(&bytes, sidecar.as_deref());
+    let level = surefoot_levels::read_level(&bytes, None, options, &NoFiles);
     level.map(Level::of).map_err(|error| value(format!("{}: {}", path.display(), chain(&error))))
 }
 
@@ -118,13 +119,19 @@ impl Level {
     }
 
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        py.detach(|| load(&path))
+    #[pyo3(signature = (path, *, scale = 1.0, up = "y"))]
+    fn load(py: Python<'_>, path: PathBuf, scale: f64, up: &str) -> PyResult<Self> {
+        let up = match up {
+            "y" => UpAxis::Y,
+            "z" => UpAxis::Z,
+            other => return Err(value(format!("up is {other}, but must be y or z"))),
+        };
+        py.detach(|| load(&path, &ImportOptions { scale, up, ..ImportOptions::default() }))
     }
 
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let level = py.detach(|| surefoot_levels::read_level(data, None));
+        let level = py.detach(|| surefoot_levels::read_level(data, None, &ImportOptions::default(), &NoFiles));
         level.map(Self::of).map_err(|error| value(chain(&error)))
     }
 

@@ -45,9 +45,12 @@ class Level:
         """
 
     @staticmethod
-    def load(path: str | PathLike[str]) -> Level:
-        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`), with its `.surefoot.json` if there
-        is one."""
+    def load(path: str | PathLike[str], *, scale: float = 1.0, up: Literal["y", "z"] = "y") -> Level:
+        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`, `.zip`), with its `.surefoot.json`
+        if there is one.
+
+        `scale` is in metres per unit of the level, and `up` is its upright axis; a saved map has its own.
+        """
 
     @staticmethod
     def from_bytes(data: bytes) -> Level:

@@ -44,28 +44,31 @@ def test_graphs_survive_files(graph: surefoot.Graph, level: surefoot.Level, tmp_
 
 
 def test_queries_are_asked_in_the_coordinates_of_the_level(tmp_path: Path) -> None:
-    corners = [(-275, 70), (-275, 110), (-235, 110), (-235, 70)]
-    vertices = "".join(f"v {x} -12 {z}\n" for x, z in corners)
+    # In centimetres, with z up.
+    corners = [(-27500, 7000), (-23500, 7000), (-23500, 11000), (-27500, 11000)]
+    vertices = "".join(f"v {x} {y} -1200\n" for x, y in corners)
     (tmp_path / "floor.obj").write_text(f"o floor\n{vertices}f 1 2 3 4\n")
-    level = surefoot.Level.load(tmp_path / "floor.obj")
-    red, blue = (-265.0, -12.0, 80.0), (-245.0, -12.0, 100.0)
-    np.testing.assert_allclose(level.to_map(red), np.add(red, level.origin), atol=1e-4)
-    np.testing.assert_allclose(level.to_level(level.to_map(red)), red, atol=1e-4)
+    level = surefoot.Level.load(tmp_path / "floor.obj", scale=0.01, up="z")
+    assert (level.scale, level.up) == (0.01, "z")
+    red, blue = (-26500.0, 8000.0, -1200.0), (-24500.0, 10000.0, -1200.0)
+    np.testing.assert_allclose(level.to_map(red), np.add([-265, -12, -80], level.origin), atol=1e-4)
+    np.testing.assert_allclose(level.to_level(level.to_map(red)), red, atol=0.01)
     both = np.array([level.to_map(red), level.to_map(blue)], np.float32)
-    np.testing.assert_allclose(level.to_level(both), [red, blue], atol=1e-4)
-    assert (level.scale, level.up) == (1.0, "y")
+    np.testing.assert_allclose(level.to_level(both), [red, blue], atol=0.01)
 
     graph = surefoot.Graph.build(level, vertices=30)
     plan = graph.plan(red, blue, coordinates="level")
     assert plan and plan.waypoints.dtype == np.float64
-    np.testing.assert_allclose(plan.waypoints[-1], blue, atol=1e-4)
+    np.testing.assert_allclose(plan.waypoints[-1], blue, atol=0.01)
     on_map = graph.plan(*both)
     assert on_map.waypoints.dtype == np.float32
-    np.testing.assert_allclose(plan.waypoints, level.to_level(on_map.waypoints), atol=1e-4)
+    np.testing.assert_allclose(plan.waypoints, level.to_level(on_map.waypoints), atol=0.01)
     graph.save(tmp_path / "graph.json")
     assert json.loads((tmp_path / "graph.json").read_text())["graph"]["origin"] == list(level.origin)
     again = surefoot.Graph.load(tmp_path / "graph.json").plan(red, blue, coordinates="level")
     np.testing.assert_array_equal(again.waypoints, plan.waypoints)
+    with pytest.raises(ValueError, match="up is x"):
+        surefoot.Level.load(tmp_path / "floor.obj", up="x")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="coordinates is world"):
         graph.plan(red, blue, coordinates="world")  # type: ignore[arg-type]
 
