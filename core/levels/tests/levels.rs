@@ -8,7 +8,9 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
 use std::sync::Arc;
-use surefoot_levels::{GeometryCounts, ImportError, ImportOptions, Imported, NoFiles, Role, UpAxis, Warning, role_counts};
+use surefoot_levels::{
+    GeometryCounts, ImportError, ImportOptions, Imported, NoFiles, Role, UpAxis, Warning, role_counts,
+};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -143,12 +145,13 @@ fn maps_of_release_0_2_are_read() {
     let (header, payload) = bytes.split_at(8 + 4 + 8 + 32);
     let (mut header, mut payload) = (header.to_vec(), payload.to_vec());
     // The spec comes first in the description. Its last 26 bytes are the kind, the densities of movers and the choice
-    // of repair. The last two bytes of the description are the movers and the pieces, of which there are none.
+    // of repair. The last bytes of the description are the movers and the pieces, of which there are none, and the frame.
     let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len();
     let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap());
-    payload.drain(36 + description_len as usize - 2..36 + description_len as usize);
+    let frame_len = postcard::to_stdvec(map.frame()).unwrap().len();
+    payload.drain(36 + description_len as usize - 2 - frame_len..36 + description_len as usize);
     payload.drain(36 + spec_len - 26..36 + spec_len);
-    payload[32..36].copy_from_slice(&(description_len - 28).to_le_bytes());
+    payload[32..36].copy_from_slice(&(description_len - 28 - frame_len as u32).to_le_bytes());
     header[8..12].copy_from_slice(&1u32.to_le_bytes());
     header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
     header[20..].copy_from_slice(blake3::hash(&payload).as_bytes());
@@ -166,8 +169,8 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
     let endless = Pad { centre: Vec3::new(0.0, f32::INFINITY, 0.0), speed: 20.0 };
     let cases = [
         (Saved { magic: b"GIF89a\x1a\x0a", ..plain() }, "not a saved map"),
-        (Saved { version: 6, ..plain() }, "format 6, this program reads format 5"),
-        (Saved { version: 4, ..plain() }, "format 4, this program reads format 5"),
+        (Saved { version: 7, ..plain() }, "format 7, this program reads format 6"),
+        (Saved { version: 4, ..plain() }, "format 4, this program reads format 6"),
         (Saved { trailing: 7, ..plain() }, "followed by 7 bytes"),
         (Saved { description: vec![9; 3], ..plain() }, "description"),
         (Saved { vertex_count: u32::MAX, ..plain() }, "claims 51539607553 bytes of geometry"),
@@ -289,14 +292,14 @@ fn the_report_counts_what_is_odd_about_the_geometry() {
                 triangles: 4,
                 degenerate: 1,
                 open_edges: 6,
-                inconsistent_edges: 1,
+                inconsistent_edges: 2,
                 turned_triangles: 1,
                 ..GeometryCounts::default()
             },
         ),
         (
             format!("{quad}v 0 5 4.5\nf 1 2 5\nf 2 1 5\n"),
-            GeometryCounts { triangles: 4, open_edges: 3, crowded_edges: 1, inconsistent_edges: 2, ..counts },
+            GeometryCounts { triangles: 4, open_edges: 3, crowded_edges: 1, ..counts },
         ),
     ];
     for (text, expected) in cases {
@@ -454,7 +457,10 @@ fn a_faulty_sidecar_is_refused_by_name() {
             json!({ "pads": [{ "at": [5, 0, 5] }, { "at": [50, 0, 5] }] }),
             "pads[1] of the sidecar lies outside the level",
         ),
-        (json!({ "pads": [{ "at": [1e39, 0, 5] }] }), "the sidecar cannot be read: number out of range at line 1"),
+        (
+            json!({ "pads": [{ "at": [1e39, 0, 5] }] }),
+            "pads[0] of the sidecar has a position that is not a finite number",
+        ),
         (json!({ "pads": [{ "at": [5, 0, 5], "height": -11 }] }), "pads[0] of the sidecar has height -11"),
         (json!({ "jetpacks": [{ "at": [5, 0, 5], "fuel": 1e9 }] }), "jetpacks[0] of the sidecar has fuel"),
         (
@@ -545,7 +551,8 @@ fn strips_and_fans_become_triangles_and_lines_are_left_out() {
         glb(&level, Some(&bytes))
     };
     for (mode, order) in [(5, [0, 1, 2, 3]), (6, [0, 1, 3, 2])] {
-        let imported = surefoot_levels::import_gltf(&square(mode, order), None, &PLAIN, &NoFiles).expect("a valid level");
+        let imported =
+            surefoot_levels::import_gltf(&square(mode, order), None, &PLAIN, &NoFiles).expect("a valid level");
         assert_eq!(imported.map.mesh().triangles().len(), 2);
         assert!(imported.map.mesh().triangles().iter().all(|triangle| triangle.normal().y > 0.99));
         assert_eq!((imported.warnings.as_slice(), imported.geometry.open_edges), (&[][..], 4));
@@ -634,8 +641,9 @@ fn terrain(side: u32) -> (Vec<[f32; 3]>, Vec<u32>) {
 #[test]
 fn compressed_levels_are_those_that_were_compressed() {
     let (positions, indices) = terrain(20);
-    let compressed = surefoot_levels::import_gltf(&compressed_level(&positions, &indices, |_| {}), None, &PLAIN, &NoFiles)
-        .expect("a valid level");
+    let compressed =
+        surefoot_levels::import_gltf(&compressed_level(&positions, &indices, |_| {}), None, &PLAIN, &NoFiles)
+            .expect("a valid level");
     let faces = indices.chunks(3).map(|face| format!("f {} {} {}\n", face[0] + 1, face[1] + 1, face[2] + 1));
     let vertices = positions.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n"));
     let plain = obj(&vertices.chain(faces).collect::<String>());
@@ -669,7 +677,8 @@ fn damaged_compressed_levels_are_refused_or_read_and_never_worse() {
             }
         };
         refused += usize::from(
-            surefoot_levels::import_gltf(&compressed_level(&positions, &indices, damage), None, &PLAIN, &NoFiles).is_err(),
+            surefoot_levels::import_gltf(&compressed_level(&positions, &indices, damage), None, &PLAIN, &NoFiles)
+                .is_err(),
         );
     }
     assert!(refused > 60, "{refused} of 600");
@@ -818,7 +827,7 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
         (changed("/nodes/0/children", json!([0])), "node `floor` is its own ancestor"),
         (changed("/nodes/0/children", json!([1])), "two parents"),
         (changed("/scene", json!(9)), "the file refers to scene 9"),
-        (changed("/nodes/0/translation", json!([0, 1e39, 0])), "node `floor` has a position that is not a finite number"),
+        (changed("/nodes/0/translation", json!([0, 1e39, 0])), "has a position that is not a finite number"),
         (changed("/nodes/0/scale", json!([200, 1, 1])), "the level is 1600 x 0 x 8 m"),
         (changed("/nodes/0/scale", json!([1, 1, 200])), "at most 1000 x 199 x 1000 m fit:"),
         (changed("/nodes/0/name", json!("lava")), "no solid triangles"),
@@ -837,7 +846,7 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
 #[test]
 fn a_scale_that_is_not_positive_and_finite_is_refused() {
     let floor = obj_box("floor", [0.0, -1.0, 0.0], [40.0, 0.0, 40.0]);
-    for scale in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+    for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let result = surefoot_levels::import_obj(floor.as_bytes(), None, &ImportOptions { scale, ..PLAIN });
         assert!(matches!(result, Err(ImportError::Scale(_))), "{scale}");
     }
@@ -933,8 +942,8 @@ fn an_exported_map_that_grew_is_placed_anew() {
     let document = gltf::Gltf::from_slice(&exported).expect("valid glTF");
     let mut level: Value = serde_json::from_str(&document.as_json().to_string().expect("plain data")).expect("JSON");
     level["nodes"][0]["scale"] = json!([2, 1, 2]);
-    let imported =
-        surefoot_levels::import_gltf(&glb(&level, document.blob.as_deref()), None, &PLAIN, &NoFiles).expect("a valid level");
+    let imported = surefoot_levels::import_gltf(&glb(&level, document.blob.as_deref()), None, &PLAIN, &NoFiles)
+        .expect("a valid level");
     assert_eq!(imported.map.size().width, 64);
     let former = MapSize { width: 30, height: 25, depth: 30 };
     assert!(imported.warnings.contains(&Warning::Outgrown { former }), "{:?}", imported.warnings);
@@ -1147,7 +1156,10 @@ fn animations_move_lifts_platforms_and_doors() {
     assert!(middle(0).distance(Vec3::new(-10.0, 2.0, 6.0)) < 0.01, "{}", middle(0));
     assert!(middle(1).distance(Vec3::new(-10.0, 2.0, -6.0)) < 0.01, "{}", middle(1));
     assert!((door.stops[1].yaw - std::f32::consts::FRAC_PI_2).abs() < 1.0e-3 && door.travel_s == 1.5, "{door:?}");
-    assert!((door.pivot - imported.map.frame().origin.as_vec3() - Vec3::new(0.0, 1.1, 10.0)).length() < 1.0e-3, "it turns about its origin");
+    assert!(
+        (door.pivot - imported.map.frame().origin.as_vec3() - Vec3::new(0.0, 1.1, 10.0)).length() < 1.0e-3,
+        "it turns about its origin"
+    );
 }
 
 #[test]
@@ -1168,9 +1180,13 @@ fn levels_whose_props_are_animated_in_any_way_are_imported() {
     let fast: Keys<'_> = &[(0.0, &[0.0, 0.0, 0.0, 1.0]), (0.01, &[0.0, 1.0, 0.0, 0.1])];
     let mut animations: Vec<(usize, &str, Keys<'_>)> = (1..6).map(|idx| (idx, "translation", slow)).collect();
     animations.push((6, "rotation", fast));
-    let imported =
-        surefoot_levels::import_gltf(&animated_level(json!(nodes), &animations), None, &ImportOptions::default(), &NoFiles)
-            .unwrap();
+    let imported = surefoot_levels::import_gltf(
+        &animated_level(json!(nodes), &animations),
+        None,
+        &ImportOptions::default(),
+        &NoFiles,
+    )
+    .unwrap();
     let names: Vec<&str> = imported.map.movers().iter().map(|mover| mover.name.as_str()).collect();
     assert_eq!(names.len(), 6, "{names:?}");
     assert_eq!(names[..4], ["animated.1", "animated.2", "Cube", "Cube.4"]);

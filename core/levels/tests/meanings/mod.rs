@@ -56,11 +56,15 @@ fn a_name_means_something_only_as_a_whole_word_at_the_start() {
         let reason = &imported.nodes[1].reason;
         assert_eq!(reason.is_empty(), expected == Role::Solid, "{name}: {reason}");
         let is_near = imported.warnings.iter().any(|warning| matches!(warning, Warning::NearMiss { .. }));
-        let is_expected = ["Waterfront_Pier", "Lavatory_Floor", "Padded_Cell", "Triggerfish", "Doorway_3"].contains(&name);
+        let is_expected =
+            ["Waterfront_Pier", "Lavatory_Floor", "Padded_Cell", "Triggerfish", "Doorway_3"].contains(&name);
         assert_eq!(is_near, is_expected, "{name}: {:?}", imported.warnings);
     }
     let (_, imported) = role_of("Waterfront_Pier");
-    assert!(imported.warnings[0].to_string().contains("`Waterfront_Pier`") && imported.warnings[0].to_string().contains("`water_1`"));
+    assert!(
+        imported.warnings[0].to_string().contains("`Waterfront_Pier`")
+            && imported.warnings[0].to_string().contains("`water_1`")
+    );
 }
 
 #[test]

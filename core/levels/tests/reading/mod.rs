@@ -62,6 +62,10 @@ impl Level {
         self.accessor(kind, 5126, values.len(), &bytes)
     }
 
+    fn add_mesh(&mut self, mesh: Value) {
+        self.json["meshes"].as_array_mut().expect("an array").push(mesh);
+    }
+
     fn glb(&self) -> Vec<u8> {
         let mut json = self.json.clone();
         json["buffers"] = json!([{ "byteLength": self.binary.len() }]);
@@ -90,7 +94,8 @@ fn assert_same(one: &Imported, other: &Imported) {
 fn scenes_without_nodes_are_empty_and_all_scenes_are_read_on_request() {
     let one = Level::new(json!([{ "mesh": 0 }, { "mesh": 0, "translation": [30, 2, 0] }]));
     let whole = one.import();
-    for (default, scenes) in [(0, json!([{ "nodes": [0, 1] }, { "name": "empty" }])), (1, json!([{}, { "nodes": [0, 1] }]))]
+    for (default, scenes) in
+        [(0, json!([{ "nodes": [0, 1] }, { "name": "empty" }])), (1, json!([{}, { "nodes": [0, 1] }]))]
     {
         let mut level = Level::new(one.json["nodes"].clone());
         (level.json["scene"], level.json["scenes"]) = (json!(default), scenes);
@@ -109,7 +114,7 @@ fn sparse_accessors_replace_elements_of_a_view_or_of_zeros() {
     let plain = {
         let mut level = Level::new(json!([{ "mesh": 0 }, { "mesh": 1 }]));
         let raised = level.floats("VEC3", &[[0.0, 0.0, 30.0], [0.0, 5.0, 50.0], [20.0, 0.0, 50.0]]);
-        level.json["meshes"][1] = json!({ "primitives": [{ "attributes": { "POSITION": raised } }] });
+        level.add_mesh(json!({ "primitives": [{ "attributes": { "POSITION": raised } }] }));
         level.import()
     };
     for with_view in [true, false] {
@@ -129,15 +134,18 @@ fn sparse_accessors_replace_elements_of_a_view_or_of_zeros() {
             },
         });
         if with_view {
-            let base: Vec<u8> =
-                [[0.0f32, 0.0, 30.0], [9.0, 9.0, 9.0], [20.0, 0.0, 50.0]].into_iter().flatten().flat_map(f32::to_le_bytes).collect();
+            let base: Vec<u8> = [[0.0f32, 0.0, 30.0], [9.0, 9.0, 9.0], [20.0, 0.0, 50.0]]
+                .into_iter()
+                .flatten()
+                .flat_map(f32::to_le_bytes)
+                .collect();
             accessor["bufferView"] = json!(level.view(&base));
         }
         let positions = level.add_accessor(accessor);
-        level.json["meshes"][1] = json!({ "primitives": [{ "attributes": { "POSITION": positions } }] });
+        level.add_mesh(json!({ "primitives": [{ "attributes": { "POSITION": positions } }] }));
         assert_eq!(level.import().map.hash(), plain.map.hash());
 
-        level.json["accessors"][positions]["sparse"]["count"] = json!(1 << 40);
+        level.json["accessors"][positions]["sparse"]["count"] = json!(1_u64 << 40);
         let error = refusal(import(&level.glb()), "outside its buffer");
         assert!(error.contains("outside its buffer"), "{error}");
     }
@@ -189,23 +197,24 @@ fn skins_stand_in_their_pose_and_morph_targets_at_their_weights() {
     ]));
     skinned.json["scenes"][0]["nodes"] = json!([0, 1, 2]);
     // Bound 2 m higher than the mesh.
-    let bound = skinned.floats("MAT4", &[[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -2.0, 0.0, 1.0]]);
+    let bound =
+        skinned.floats("MAT4", &[[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -2.0, 0.0, 1.0]]);
     let joints = skinned.accessor("VEC4", 5121, 4, &[0; 16]);
     let weights = skinned.floats("VEC4", &[[0.5, 0.5, 0.0, 0.0]; 4]);
     skinned.json["skins"] = json!([{ "joints": [3], "inverseBindMatrices": bound }]);
     let attributes = json!({ "POSITION": 0, "JOINTS_0": joints, "WEIGHTS_0": weights });
-    skinned.json["meshes"][1] = json!({ "primitives": [{ "attributes": attributes, "indices": 1 }] });
+    skinned.add_mesh(json!({ "primitives": [{ "attributes": attributes, "indices": 1 }] }));
     assert_same(&skinned.import(), &plain);
 
     let mut morphed = Level::new(json!([{ "mesh": 0 }, { "mesh": 1, "translation": [0, 0, 40] }]));
     let shifts = morphed.floats("VEC3", &[[10.0, 6.0, 0.0]; 4]);
     let far = morphed.floats("VEC3", &[[900.0, 0.0, 0.0]; 4]);
-    morphed.json["meshes"][1] = json!({
+    morphed.add_mesh(json!({
         "primitives": [{
             "attributes": { "POSITION": 0 }, "indices": 1, "targets": [{ "POSITION": shifts }, { "POSITION": far }],
         }],
         "weights": [0.5, 0.0],
-    });
+    }));
     assert_same(&morphed.import(), &plain);
 }
 
@@ -235,7 +244,10 @@ fn containers_may_hold_marks_padding_and_chunks_of_other_kinds() {
     }
     let text = gltf_level(json!([{ "mesh": 0 }])).to_string();
     let marked = [b"\xEF\xBB\xBF", text.as_bytes(), b"\n"].concat();
-    assert_eq!(import(&marked).expect("a valid level").map.hash(), gltf(&serde_json::from_str(&text).unwrap()).unwrap().map.hash());
+    assert_eq!(
+        import(&marked).expect("a valid level").map.hash(),
+        gltf(&serde_json::from_str(&text).unwrap()).unwrap().map.hash()
+    );
 }
 
 /// Files in memory.
@@ -288,8 +300,8 @@ fn buffers_are_read_from_files_beside_the_level_and_from_archives() {
     assert_eq!(surefoot_levels::unpacked_bytes(&whole), Ok((gltf.len() + level.binary.len() + sidecar.len()) as u64));
     for (files, expected) in [
         (&[("level.gltf", &gltf[..])][..], "it is outside the .zip"),
-        (&[("a.obj", b"v 0 0 0"), ("b.obj", b"v 0 0 0")][..], "several levels, such as `a.obj` and `b.obj`"),
-        (&[("readme.txt", b"hello")][..], "no .gltf, .glb or .obj"),
+        (&[("a.obj", &b"v 0 0 0"[..]), ("b.obj", b"v 0 0 0")][..], "several levels, such as `a.obj` and `b.obj`"),
+        (&[("readme.txt", &b"hello"[..])][..], "no .gltf, .glb or .obj"),
     ] {
         let error = refusal(surefoot_levels::import_zip(&archive(files), None, &PLAIN), expected);
         assert!(error.contains(expected), "`{expected}` is not in `{error}`");
@@ -318,12 +330,14 @@ fn levels_far_from_their_origin_keep_their_millimetres_and_say_where_it_is() {
         let lines = vertices.map(|[dx, dz]| format!("v {} 316.75 {}\n", x + dx, dz - x));
         format!("o floor\n{}f 1 2 3 4\n", lines.concat())
     };
-    let read = |text: &str, options| surefoot_levels::import_obj(text.as_bytes(), None, &options).expect("a valid level");
+    let read =
+        |text: &str, options| surefoot_levels::import_obj(text.as_bytes(), None, &options).expect("a valid level");
     assert_same(&read(&text(0.0), PLAIN), &read(&text(5_400_123.5), PLAIN));
 
     // In centimetres with z up, the frame leads back to the level's own coordinates.
     let options = ImportOptions { scale: 0.01, up: UpAxis::Z, ..PLAIN };
-    let level = read("o wall\nv 61234500 0 0\nv 61236500 0 0\nv 61236500 0 2000\nv 61234500 0 2000\nf 1 2 3 4\n", options);
+    let level =
+        read("o wall\nv 61234500 0 0\nv 61236500 0 0\nv 61236500 0 2000\nv 61234500 0 2000\nf 1 2 3 4\n", options);
     let LevelFrame { scale, up, .. } = *level.map.frame();
     assert_eq!((scale, up), (0.01, UpAxis::Z));
     let corner = corners(&level.map)[0][0];
