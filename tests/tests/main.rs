@@ -4,6 +4,7 @@ mod architecture;
 mod bad_input;
 mod bodies;
 mod clients;
+mod coordinates;
 mod crowds;
 #[path = "../../tools/fuzz/src/lib.rs"]
 mod decoders;

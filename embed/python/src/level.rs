@@ -1,5 +1,6 @@
 //! Levels: generated maps, and levels from files.
 
+use crate::arrays::rows;
 use crate::error::{chain, file, value};
 use crate::picture;
 use pyo3::prelude::*;
@@ -9,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use surefoot_levels::Imported;
 use surefoot_report::render::View;
-use surefoot_world::map::{DeviceKind, Features, MapKind, MapSize, MoverDensities};
-use surefoot_world::{Map, MapSpec, RawMapSpec};
+use surefoot_world::map::{DeviceKind, Features, MapKind, MapSize, MoverDensities, UpAxis};
+use surefoot_world::{DVec3, Map, MapSpec, RawMapSpec};
 
 /// A level; it never changes.
 #[pyclass(frozen, module = "surefoot")]
@@ -64,6 +65,24 @@ impl Densities {
                 let each: Vec<String> = changes.iter().map(|(name, density)| format!("{name}={density}")).collect();
                 if each.is_empty() { default.to_owned() } else { each.join(",") }
             }
+        }
+    }
+}
+
+/// One place, or several.
+#[derive(FromPyObject)]
+enum Places {
+    One([f64; 3]),
+    Many(Vec<[f64; 3]>),
+}
+
+impl Places {
+    /// The places in other coordinates, as a tuple or as an array with a row for each.
+    fn changed<'py>(self, py: Python<'py>, change: impl Fn(DVec3) -> DVec3) -> PyResult<Bound<'py, PyAny>> {
+        let change = |place: [f64; 3]| change(DVec3::from_array(place)).to_array();
+        match self {
+            Self::One(place) => Ok(<(f64, f64, f64)>::from(change(place)).into_pyobject(py)?.into_any()),
+            Self::Many(places) => Ok(rows(py, places.into_iter().map(change))?.into_any()),
         }
     }
 }
@@ -126,6 +145,32 @@ impl Level {
     fn size(&self) -> (u32, u32, u32) {
         let MapSize { width, height, depth } = self.map.size();
         (width, height, depth)
+    }
+
+    #[getter]
+    fn origin(&self) -> (f64, f64, f64) {
+        self.map.frame().origin.into()
+    }
+
+    #[getter]
+    fn scale(&self) -> f64 {
+        self.map.frame().scale
+    }
+
+    #[getter]
+    fn up(&self) -> &'static str {
+        match self.map.frame().up {
+            UpAxis::Y => "y",
+            UpAxis::Z => "z",
+        }
+    }
+
+    fn to_map<'py>(&self, py: Python<'py>, place: Places) -> PyResult<Bound<'py, PyAny>> {
+        place.changed(py, |place| self.map.frame().to_map(place).as_dvec3())
+    }
+
+    fn to_level<'py>(&self, py: Python<'py>, place: Places) -> PyResult<Bound<'py, PyAny>> {
+        place.changed(py, |place| self.map.frame().to_level(place.as_vec3()))
     }
 
     #[getter]

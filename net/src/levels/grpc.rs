@@ -33,7 +33,7 @@ impl From<LevelError> for Status {
         let message = error.to_string();
         match error {
             LevelError::Memory(error) => error.into(),
-            LevelError::OtherName(_) => status::failure(Reason::NotOwner, message),
+            LevelError::OtherName(_) | LevelError::OtherFrame(_) => status::failure(Reason::NotOwner, message),
             LevelError::Full(_) => status::quota(Reason::TooManyMaps, "server", message),
             LevelError::Unknown(map_hash) => status::not_found(Reason::MapNotFound, "map", map_hash, message),
             LevelError::File(_) => status::invalid("file", message),

@@ -1,8 +1,8 @@
 //! The report of an import, in the contract's types.
 
-use glam::DVec3;
 use surefoot_levels::{GeometryCounts, NodeReport, Role};
 use surefoot_proto::world::v1 as wire;
+use surefoot_world::DVec3;
 
 pub(super) fn point(point: DVec3) -> wire::Vec3d {
     wire::Vec3d { x: point.x, y: point.y, z: point.z }

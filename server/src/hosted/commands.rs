@@ -27,8 +27,8 @@ pub enum NpcError {
     OutOfNumbers(WorldId),
     #[error("world {0} has NPCs of {MAX_BODIES} bodies, the most allowed: create another world")]
     TooManyBodies(WorldId),
-    #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
-    Outside { field: &'static str, extent: [f32; 3] },
+    #[error("{field} lies outside the map, which spans {span}")]
+    Outside { field: &'static str, span: String },
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
     #[error("npc {0} belongs to another client")]
@@ -221,15 +221,15 @@ impl HostedWorld {
         Ok(navigable::sample_many(map, body, count, &mut rng)?)
     }
 
-    /// Checks that a point is on the map; `Err` is the extent of the map, m.
-    pub(super) fn within_map(&self, point: Vec3) -> Result<(), [f32; 3]> {
-        let extent = self.world.map().extent();
-        let is_outside = self.world.map().is_outside(point) || point.y > extent.y;
-        if is_outside { Err(extent.to_array()) } else { Ok(()) }
+    /// Checks that a point is on the map; `Err` describes the span of the map.
+    pub(super) fn within_map(&self, point: Vec3) -> Result<(), String> {
+        let (map, extent) = (self.world.map(), self.world.map().extent());
+        let is_outside = map.is_outside(point) || point.y > extent.y;
+        if is_outside { Err(map.frame().describe_span(extent)) } else { Ok(()) }
     }
 
     fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
-        self.within_map(point).map_err(|extent| NpcError::Outside { field, extent })
+        self.within_map(point).map_err(|span| NpcError::Outside { field, span })
     }
 
     fn status(&self, record: &NpcRecord) -> NpcStatus {

@@ -21,7 +21,7 @@ use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Prog
 use surefoot_planner_service::store::DiskStore;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
-use surefoot_world::{Map, Vec3};
+use surefoot_world::Map;
 
 /// Build, show, check, edit and export graphs.
 #[derive(clap::Subcommand)]
@@ -74,8 +74,6 @@ pub struct Target {
 /// A graph with the inputs of its build.
 struct Loaded {
     context: ProbeContext,
-    /// Where the level's own origin lies on the map, m, if that is known.
-    origin: Option<Vec3>,
     /// `None` for a graph that was proved in a game: an id identifies a graph in our own physics.
     id: Option<GraphId>,
     /// With edits applied.
@@ -91,15 +89,14 @@ impl Loaded {
     /// A graph without edits.
     fn of(context: ProbeContext, id: Option<GraphId>, built: Built, cached: bool, retried: Option<u64>) -> Self {
         let Built { graph, stats } = built;
-        Self { context, origin: None, id, graph, stats, cached, unapplied: Vec::new(), retried }
+        Self { context, id, graph, stats, cached, unapplied: Vec::new(), retried }
     }
 }
 
 impl Target {
-    fn context_with_origin(&self, source: &Source) -> anyhow::Result<(ProbeContext, Option<Vec3>)> {
-        let (map, origin) = source.load_with_origin()?;
-        let profile = self.body.profile()?;
-        Ok((ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? }, origin))
+    fn context(&self, source: &Source) -> anyhow::Result<ProbeContext> {
+        let (map, profile) = (source.load()?, self.body.profile()?);
+        Ok(ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? })
     }
 
     /// The level that layers belong to: a generated map's spec, or the name of a file, which outlives changes of the
@@ -121,8 +118,7 @@ impl Target {
             Some(earlier) => self.source.versions(earlier).map(|[own, earlier]| (own, Some(earlier)))?,
             None => (self.source.clone(), None),
         };
-        let (context, origin) = self.context_with_origin(&source)?;
-        Ok(Loaded { origin, ..self.load_in(context, earlier.as_ref())? })
+        self.load_in(self.context(&source)?, earlier.as_ref())
     }
 
     fn load_in(&self, context: ProbeContext, changed_from: Option<&Source>) -> anyhow::Result<Loaded> {
@@ -203,8 +199,11 @@ fn with_bar<T: Send, E: std::error::Error + Send + Sync + 'static>(
     Ok(result?)
 }
 
-fn print_unapplied(unapplied: &[Unapplied]) {
-    for unapplied in unapplied {
-        println!("edit {} of layer `{}` is unapplied: {}", unapplied.index, unapplied.layer, unapplied.reason);
+impl Loaded {
+    /// Prints the edits that could not be applied.
+    fn print_unapplied(&self) {
+        for Unapplied { layer, index, reason } in &self.unapplied {
+            println!("edit {index} of layer `{layer}` is unapplied: {}", reason.describe(self.context.map.frame()));
+        }
     }
 }

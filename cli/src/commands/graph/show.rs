@@ -104,7 +104,7 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
     if let Some(retried) = retried {
         println!("{retried} candidates were probed again because of changes");
     }
-    super::print_unapplied(unapplied);
+    loaded.print_unapplied();
     Ok(())
 }
 

@@ -11,7 +11,7 @@ use surefoot_levels::NodeReport;
 use surefoot_net::levels::folder::is_level;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
 use surefoot_world::map::{Features, LevelFrame, MapKind, MapSize, MoverDensities};
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3};
+use surefoot_world::{CharacterProfile, Map, MapSpec};
 
 /// Selects a map.
 #[derive(clap::Args, Clone)]
@@ -121,13 +121,11 @@ impl Source {
         }
     }
 
-    /// Loads the map, with the place where the level's own origin lies on it, m, if that is known.
-    pub fn load_with_origin(&self) -> anyhow::Result<(Map, Option<Vec3>)> {
-        let map = self.load()?;
+    /// How the coordinates of the level that `map` was made from relate to the map's, if that is known.
+    pub fn frame_of(&self, map: &Map) -> Option<LevelFrame> {
         // Maps that earlier versions saved do not have it.
-        let is_known = self.is_level() || map.spec().is_some() || *map.frame() != LevelFrame::default();
-        let origin = is_known.then(|| map.frame().origin.as_vec3());
-        Ok((map, origin))
+        let is_known = self.is_level() || map.spec().is_some() || !map.frame().is_map();
+        is_known.then(|| *map.frame())
     }
 
     /// This map and another version of it. The flags for levels apply to those of the two that are levels.

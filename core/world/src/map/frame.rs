@@ -62,6 +62,43 @@ impl LevelFrame {
         upright * self.scale
     }
 
+    /// Whether the level's coordinates are those of the map.
+    pub fn is_map(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// A place of the map in the level's own coordinates; `None` if they are those of the map.
+    pub fn other_place(&self, place: Vec3) -> Option<DVec3> {
+        (!self.is_map()).then(|| self.to_level(place))
+    }
+
+    /// A place of the map for people: on the map and, where they differ, in the level's own coordinates.
+    pub fn describe(&self, place: Vec3) -> String {
+        format!("({:.1}, {:.1}, {:.1}){}", place.x, place.y, place.z, self.aside(place))
+    }
+
+    /// What [`describe`](Self::describe) says besides the place on the map; empty where the coordinates do not differ.
+    pub fn aside(&self, place: Vec3) -> String {
+        self.other_place(place).map(|place| format!(", in the level {}", self.format(place))).unwrap_or_default()
+    }
+
+    /// The places of a map of this extent, m, for people: on the map and, where they differ, in the level's own
+    /// coordinates.
+    pub fn describe_span(&self, extent: Vec3) -> String {
+        let on_map = format!("0 to {:?} m", extent.to_array());
+        if self.is_map() {
+            return on_map;
+        }
+        let (a, b) = (self.to_level(Vec3::ZERO), self.to_level(extent));
+        format!("{on_map}, in the level {} to {}", self.format(a.min(b)), self.format(a.max(b)))
+    }
+
+    /// A place of the level, to about 0.1 m.
+    fn format(&self, place: DVec3) -> String {
+        let digits = if self.scale > 1.0 { 3 } else { 1 };
+        format!("({:.digits$}, {:.digits$}, {:.digits$})", place.x, place.y, place.z)
+    }
+
     fn from_metres(&self, point: DVec3) -> DVec3 {
         let point = point / self.scale;
         match self.up {
@@ -87,5 +124,15 @@ mod tests {
         }
         let frame = LevelFrame { origin: DVec3::ZERO, scale: 0.01, up: UpAxis::Z };
         assert_eq!(frame.to_map(DVec3::new(100.0, 200.0, 300.0)), Vec3::new(1.0, 3.0, -2.0));
+    }
+
+    #[test]
+    fn people_read_places_of_a_level_in_its_own_coordinates_too() {
+        let place = Vec3::new(10.5, 3.0, 7.5);
+        assert_eq!(LevelFrame::default().describe(place), "(10.5, 3.0, 7.5)");
+        let frame = LevelFrame { origin: DVec3::new(2.0, 0.0, 27.5), scale: 0.01, up: UpAxis::Z };
+        assert_eq!(frame.describe(place), "(10.5, 3.0, 7.5), in the level (850.0, 2000.0, 300.0)");
+        let span = frame.describe_span(Vec3::new(50.0, 20.0, 30.0));
+        assert_eq!(span, "0 to [50.0, 20.0, 30.0] m, in the level (-200.0, -250.0, 0.0) to (4800.0, 2750.0, 2000.0)");
     }
 }
