@@ -44,14 +44,21 @@ impl<'a> Source<'a> {
     }
 
     /// The elements of an accessor, checked to lie within its view and buffer.
-    pub(super) fn elements(&self, mesh: &str, accessor_idx: usize, layout: Layout) -> Result<Elements<'_>, ImportError> {
-        let accessor = self.root.accessors.get(accessor_idx).ok_or_else(|| reference(mesh, "accessor", accessor_idx))?;
+    pub(super) fn elements(
+        &self,
+        mesh: &str,
+        accessor_idx: usize,
+        layout: Layout,
+    ) -> Result<Elements<'_>, ImportError> {
+        let accessor =
+            self.root.accessors.get(accessor_idx).ok_or_else(|| reference(mesh, "accessor", accessor_idx))?;
         let encoding = layout.encoding(accessor).ok_or_else(|| data_error(mesh, layout.problem()))?;
         let width = layout.number_count() * encoding.component.size();
         let no_data = || data_error(mesh, "no vertex data: export it without compression");
         let (bytes, stride) = match (accessor.buffer_view, &accessor.sparse) {
             (Some(view_idx), _) => {
-                let view = self.root.buffer_views.get(view_idx).ok_or_else(|| reference(mesh, "buffer view", view_idx))?;
+                let view =
+                    self.root.buffer_views.get(view_idx).ok_or_else(|| reference(mesh, "buffer view", view_idx))?;
                 let stride = view.byte_stride.filter(|stride| *stride > 0).unwrap_or(width);
                 let place = Place { view_idx, offset: accessor.byte_offset, stride, width };
                 (Some(self.strided(mesh, place, accessor.count)?), stride)

@@ -178,12 +178,7 @@ struct SceneWriter {
 
 impl SceneWriter {
     /// Adds an indexed mesh, with corners welded where their bits are equal; `None` if there are no triangles.
-    fn add_mesh(
-        &mut self,
-        name: &str,
-        surface: Surface,
-        triangles: impl Iterator<Item = [Vec3; 3]>,
-    ) -> Option<usize> {
+    fn add_mesh(&mut self, name: &str, surface: Surface, triangles: impl Iterator<Item = [Vec3; 3]>) -> Option<usize> {
         let (vertices, corners) = numbered(triangles.flatten());
         let Aabb { low, high } = Aabb::around(vertices.iter().copied())?;
         let positions: Vec<u8> = vertices.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes).collect();

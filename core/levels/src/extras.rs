@@ -2,8 +2,8 @@
 
 use crate::faults::ImportError;
 use crate::scene::Node;
-use serde_json::Value;
 use glam::DVec3;
+use serde_json::Value;
 
 /// Properties that a designer attached to a node.
 pub(super) struct Extras<'a> {
@@ -12,7 +12,7 @@ pub(super) struct Extras<'a> {
 }
 
 impl<'a> Extras<'a> {
-    pub(super) fn new(node: &Node, of: &'a str) -> Result<Self, ImportError> {
+    pub(super) fn new<P>(node: &Node<P>, of: &'a str) -> Result<Self, ImportError> {
         let json = node.extras.as_ref().map_or("{}", |extras| extras.get());
         match serde_json::from_str(json) {
             Ok(Value::Object(values)) => Ok(Self { of, values }),

@@ -3,6 +3,7 @@
 //! Messages name the level's own nodes and meshes, and say what to change.
 
 use crate::load::Overload;
+use glam::DVec3;
 use std::fmt;
 use surefoot_world::Vec3;
 use surefoot_world::map::MapSize;
@@ -31,10 +32,8 @@ pub enum Warning {
     },
     /// A node, or a part of one, does not belong to the level and was left out.
     LeftOut {
-        /// Label of the node.
-        node: String,
-        /// Why, as a phrase.
-        reason: String,
+        /// What was left out or clipped, and why.
+        text: String,
     },
     /// Edges join two triangles that face opposite ways.
     InconsistentEdges {
@@ -99,10 +98,9 @@ impl fmt::Display for Warning {
             Self::Unit { times, evidence } => {
                 write!(f, "{evidence}: did you mean a scale {times} times as large?")
             }
-            Self::LeftOut { node, reason } => write!(
+            Self::LeftOut { text } => write!(
                 f,
-                "{node} was left out, because {reason}; to keep it, give it the property `solid: true`, or list it \
-                 under `nodes` in the sidecar"
+                "{text}; to keep it, give the node the property `solid: true`, or list it under `nodes` in the sidecar"
             ),
             Self::InconsistentEdges { count } => write!(
                 f,
@@ -284,9 +282,9 @@ pub enum ImportError {
         /// The node or the entry of the sidecar.
         what: String,
         /// Lowest corner of the level, in the level's coordinates.
-        low: Vec3,
+        low: DVec3,
         /// Highest corner of the level, in the level's coordinates.
-        high: Vec3,
+        high: DVec3,
     },
     /// The sidecar cannot be read.
     #[error("the sidecar cannot be read: {0}")]

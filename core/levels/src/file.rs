@@ -16,8 +16,8 @@ use std::collections::HashMap;
 use surefoot_world::Vec3;
 use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use surefoot_world::map::{
-    CollisionMap, Features, LevelFrame, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec,
-    SpecError,
+    CollisionMap, Features, LevelFrame, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed,
+    RawMapSpec, SpecError,
 };
 use surefoot_world::mesh::{Surface, Triangle};
 

@@ -63,7 +63,8 @@ impl Found {
                     self.extend(at);
                     match end {
                         Some((end, pair)) => {
-                            let two_way = *kind == DeviceKind::Teleporter && extras.flag("two_way")?.unwrap_or_default();
+                            let two_way =
+                                *kind == DeviceKind::Teleporter && extras.flag("two_way")?.unwrap_or_default();
                             pairs.add(pair.clone(), *end, Half { node, kind: *kind, at, two_way });
                         }
                         None => {

@@ -3,7 +3,7 @@
 //! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`); what the nodes stand for (`named`, `sidecar`) and
 //! what does not belong (`belongs`); features (`found`); sides (`sides`); the place on the map (`place`).
 
-use crate::belongs::{self, Verdict};
+use crate::belongs;
 use crate::container::Files;
 use crate::faults::{ImportError, Warning};
 use crate::file::{FileError, decode};
@@ -135,22 +135,23 @@ fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Resul
     let sidecar = sidecar.map_or_else(|| Ok(Sidecar::default()), Sidecar::parse)?;
     let former = scene.former_size.filter(|_| options.is_unchanged());
     let is_exported = scene.former_size.is_some();
-    let (mut nodes, mut frame) = near(scene, options)?;
+    let (mut scene, mut frame) = near(scene, options)?;
     let mut warnings = Vec::new();
-    let paths = Paths::of(&nodes, frame);
+    let paths = Paths::of(&scene, frame);
     let ignore_names = options.ignore_names || sidecar.ignores_names();
-    let mut meanings = named::meanings(&nodes, &sidecar, ignore_names, &paths, &mut warnings)?;
-    let mut owners = named::owners(&nodes, &mut meanings, &mut warnings);
+    let mut meanings = named::meanings(&scene, &sidecar, ignore_names, &paths, &mut warnings)?;
+    let mut owners = named::owners(&scene, &mut meanings, &mut warnings);
+    if !sidecar.colliders.is_empty() {
+        keep_colliders(&scene, &mut meanings, &mut owners);
+    }
+    let mut report = report(&scene, &meanings, &owners, &frame);
+    if !is_exported {
+        leave_out(&mut scene, (&owners, &meanings), &mut report, &mut warnings);
+    }
+    let mut nodes: Vec<Node> = scene.into_iter().map(|node| node.map(|point| point.as_vec3())).collect();
     let mut found = Found::default();
     found.add_nodes(&nodes, &meanings, &owners, &paths)?;
     sidecar.collect(&frame, &mut found)?;
-    if !sidecar.colliders.is_empty() {
-        keep_colliders(&nodes, &mut meanings, &mut owners);
-    }
-    let mut report = report(&nodes, &meanings, &owners, &frame);
-    if !is_exported {
-        leave_out(&mut nodes, &owners, &meanings, &mut report, &mut warnings);
-    }
     let is_solid: Vec<bool> = owners.iter().map(Option::is_none).collect();
     let mut geometry = GeometryCounts {
         points_and_lines: nodes.iter().map(|node| node.skipped_count).sum(),
@@ -207,7 +208,7 @@ fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Resul
 }
 
 /// Converts a scene to metres, y up, near the origin, and returns the frame in which it is then.
-fn near(scene: Scene, options: &ImportOptions) -> Result<(Vec<Node>, LevelFrame), ImportError> {
+fn near(scene: Scene, options: &ImportOptions) -> Result<(Vec<Node<DVec3>>, LevelFrame), ImportError> {
     if !(options.scale > 0.0 && options.scale.is_finite()) {
         return Err(ImportError::Scale(options.scale));
     }
@@ -218,8 +219,9 @@ fn near(scene: Scene, options: &ImportOptions) -> Result<(Vec<Node>, LevelFrame)
     }
     let converted = |node: Node<DVec3>| {
         let label = node_label(&node.name, node.file_idx);
-        let node = node.map(|point| frame.to_map(point));
-        let is_finite = node.triangles.iter().flatten().chain([&node.origin]).all(|point| point.is_finite());
+        let node = node.map(|point| frame.to_metres(point) + frame.origin);
+        let is_finite = |point: &DVec3| point.as_vec3().is_finite();
+        let is_finite = node.triangles.iter().flatten().chain([&node.origin]).all(is_finite);
         if is_finite { Ok(node) } else { Err(ImportError::NotFinite { node: label }) }
     };
     let nodes = scene.nodes.into_iter().map(converted).collect::<Result<_, _>>()?;
@@ -243,7 +245,7 @@ fn middle(nodes: &[Node<DVec3>]) -> DVec3 {
 }
 
 /// Leaves all out but what the sidecar declares a collider, and what is below that.
-fn keep_colliders(nodes: &[Node], meanings: &mut [Meaning], owners: &mut [Option<usize>]) {
+fn keep_colliders(nodes: &[Node<DVec3>], meanings: &mut [Meaning], owners: &mut [Option<usize>]) {
     let mut is_collider: Vec<bool> = Vec::with_capacity(nodes.len());
     for (idx, node) in nodes.iter().enumerate() {
         let is_inside = node.parent.is_some_and(|parent| is_collider[parent]);
@@ -257,23 +259,24 @@ fn keep_colliders(nodes: &[Node], meanings: &mut [Meaning], owners: &mut [Option
 
 /// Leaves out what does not belong to a level, and notes it.
 fn leave_out(
-    nodes: &mut [Node],
-    owners: &[Option<usize>],
-    meanings: &[Meaning],
+    nodes: &mut [Node<DVec3>],
+    (owners, meanings): (&[Option<usize>], &[Meaning]),
     report: &mut [NodeReport],
     warnings: &mut Vec<Warning>,
 ) {
-    let may_go: Vec<bool> =
+    let is_judged: Vec<bool> =
         owners.iter().zip(meanings).map(|(owner, it)| owner.is_none() && !it.is_declared_solid).collect();
-    for (idx, verdict) in belongs::judge(nodes, &may_go).into_iter().enumerate() {
-        let Some(Verdict { kept, reason }) = verdict else { continue };
-        if kept.is_empty() {
-            report[idx].role = Role::LeftOut;
+    let findings = belongs::judge(nodes, &is_judged);
+    for finding in &findings {
+        let (node, report) = (&nodes[finding.node], &mut report[finding.node]);
+        let text = finding.text(&node_label(&node.name, node.file_idx));
+        report.reason.clone_from(&text);
+        if finding.is_whole() {
+            report.role = Role::LeftOut;
         }
-        report[idx].reason.clone_from(&reason);
-        nodes[idx].triangles = kept;
-        warnings.push(Warning::LeftOut { node: node_label(&nodes[idx].name, nodes[idx].file_idx), reason });
+        warnings.push(Warning::LeftOut { text });
     }
+    belongs::apply(nodes, &findings);
 }
 
 /// The error about a level that is too large.
@@ -304,9 +307,14 @@ fn other_unit(solids: &[[Vec3; 3]], nodes: &[Node], span: Vec3) -> Option<Warnin
 }
 
 /// What became of each node.
-fn report(nodes: &[Node], meanings: &[Meaning], owners: &[Option<usize>], frame: &LevelFrame) -> Vec<NodeReport> {
-    let report = |(idx, node): (usize, &Node)| {
-        let own = Aabb::around(node.triangles.iter().flatten().copied());
+fn report(
+    nodes: &[Node<DVec3>],
+    meanings: &[Meaning],
+    owners: &[Option<usize>],
+    frame: &LevelFrame,
+) -> Vec<NodeReport> {
+    let report = |(idx, node): (usize, &Node<DVec3>)| {
+        let own = Aabb::around(node.triangles.iter().flatten().map(|corner| corner.as_vec3()));
         let corners = own.map(|own| [own.low, own.high].map(|corner| frame.to_level(corner)));
         let (role, reason) = match owners[idx] {
             Some(owner) if owner == idx => {

@@ -14,9 +14,9 @@ use crate::faults::ImportError;
 use crate::inspect;
 use crate::scene::Node;
 use crate::sides;
+use glam::DVec3;
 use serde::Deserialize;
 use std::collections::HashMap;
-use glam::DVec3;
 use surefoot_world::map::LevelFrame;
 use surefoot_world::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
 use surefoot_world::map::{Mover, MoverKind, MoverStop, mover};
@@ -61,7 +61,7 @@ impl Whole {
 
 /// The kind of mover that a node is by its name, which begins with a word for `kind`; `None` if the level does not say
 /// how it moves.
-pub(super) fn named_kind(kind: MoverKind, node: &Node, extras: &Extras<'_>, paths: &Paths) -> Option<MoverKind> {
+pub(super) fn named_kind<P>(kind: MoverKind, node: &Node<P>, extras: &Extras<'_>, paths: &Paths) -> Option<MoverKind> {
     let has_path = || {
         let is_marked = paths.places.contains_key(&node.name.to_lowercase());
         extras.has("path") || is_marked || journey(node, &paths.frame).is_some()
@@ -75,13 +75,13 @@ pub(super) fn named_kind(kind: MoverKind, node: &Node, extras: &Extras<'_>, path
 }
 
 /// The kind of mover that a node is only because it is animated.
-pub(super) fn animated_kind(node: &Node, paths: &Paths, whole: &Whole) -> Option<MoverKind> {
+pub(super) fn animated_kind<P>(node: &Node<P>, paths: &Paths, whole: &Whole) -> Option<MoverKind> {
     let journey = journey(node, &paths.frame).filter(|_| whole.is_small())?;
     Some(if journey.is_upright() { MoverKind::Lift } else { MoverKind::Platform })
 }
 
 /// Where the animation of a node takes it.
-fn journey(node: &Node, frame: &LevelFrame) -> Option<Journey> {
+fn journey<P>(node: &Node<P>, frame: &LevelFrame) -> Option<Journey> {
     node.animation.as_ref()?.journey(|shift| frame.vector_to_map(shift.as_dvec3()))
 }
 
@@ -116,12 +116,13 @@ enum Place {
 }
 
 impl Paths {
-    pub(super) fn of(nodes: &[Node], frame: LevelFrame) -> Self {
+    pub(super) fn of(nodes: &[Node<DVec3>], frame: LevelFrame) -> Self {
         let mut places: HashMap<String, Vec<(u32, Place)>> = HashMap::new();
         for node in nodes {
             if let Some((stem, number)) = path_of(&node.name.to_lowercase()) {
-                let bounds = Aabb::around(node.triangles.iter().flatten().copied());
-                let place = bounds.map_or(Place::Origin(node.origin), |bounds| Place::Bottom(bounds.bottom()));
+                let bounds = Aabb::around(node.triangles.iter().flatten().map(|corner| corner.as_vec3()));
+                let origin = node.origin.as_vec3();
+                let place = bounds.map_or(Place::Origin(origin), |bounds| Place::Bottom(bounds.bottom()));
                 places.entry(stem).or_default().push((number, place));
             }
         }

@@ -22,6 +22,7 @@ use crate::moving::{self, Paths, Whole};
 use crate::pairs::split_end;
 use crate::scene::{Node, node_label};
 use crate::sidecar::{NodeAs, Sidecar};
+use glam::DVec3;
 use std::collections::HashMap;
 use surefoot_world::Aabb;
 use surefoot_world::map::{DeviceKind, Liquid, MoverKind};
@@ -96,7 +97,7 @@ fn beginning(name: &str) -> Beginning {
 
 /// Finds what each node stands for. Incomplete pairs and near misses stay solid, with a warning.
 pub(super) fn meanings(
-    nodes: &[Node],
+    nodes: &[Node<DVec3>],
     sidecar: &Sidecar,
     ignore_names: bool,
     paths: &Paths,
@@ -136,7 +137,7 @@ pub(super) fn meanings(
 }
 
 /// What the sidecar, the file and the node's properties say; `None` if they say nothing.
-fn declared(node: &Node, sidecar: &Sidecar, extras: &Extras<'_>) -> Result<Option<Meaning>, ImportError> {
+fn declared(node: &Node<DVec3>, sidecar: &Sidecar, extras: &Extras<'_>) -> Result<Option<Meaning>, ImportError> {
     if let Some(role) = sidecar.role(&node.name) {
         const SIDECAR: &str = "the sidecar says so";
         return Ok(Some(match role.kind() {
@@ -161,7 +162,7 @@ fn declared(node: &Node, sidecar: &Sidecar, extras: &Extras<'_>) -> Result<Optio
 
 /// What the name of a node says; `None` if it says nothing.
 fn named(
-    node: &Node,
+    node: &Node<DVec3>,
     extras: &Extras<'_>,
     paths: &Paths,
     near_misses: &mut Vec<(String, &'static str)>,
@@ -196,11 +197,11 @@ fn named(
 }
 
 /// Leaves ends of zip lines and teleporters solid that have no other end, or whose end is taken already.
-fn drop_incomplete_pairs(nodes: &[Node], meanings: &mut [Meaning], warnings: &mut Vec<Warning>) {
-    let mut ends: HashMap<(DeviceKind, String), [Option<usize>; 2]> = HashMap::new();
+fn drop_incomplete_pairs(nodes: &[Node<DVec3>], meanings: &mut [Meaning], warnings: &mut Vec<Warning>) {
+    let mut ends: HashMap<String, [Option<usize>; 2]> = HashMap::new();
     for (idx, (node, meaning)) in nodes.iter().zip(&mut *meanings).enumerate() {
-        let Some(Kind::Device(kind, Some((end, pair)))) = &meaning.kind else { continue };
-        let place = &mut ends.entry((*kind, pair.clone())).or_default()[*end as usize];
+        let Some(Kind::Device(_, Some((end, pair)))) = &meaning.kind else { continue };
+        let place = &mut ends.entry(pair.clone()).or_default()[*end as usize];
         if place.is_some() {
             warnings.push(Warning::SecondEnd { node: node.name.clone(), end: end.name() });
             *meaning = Meaning { reason: "its pair has such an end already".to_owned(), ..Meaning::default() };
@@ -220,7 +221,11 @@ fn drop_incomplete_pairs(nodes: &[Node], meanings: &mut [Meaning], warnings: &mu
 
 /// For each node, the index of the feature node that it is or belongs to; `None` for solid nodes. Nodes that do not say
 /// which end they are become solid, with a warning, unless they belong to a feature.
-pub(super) fn owners(nodes: &[Node], meanings: &mut [Meaning], warnings: &mut Vec<Warning>) -> Vec<Option<usize>> {
+pub(super) fn owners(
+    nodes: &[Node<DVec3>],
+    meanings: &mut [Meaning],
+    warnings: &mut Vec<Warning>,
+) -> Vec<Option<usize>> {
     let mut has_feature_below = vec![false; nodes.len()];
     for (idx, node) in nodes.iter().enumerate().rev() {
         if let Some(parent) = node.parent {
@@ -237,7 +242,8 @@ pub(super) fn owners(nodes: &[Node], meanings: &mut [Meaning], warnings: &mut Ve
             Some(kind) if kind.lacks_end() => {
                 if inherited.is_none() {
                     warnings.push(Warning::NoEnd { node: node.name.clone() });
-                    meanings[idx] = Meaning { reason: "it does not say which end it is".to_owned(), ..Meaning::default() };
+                    meanings[idx] =
+                        Meaning { reason: "it does not say which end it is".to_owned(), ..Meaning::default() };
                 }
                 inherited
             }
@@ -248,9 +254,9 @@ pub(super) fn owners(nodes: &[Node], meanings: &mut [Meaning], warnings: &mut Ve
 }
 
 /// Each node with everything below it.
-fn with_children(nodes: &[Node]) -> Vec<Whole> {
-    let own = |node: &Node| Whole {
-        bounds: Aabb::around(node.triangles.iter().flatten().copied()),
+fn with_children(nodes: &[Node<DVec3>]) -> Vec<Whole> {
+    let own = |node: &Node<DVec3>| Whole {
+        bounds: Aabb::around(node.triangles.iter().flatten().map(|corner| corner.as_vec3())),
         triangle_count: node.triangles.len(),
     };
     let mut whole: Vec<Whole> = nodes.iter().map(own).collect();

@@ -116,10 +116,8 @@ impl<'a> Shaper<'a> {
     fn joints(&mut self, from: &str, skin_idx: usize) -> Result<Vec<DMat4>, ImportError> {
         let skin = self.source.root.skins.get(skin_idx).ok_or_else(|| reference(from, "skin", skin_idx))?;
         self.spend(skin.joints.len())?;
-        let bound = skin
-            .inverse_bind_matrices
-            .map(|idx| self.source.elements(from, idx, Layout::Floats(16)))
-            .transpose()?;
+        let bound =
+            skin.inverse_bind_matrices.map(|idx| self.source.elements(from, idx, Layout::Floats(16))).transpose()?;
         let missing = || data_error(from, "fewer bind matrices than joints: export the level again");
         let joint = |(place, joint): (usize, &usize)| {
             let level_from_joint = (self.level_from)(*joint).ok_or_else(|| reference(from, "joint", *joint))?;
@@ -185,7 +183,8 @@ impl<'a> Shaper<'a> {
                 None => {
                     let bytes = self.source.whole_view(mesh, draco.view)?;
                     let positions = draco.attributes.get("POSITION");
-                    let positions = positions.ok_or_else(|| data_error(mesh, "no positions: export the level again"))?;
+                    let positions =
+                        positions.ok_or_else(|| data_error(mesh, "no positions: export the level again"))?;
                     let influences = draco.attributes.get("JOINTS_0").zip(draco.attributes.get("WEIGHTS_0"));
                     let ids: Vec<u32> =
                         [*positions].into_iter().chain(influences.into_iter().flat_map(|(a, b)| [*a, *b])).collect();

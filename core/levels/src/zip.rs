@@ -26,7 +26,8 @@ impl<'a> Zip<'a> {
     /// Opens an archive and finds the level in it.
     pub(super) fn open(bytes: &'a [u8]) -> Result<Self, ImportError> {
         let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| ImportError::Zip(error.to_string()))?;
-        let names: Vec<String> = archive.file_names().map(ToOwned::to_owned).collect();
+        // Names that cannot be read are no level's.
+        let names: Vec<String> = archive.file_names().flatten().map(|name| name.into_owned()).collect();
         // What macOS adds is no level.
         let is_level = |name: &&String, end: &str| {
             let name = name.to_lowercase();

@@ -145,12 +145,13 @@ fn maps_of_release_0_2_are_read() {
     let (header, payload) = bytes.split_at(8 + 4 + 8 + 32);
     let (mut header, mut payload) = (header.to_vec(), payload.to_vec());
     // The spec comes first in the description. Its last 26 bytes are the kind, the densities of movers and the choice
-    // of repair. The last two bytes of the description are the movers and the pieces, of which there are none.
+    // of repair. The last bytes of the description are the movers and the pieces, of which there are none, and the frame.
     let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len();
     let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap());
-    payload.drain(36 + description_len as usize - 2..36 + description_len as usize);
+    let frame_len = postcard::to_stdvec(map.frame()).unwrap().len();
+    payload.drain(36 + description_len as usize - 2 - frame_len..36 + description_len as usize);
     payload.drain(36 + spec_len - 26..36 + spec_len);
-    payload[32..36].copy_from_slice(&(description_len - 28).to_le_bytes());
+    payload[32..36].copy_from_slice(&(description_len - 28 - frame_len as u32).to_le_bytes());
     header[8..12].copy_from_slice(&1u32.to_le_bytes());
     header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
     header[20..].copy_from_slice(blake3::hash(&payload).as_bytes());
@@ -168,8 +169,8 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
     let endless = Pad { centre: Vec3::new(0.0, f32::INFINITY, 0.0), speed: 20.0 };
     let cases = [
         (Saved { magic: b"GIF89a\x1a\x0a", ..plain() }, "not a saved map"),
-        (Saved { version: 6, ..plain() }, "format 6, this program reads format 5"),
-        (Saved { version: 4, ..plain() }, "format 4, this program reads format 5"),
+        (Saved { version: 7, ..plain() }, "format 7, this program reads format 6"),
+        (Saved { version: 4, ..plain() }, "format 4, this program reads format 6"),
         (Saved { trailing: 7, ..plain() }, "followed by 7 bytes"),
         (Saved { description: vec![9; 3], ..plain() }, "description"),
         (Saved { vertex_count: u32::MAX, ..plain() }, "claims 51539607553 bytes of geometry"),
@@ -291,14 +292,14 @@ fn the_report_counts_what_is_odd_about_the_geometry() {
                 triangles: 4,
                 degenerate: 1,
                 open_edges: 6,
-                inconsistent_edges: 1,
+                inconsistent_edges: 2,
                 turned_triangles: 1,
                 ..GeometryCounts::default()
             },
         ),
         (
             format!("{quad}v 0 5 4.5\nf 1 2 5\nf 2 1 5\n"),
-            GeometryCounts { triangles: 4, open_edges: 3, crowded_edges: 1, inconsistent_edges: 2, ..counts },
+            GeometryCounts { triangles: 4, open_edges: 3, crowded_edges: 1, ..counts },
         ),
     ];
     for (text, expected) in cases {
@@ -456,7 +457,10 @@ fn a_faulty_sidecar_is_refused_by_name() {
             json!({ "pads": [{ "at": [5, 0, 5] }, { "at": [50, 0, 5] }] }),
             "pads[1] of the sidecar lies outside the level",
         ),
-        (json!({ "pads": [{ "at": [1e39, 0, 5] }] }), "the sidecar cannot be read: number out of range at line 1"),
+        (
+            json!({ "pads": [{ "at": [1e39, 0, 5] }] }),
+            "pads[0] of the sidecar has a position that is not a finite number",
+        ),
         (json!({ "pads": [{ "at": [5, 0, 5], "height": -11 }] }), "pads[0] of the sidecar has height -11"),
         (json!({ "jetpacks": [{ "at": [5, 0, 5], "fuel": 1e9 }] }), "jetpacks[0] of the sidecar has fuel"),
         (
@@ -823,10 +827,7 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
         (changed("/nodes/0/children", json!([0])), "node `floor` is its own ancestor"),
         (changed("/nodes/0/children", json!([1])), "two parents"),
         (changed("/scene", json!(9)), "the file refers to scene 9"),
-        (
-            changed("/nodes/0/translation", json!([0, 1e39, 0])),
-            "node `floor` has a position that is not a finite number",
-        ),
+        (changed("/nodes/0/translation", json!([0, 1e39, 0])), "has a position that is not a finite number"),
         (changed("/nodes/0/scale", json!([200, 1, 1])), "the level is 1600 x 0 x 8 m"),
         (changed("/nodes/0/scale", json!([1, 1, 200])), "at most 1000 x 199 x 1000 m fit:"),
         (changed("/nodes/0/name", json!("lava")), "no solid triangles"),
@@ -845,7 +846,7 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
 #[test]
 fn a_scale_that_is_not_positive_and_finite_is_refused() {
     let floor = obj_box("floor", [0.0, -1.0, 0.0], [40.0, 0.0, 40.0]);
-    for scale in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+    for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let result = surefoot_levels::import_obj(floor.as_bytes(), None, &ImportOptions { scale, ..PLAIN });
         assert!(matches!(result, Err(ImportError::Scale(_))), "{scale}");
     }

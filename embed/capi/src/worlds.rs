@@ -18,7 +18,8 @@ pub struct Map {
 }
 
 impl Map {
-    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, or an OBJ, by its first bytes.
+    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, an OBJ, or a `.zip` of a level and its
+    /// files, by its first bytes.
     pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
         let imported = surefoot_levels::read_level(bytes, None, &ImportOptions::default(), &NoFiles);
         let imported = imported.map_err(|error| Fault::file(chain(&error)))?;

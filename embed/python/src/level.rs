@@ -8,8 +8,8 @@ use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use surefoot_levels::{ImportOptions, Imported, NoFiles};
-use surefoot_net::levels::folder::{LevelFileError, import_file, is_level};
+use surefoot_levels::{ImportOptions, Imported, NoFiles, NodeReport};
+use surefoot_net::levels::folder::LevelFolder;
 use surefoot_report::render::View;
 use surefoot_world::map::{DeviceKind, Features, MapKind, MapSize, MoverDensities, UpAxis};
 use surefoot_world::{DVec3, Map, MapSpec, RawMapSpec};
@@ -20,24 +20,25 @@ use surefoot_world::{DVec3, Map, MapSpec, RawMapSpec};
 pub struct Level {
     pub map: Arc<Map>,
     warnings: Vec<String>,
+    nodes: Vec<NodeReport>,
 }
 
 impl Level {
-    fn of(Imported { map, warnings, .. }: Imported) -> Self {
-        Self { map: Arc::new(map), warnings: warnings.iter().map(ToString::to_string).collect() }
+    fn of(Imported { map, warnings, nodes, .. }: Imported) -> Self {
+        Self { map: Arc::new(map), warnings: warnings.iter().map(ToString::to_string).collect(), nodes }
     }
 }
 
-/// Loads a level from a file, with its sidecar and the files that it refers to.
+/// Loads a level from a file, with its sidecar if there is one.
 fn load(path: &Path, options: &ImportOptions) -> PyResult<Level> {
-    if is_level(path) {
-        return import_file(path, None, options).map(Level::of).map_err(|error| match error {
-            LevelFileError::Read { path, source } => file(&path, &source),
-            error => value(chain(&error)),
-        });
-    }
     let bytes = std::fs::read(path).map_err(|error| file(path, &error))?;
-    let level = surefoot_levels::read_level(&bytes, None, options, &NoFiles);
+    let beside = path.with_extension("surefoot.json");
+    let sidecar = if beside.exists() {
+        Some(std::fs::read_to_string(&beside).map_err(|error| file(&beside, &error))?)
+    } else {
+        None
+    };
+    let level = surefoot_levels::read_level(&bytes, sidecar.as_deref(), options, &LevelFolder::of(path));
     level.map(Level::of).map_err(|error| value(format!("{}: {}", path.display(), chain(&error))))
 }
 
@@ -115,18 +116,27 @@ impl Level {
         };
         let spec = MapSpec::try_from(raw).map_err(value)?;
         let map = py.detach(|| surefoot_generate::generate(&spec));
-        Ok(Self { map: Arc::new(map), warnings: Vec::new() })
+        Ok(Self::of(Imported::saved(map)))
     }
 
     #[staticmethod]
-    #[pyo3(signature = (path, *, scale = 1.0, up = "y"))]
-    fn load(py: Python<'_>, path: PathBuf, scale: f64, up: &str) -> PyResult<Self> {
+    #[pyo3(signature = (path, *, scale = 1.0, up = "y", keep_sides = false, names = true, all_scenes = false))]
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        scale: f64,
+        up: &str,
+        keep_sides: bool,
+        names: bool,
+        all_scenes: bool,
+    ) -> PyResult<Self> {
         let up = match up {
             "y" => UpAxis::Y,
             "z" => UpAxis::Z,
-            other => return Err(value(format!("up is {other}, but must be y or z"))),
+            other => return Err(value(format!("up is `{other}`, but must be \"y\" or \"z\""))),
         };
-        py.detach(|| load(&path, &ImportOptions { scale, up, ..ImportOptions::default() }))
+        let options = ImportOptions { scale, up, keep_sides, ignore_names: !names, all_scenes };
+        py.detach(|| load(&path, &options))
     }
 
     #[staticmethod]
@@ -193,6 +203,21 @@ impl Level {
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.warnings.clone()
+    }
+
+    #[getter]
+    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let dict = |node: &NodeReport| {
+            let dict = PyDict::new(py);
+            dict.set_item("index", node.index)?;
+            dict.set_item("name", &node.name)?;
+            dict.set_item("role", node.role.to_string())?;
+            dict.set_item("reason", &node.reason)?;
+            dict.set_item("triangles", node.triangles)?;
+            dict.set_item("bounds", node.bounds.map(|bounds| bounds.map(<(f64, f64, f64)>::from)))?;
+            Ok(dict)
+        };
+        self.nodes.iter().map(dict).collect()
     }
 
     #[getter]

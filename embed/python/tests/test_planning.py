@@ -67,7 +67,7 @@ def test_queries_are_asked_in_the_coordinates_of_the_level(tmp_path: Path) -> No
     assert json.loads((tmp_path / "graph.json").read_text())["graph"]["origin"] == list(level.origin)
     again = surefoot.Graph.load(tmp_path / "graph.json").plan(red, blue, coordinates="level")
     np.testing.assert_array_equal(again.waypoints, plan.waypoints)
-    with pytest.raises(ValueError, match="up is x"):
+    with pytest.raises(ValueError, match="up is `x`"):
         surefoot.Level.load(tmp_path / "floor.obj", up="x")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="coordinates is world"):
         graph.plan(red, blue, coordinates="world")  # type: ignore[arg-type]

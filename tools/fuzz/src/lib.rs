@@ -9,7 +9,7 @@ use prost::Message;
 use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
 use surefoot_exchange::{from_safetensors, to_safetensors};
-use surefoot_levels::{ImportError, ImportOptions, Imported};
+use surefoot_levels::{ImportError, ImportOptions, Imported, NoFiles};
 use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
@@ -243,17 +243,17 @@ fn map_round_trips(map: &Map) {
 
 /// Levels as glTF, and sidecars.
 pub fn gltf(bytes: &[u8]) {
-    import_round_trips(surefoot_levels::import_gltf(bytes, None, &ImportOptions::default()));
+    import_round_trips(surefoot_levels::import_gltf(bytes, None, &ImportOptions::default(), &NoFiles));
     if let Ok(sidecar) = std::str::from_utf8(bytes) {
         static LEVEL: LazyLock<Vec<u8>> = LazyLock::new(|| surefoot_levels::export_glb(&FLOOR));
-        import_round_trips(surefoot_levels::import_gltf(&LEVEL, Some(sidecar), &ImportOptions::default()));
+        import_round_trips(surefoot_levels::import_gltf(&LEVEL, Some(sidecar), &ImportOptions::default(), &NoFiles));
     }
 }
 
 /// Levels as OBJ, with y up in metres and with other options.
 pub fn obj(bytes: &[u8]) {
     import_round_trips(surefoot_levels::import_obj(bytes, None, &ImportOptions::default()));
-    let options = ImportOptions { scale: 0.01, up: surefoot_levels::UpAxis::Z, keep_sides: false };
+    let options = ImportOptions { scale: 0.01, up: surefoot_levels::UpAxis::Z, ..ImportOptions::default() };
     import_round_trips(surefoot_levels::import_obj(bytes, None, &options));
 }
 

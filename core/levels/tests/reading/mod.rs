@@ -62,6 +62,10 @@ impl Level {
         self.accessor(kind, 5126, values.len(), &bytes)
     }
 
+    fn add_mesh(&mut self, mesh: Value) {
+        self.json["meshes"].as_array_mut().expect("an array").push(mesh);
+    }
+
     fn glb(&self) -> Vec<u8> {
         let mut json = self.json.clone();
         json["buffers"] = json!([{ "byteLength": self.binary.len() }]);
@@ -110,7 +114,7 @@ fn sparse_accessors_replace_elements_of_a_view_or_of_zeros() {
     let plain = {
         let mut level = Level::new(json!([{ "mesh": 0 }, { "mesh": 1 }]));
         let raised = level.floats("VEC3", &[[0.0, 0.0, 30.0], [0.0, 5.0, 50.0], [20.0, 0.0, 50.0]]);
-        level.json["meshes"][1] = json!({ "primitives": [{ "attributes": { "POSITION": raised } }] });
+        level.add_mesh(json!({ "primitives": [{ "attributes": { "POSITION": raised } }] }));
         level.import()
     };
     for with_view in [true, false] {
@@ -138,10 +142,10 @@ fn sparse_accessors_replace_elements_of_a_view_or_of_zeros() {
             accessor["bufferView"] = json!(level.view(&base));
         }
         let positions = level.add_accessor(accessor);
-        level.json["meshes"][1] = json!({ "primitives": [{ "attributes": { "POSITION": positions } }] });
+        level.add_mesh(json!({ "primitives": [{ "attributes": { "POSITION": positions } }] }));
         assert_eq!(level.import().map.hash(), plain.map.hash());
 
-        level.json["accessors"][positions]["sparse"]["count"] = json!(1 << 40);
+        level.json["accessors"][positions]["sparse"]["count"] = json!(1_u64 << 40);
         let error = refusal(import(&level.glb()), "outside its buffer");
         assert!(error.contains("outside its buffer"), "{error}");
     }
@@ -199,18 +203,18 @@ fn skins_stand_in_their_pose_and_morph_targets_at_their_weights() {
     let weights = skinned.floats("VEC4", &[[0.5, 0.5, 0.0, 0.0]; 4]);
     skinned.json["skins"] = json!([{ "joints": [3], "inverseBindMatrices": bound }]);
     let attributes = json!({ "POSITION": 0, "JOINTS_0": joints, "WEIGHTS_0": weights });
-    skinned.json["meshes"][1] = json!({ "primitives": [{ "attributes": attributes, "indices": 1 }] });
+    skinned.add_mesh(json!({ "primitives": [{ "attributes": attributes, "indices": 1 }] }));
     assert_same(&skinned.import(), &plain);
 
     let mut morphed = Level::new(json!([{ "mesh": 0 }, { "mesh": 1, "translation": [0, 0, 40] }]));
     let shifts = morphed.floats("VEC3", &[[10.0, 6.0, 0.0]; 4]);
     let far = morphed.floats("VEC3", &[[900.0, 0.0, 0.0]; 4]);
-    morphed.json["meshes"][1] = json!({
+    morphed.add_mesh(json!({
         "primitives": [{
             "attributes": { "POSITION": 0 }, "indices": 1, "targets": [{ "POSITION": shifts }, { "POSITION": far }],
         }],
         "weights": [0.5, 0.0],
-    });
+    }));
     assert_same(&morphed.import(), &plain);
 }
 
@@ -296,8 +300,8 @@ fn buffers_are_read_from_files_beside_the_level_and_from_archives() {
     assert_eq!(surefoot_levels::unpacked_bytes(&whole), Ok((gltf.len() + level.binary.len() + sidecar.len()) as u64));
     for (files, expected) in [
         (&[("level.gltf", &gltf[..])][..], "it is outside the .zip"),
-        (&[("a.obj", b"v 0 0 0"), ("b.obj", b"v 0 0 0")][..], "several levels, such as `a.obj` and `b.obj`"),
-        (&[("readme.txt", b"hello")][..], "no .gltf, .glb or .obj"),
+        (&[("a.obj", &b"v 0 0 0"[..]), ("b.obj", b"v 0 0 0")][..], "several levels, such as `a.obj` and `b.obj`"),
+        (&[("readme.txt", &b"hello"[..])][..], "no .gltf, .glb or .obj"),
     ] {
         let error = refusal(surefoot_levels::import_zip(&archive(files), None, &PLAIN), expected);
         assert!(error.contains(expected), "`{expected}` is not in `{error}`");
