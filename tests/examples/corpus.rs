@@ -4,7 +4,8 @@
 //! cargo run -p e2e --example corpus
 //! ```
 //!
-//! Inputs that once caused a failure are kept beside them under other names.
+//! Inputs that once caused a failure are kept beside them under other names. `core/levels/tests/fixtures/make.mjs` writes
+//! those that meshoptimizer and Draco compressed.
 
 #[path = "../../tools/fuzz/src/lib.rs"]
 mod untrusted;
