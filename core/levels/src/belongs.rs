@@ -154,9 +154,9 @@ pub(super) fn apply(nodes: &mut [Node<DVec3>], findings: &[Finding]) {
 }
 
 /// The node that makes a level so large: the level is much smaller without it. `kept` says which nodes count.
-pub(super) fn largest(nodes: &[Node], kept: &[bool]) -> Option<usize> {
-    let bounds = |(node, is_kept): (&Node, &bool)| {
-        Bounds::around(node.triangles.iter().flatten().filter(|_| *is_kept).map(|corner| corner.as_dvec3()))
+pub(super) fn largest<P: Copy + Into<DVec3>>(nodes: &[Node<P>], kept: &[bool]) -> Option<usize> {
+    let bounds = |(node, is_kept): (&Node<P>, &bool)| {
+        Bounds::around(node.triangles.iter().flatten().filter(|_| *is_kept).map(|corner| (*corner).into()))
     };
     let bounds: Vec<Bounds> = nodes.iter().zip(kept).map(bounds).collect();
     let longest = |bounds: Bounds| (bounds.high - bounds.low).max_element();

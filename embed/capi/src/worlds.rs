@@ -3,6 +3,7 @@
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::error::{Fault, Status, chain};
 use std::sync::Arc;
+use surefoot_levels::{ImportOptions, NoFiles};
 use surefoot_world::map::{Device, LevelFrame};
 use surefoot_world::sense::{RAY_RANGE_M, RayCone, observation_len};
 use surefoot_world::{Action, CharacterProfile, End, Npc, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, WorldState};
@@ -17,9 +18,11 @@ pub struct Map {
 }
 
 impl Map {
-    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, or an OBJ, by its first bytes.
+    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, an OBJ, or a `.zip` of a level and its
+    /// files, by its first bytes.
     pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
-        let imported = surefoot_levels::read_level(bytes, None).map_err(|error| Fault::file(chain(&error)))?;
+        let imported = surefoot_levels::read_level(bytes, None, &ImportOptions::default(), &NoFiles);
+        let imported = imported.map_err(|error| Fault::file(chain(&error)))?;
         Ok(Self { map: Arc::new(imported.map) })
     }
 

@@ -45,9 +45,22 @@ class Level:
         """
 
     @staticmethod
-    def load(path: str | PathLike[str]) -> Level:
-        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`), with its `.surefoot.json` if there
-        is one."""
+    def load(
+        path: str | PathLike[str],
+        *,
+        scale: float = 1.0,
+        up: Literal["y", "z"] = "y",
+        keep_sides: bool = False,
+        names: bool = True,
+        all_scenes: bool = False,
+    ) -> Level:
+        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`, `.zip`), with its `.surefoot.json`
+        and the buffers beside it.
+
+        `scale` is in metres per unit of the level, `up` its upright axis. `keep_sides` leaves fronts and backs as they
+        were modelled. Without `names`, names of nodes have no meaning. `all_scenes` imports all scenes of a glTF. Saved
+        maps ignore these.
+        """
 
     @staticmethod
     def from_bytes(data: bytes) -> Level:
@@ -129,6 +142,11 @@ class Worlds:
         threads: int,
         server: Server | None,
     ) -> None: ...
+    @property
+    def nodes(self) -> list[dict[str, Any]]:
+        """What became of each node of an imported level: `index`, `name`, `role`, `reason`, `triangles`, and `bounds`,
+        the lowest and highest corner in the level's own coordinates, or `None`. Empty for maps."""
+
     @property
     def observation_len(self) -> int: ...
     def reseed(self, seed: int, observations: _Floats) -> None: ...
