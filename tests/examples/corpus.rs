@@ -4,7 +4,8 @@
 //! cargo run -p e2e --example corpus
 //! ```
 //!
-//! Inputs that once caused a failure are kept beside them under other names.
+//! Inputs that once caused a failure are kept beside them under other names. Those that meshoptimizer and Draco
+//! compressed are written by `core/levels/tests/fixtures/make.mjs`.
 
 #[path = "../../tools/fuzz/src/lib.rs"]
 mod untrusted;

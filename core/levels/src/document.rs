@@ -161,6 +161,20 @@ pub(super) struct Accessor {
     pub sparse: Option<Sparse>,
 }
 
+impl Accessor {
+    /// The integer that stands for 1; `None` if the numbers are not normalized.
+    pub fn one(&self) -> Option<f32> {
+        let one = match self.component_type {
+            5120 => 127.0,
+            5121 => 255.0,
+            5122 => 32_767.0,
+            5123 => 65_535.0,
+            _ => return None,
+        };
+        self.normalized.then_some(one)
+    }
+}
+
 /// Elements of an accessor that differ from those of its view.
 #[derive(Deserialize)]
 pub(super) struct Sparse {

@@ -10,8 +10,9 @@ use std::collections::BTreeMap;
 const VERSION: [u8; 2] = [2, 2];
 /// Flag of a header that metadata follows.
 const HAS_METADATA: u16 = 0x8000;
-/// Most bytes of the decoded attributes of a mesh: normals and colours are decoded with the positions.
-const MAX_DECODED_BYTES: u64 = 256 << 20;
+/// Most bytes of the attributes of a mesh: normals and colours are decoded with the positions. Decoding attributes of
+/// single bytes takes several times as much memory.
+const MAX_DECODED_BYTES: u64 = 128 << 20;
 const DAMAGED: &str =
     "Draco-compressed data that cannot be decoded: the file is damaged; export it again, or without compression";
 const OTHER_KIND: &str =
@@ -41,6 +42,8 @@ pub(super) struct DracoMesh {
     /// For each requested attribute the numbers of each vertex, at most 4, followed by zeros. Integers are as they were
     /// stored, even if the primitive's accessor is normalized.
     pub attributes: Vec<Vec<[f32; 4]>>,
+    /// Bytes that were read, and those of the triangles and of all attributes, requested or not: the work it took.
+    pub work: usize,
 }
 
 /// Decodes a mesh of at most `most` triangles, and the attributes with these ids.
@@ -61,8 +64,10 @@ pub(super) fn decode(bytes: &[u8], ids: &[u32], most: usize) -> Result<DracoMesh
         Ok(attribute.read_f32s(mesh.num_points(), 4).as_chunks::<4>().0.to_vec())
     };
     let attributes = ids.iter().map(attribute).collect::<Result<_, _>>()?;
-    let indices = mesh.faces().as_flattened().iter().map(|vertex| vertex.0).collect();
-    Ok(DracoMesh { indices, attributes })
+    let indices: Vec<u32> = mesh.faces().as_flattened().iter().map(|vertex| vertex.0).collect();
+    let strides = (0..mesh.num_attributes()).map(|idx| mesh.attribute(idx).byte_stride() as usize);
+    let work = bytes.len() + size_of::<u32>() * indices.len() + mesh.num_points() * strides.sum::<usize>();
+    Ok(DracoMesh { indices, attributes, work })
 }
 
 /// Checks the kind of the data, and the numbers of triangles and vertices that it states.

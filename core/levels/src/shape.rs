@@ -1,8 +1,8 @@
 //! The triangles of a glTF's meshes: primitives, morph targets, skins and instances.
 
 use crate::accessors::{Elements, Layout, Source, data_error, reference};
-use crate::document::{Instancing, Mesh, Node, Primitive};
-use crate::draco::{self, DracoMesh};
+use crate::document::{Accessor, Instancing, Mesh, Node, Primitive};
+use crate::draco::{self, Draco, DracoMesh};
 use crate::faults::ImportError;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use std::collections::BTreeMap;
@@ -178,24 +178,7 @@ impl<'a> Shaper<'a> {
     /// The vertices and indices of a primitive.
     fn surface(&mut self, mesh: &str, primitive: &Primitive, pose: &Pose) -> Result<Surface<'a>, ImportError> {
         if let Some(draco) = &primitive.extensions.draco {
-            let mesh = match self.decoded.get(&draco.view) {
-                Some(known) => known.clone(),
-                None => {
-                    let bytes = self.source.whole_view(mesh, draco.view)?;
-                    let positions = draco.attributes.get("POSITION");
-                    let positions =
-                        positions.ok_or_else(|| data_error(mesh, "no positions: export the level again"))?;
-                    let influences = draco.attributes.get("JOINTS_0").zip(draco.attributes.get("WEIGHTS_0"));
-                    let ids: Vec<u32> =
-                        [*positions].into_iter().chain(influences.into_iter().flat_map(|(a, b)| [*a, *b])).collect();
-                    let decoded = draco::decode(bytes, &ids, *self.budget).map_err(|it| data_error(mesh, it))?;
-                    let numbers = decoded.attributes.iter().map(Vec::len).sum::<usize>();
-                    self.source.spend(size_of::<[f32; 4]>() * numbers + size_of::<u32>() * decoded.indices.len())?;
-                    let decoded = Rc::new(decoded);
-                    self.decoded.insert(draco.view, decoded.clone());
-                    decoded
-                }
-            };
+            let mesh = self.decoded(mesh, primitive, draco)?;
             return Ok(Surface { indices: Some(Indices::Decoded(mesh.clone())), vertices: Vertices::Decoded(mesh) });
         }
         let source = self.source;
@@ -221,6 +204,29 @@ impl<'a> Shaper<'a> {
         let indices = primitive.indices.map(|idx| source.elements(mesh, idx, Layout::Indices)).transpose()?;
         let vertices = Vertices::Stored { positions, morphs, influences };
         Ok(Surface { vertices, indices: indices.map(Indices::Stored) })
+    }
+
+    /// What Draco compressed, with normalized positions as fractions.
+    fn decoded(&mut self, mesh: &str, primitive: &Primitive, draco: &Draco) -> Result<Rc<DracoMesh>, ImportError> {
+        if let Some(known) = self.decoded.get(&draco.view) {
+            return Ok(known.clone());
+        }
+        let source = self.source;
+        let bytes = source.whole_view(mesh, draco.view)?;
+        let positions = draco.attributes.get("POSITION");
+        let positions = positions.ok_or_else(|| data_error(mesh, "no positions: export the level again"))?;
+        let influences = draco.attributes.get("JOINTS_0").zip(draco.attributes.get("WEIGHTS_0"));
+        let ids: Vec<u32> =
+            [*positions].into_iter().chain(influences.into_iter().flat_map(|(a, b)| [*a, *b])).collect();
+        let mut decoded = draco::decode(bytes, &ids, *self.budget).map_err(|it| data_error(mesh, it))?;
+        source.spend(decoded.work)?;
+        let accessor = primitive.attributes.get("POSITION").and_then(|idx| source.root.accessors.get(*idx));
+        if let Some(one) = accessor.and_then(Accessor::one) {
+            decoded.attributes[0].as_flattened_mut().iter_mut().for_each(|it| *it = (*it / one).max(-1.0));
+        }
+        let decoded = Rc::new(decoded);
+        self.decoded.insert(draco.view, decoded.clone());
+        Ok(decoded)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Maps as bytes: saved, imported and exported maps, and the errors for bytes that are none of these.
 
+mod compressed;
 mod meanings;
 mod obj_files;
 mod reading;
@@ -585,103 +586,6 @@ fn quantized_positions_are_those_that_they_stand_for() {
     let (fine, coarse) = (level(5122, &shorts, 8, true, 8.0), level(5121, &bytes, 4, false, 1.0));
     assert_eq!(corners(&fine), corners(&coarse));
     assert_eq!(coarse.size(), MapSize { width: 12, height: 21, depth: 12 });
-}
-
-/// A level of `glb` parts in which meshoptimizer has compressed positions and indices.
-fn compressed_level(positions: &[[f32; 3]], indices: &[u32], damage: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
-    use meshopt_rs::index::IndexEncodingVersion;
-    use meshopt_rs::index::buffer::{encode_index_buffer, encode_index_buffer_bound};
-    use meshopt_rs::vertex::VertexEncodingVersion;
-    use meshopt_rs::vertex::buffer::{encode_vertex_buffer, encode_vertex_buffer_bound};
-    let vertices: Vec<[u8; 12]> =
-        positions.iter().map(|at| at.map(f32::to_le_bytes).as_flattened().try_into().unwrap()).collect();
-    let mut bytes = vec![0; encode_vertex_buffer_bound(vertices.len(), 12)];
-    let vertex_len = encode_vertex_buffer(&mut bytes, &vertices, VertexEncodingVersion::V0).unwrap();
-    bytes.truncate(vertex_len);
-    let mut index_bytes = vec![0; encode_index_buffer_bound(indices.len(), positions.len())];
-    let index_len = encode_index_buffer(&mut index_bytes, indices, IndexEncodingVersion::V1).unwrap();
-    bytes.extend(&index_bytes[..index_len]);
-    damage(&mut bytes);
-    let view = |offset: usize, len: usize, stride: usize, count: usize, mode: &str| {
-        json!({
-            "buffer": 1, "byteLength": stride * count,
-            "extensions": { "EXT_meshopt_compression": {
-                "buffer": 0, "byteOffset": offset, "byteLength": len, "byteStride": stride, "count": count, "mode": mode
-            } }
-        })
-    };
-    let mut level = gltf_level(json!([{ "mesh": 0 }]));
-    level["extensionsUsed"] = json!(["EXT_meshopt_compression"]);
-    level["extensionsRequired"] = json!(["EXT_meshopt_compression"]);
-    level["meshes"][0]["primitives"] = json!([{ "attributes": { "POSITION": 0 }, "indices": 1 }]);
-    level["accessors"] = json!([
-        { "bufferView": 0, "componentType": 5126, "count": positions.len(), "type": "VEC3" },
-        { "bufferView": 1, "componentType": 5125, "count": indices.len(), "type": "SCALAR" },
-    ]);
-    let (count, corners) = (positions.len(), indices.len());
-    level["bufferViews"] =
-        json!([view(0, vertex_len, 12, count, "ATTRIBUTES"), view(vertex_len, index_len, 4, corners, "TRIANGLES")]);
-    let fallback = json!({
-        "byteLength": 12 * count + 4 * corners,
-        "extensions": { "EXT_meshopt_compression": { "fallback": true } },
-    });
-    level["buffers"] = json!([{ "byteLength": bytes.len() }, fallback]);
-    glb(&level, Some(&bytes))
-}
-
-/// A terrain of `side` x `side` squares of 2 m.
-fn terrain(side: u32) -> (Vec<[f32; 3]>, Vec<u32>) {
-    let corners = (0..=side)
-        .flat_map(|z| (0..=side).map(move |x| [2.0 * x as f32, ((x * 7 + z * 5) % 4) as f32 * 0.1, 2.0 * z as f32]));
-    let squares = (0..side).flat_map(|z| (0..side).map(move |x| z * (side + 1) + x));
-    let indices = squares.flat_map(|at| [at, at + side + 1, at + 1, at + 1, at + side + 1, at + side + 2]);
-    (corners.collect(), indices.collect())
-}
-
-#[test]
-fn compressed_levels_are_those_that_were_compressed() {
-    let (positions, indices) = terrain(20);
-    let compressed =
-        surefoot_levels::import_gltf(&compressed_level(&positions, &indices, |_| {}), None, &PLAIN, &NoFiles)
-            .expect("a valid level");
-    let faces = indices.chunks(3).map(|face| format!("f {} {} {}\n", face[0] + 1, face[1] + 1, face[2] + 1));
-    let vertices = positions.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n"));
-    let plain = obj(&vertices.chain(faces).collect::<String>());
-    let sorted = |map: &Map| {
-        let mut corners: Vec<_> = map
-            .mesh()
-            .triangles()
-            .iter()
-            .map(|triangle| {
-                let mut corners =
-                    triangle.corners().map(|corner| corner.to_array().map(|value| (1.0e4 * value).round() as i32));
-                corners.sort_unstable();
-                corners
-            })
-            .collect();
-        corners.sort_unstable();
-        corners
-    };
-    assert_eq!(sorted(&compressed.map), sorted(&plain.map));
-}
-
-#[test]
-fn damaged_compressed_levels_are_refused_or_read_and_never_worse() {
-    let (positions, indices) = terrain(9);
-    let mut refused = 0;
-    for seed in 0..600_usize {
-        let damage = |bytes: &mut Vec<u8>| {
-            for hit in 0..1 + seed % 5 {
-                let at = (seed * 7919 + hit * 104_729) % bytes.len();
-                bytes[at] = bytes[at].wrapping_add(1 + (seed * 31 % 255) as u8);
-            }
-        };
-        refused += usize::from(
-            surefoot_levels::import_gltf(&compressed_level(&positions, &indices, damage), None, &PLAIN, &NoFiles)
-                .is_err(),
-        );
-    }
-    assert!(refused > 60, "{refused} of 600");
 }
 
 #[test]

@@ -94,3 +94,93 @@ impl Compression {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base64::Engine;
+    use base64::engine::general_purpose::STANDARD;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    /// What meshoptimizer compressed, and a checksum of what its own decoder makes of it (`tests/fixtures/make.mjs`).
+    #[derive(Deserialize)]
+    struct Stream {
+        name: String,
+        #[serde(flatten)]
+        how: Compression,
+        bytes: String,
+        checksum: Option<u32>,
+        /// Instead of a checksum, because decoders may round differently.
+        rotations: Option<Vec<[f32; 4]>>,
+    }
+
+    fn streams() -> Vec<(Stream, Vec<u8>)> {
+        let streams = serde_json::from_str::<Vec<Stream>>(include_str!("../../tests/fixtures/streams.json"));
+        let decoded = |stream: Stream| {
+            let bytes = STANDARD.decode(&stream.bytes).expect("base64");
+            (stream, bytes)
+        };
+        streams.expect("a list of streams").into_iter().map(decoded).collect()
+    }
+
+    #[test]
+    fn streams_are_decoded_as_by_meshoptimizer() {
+        for (Stream { name, how, checksum, rotations, .. }, bytes) in streams() {
+            let decoded = how.decode(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(decoded.len(), how.decoded_len(), "{name}");
+            // FNV-1a.
+            let sum =
+                decoded.iter().fold(0x811c_9dc5_u32, |sum, byte| (sum ^ u32::from(*byte)).wrapping_mul(0x100_0193));
+            assert!(checksum.is_none_or(|checksum| checksum == sum), "{name}");
+            for (element, rotation) in decoded.as_chunks::<8>().0.iter().zip(rotations.into_iter().flatten()) {
+                let part = |at: usize| f32::from(i16::from_le_bytes([element[2 * at], element[2 * at + 1]])) / 32767.0;
+                let likeness: f32 = (0..4).map(|at| part(at) * rotation[at]).sum();
+                // A rotation and its negative are the same.
+                assert!((likeness.abs() - 1.0).abs() < 1.0e-3, "{element:?} is not {rotation:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_streams_give_elements_or_an_error() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let (mut decoded, mut refused) = (0, 0);
+        for (Stream { mut how, .. }, bytes) in streams() {
+            let len = how.count;
+            for _ in 0..2000 {
+                let mut bytes = bytes.clone();
+                for _ in 0..rng.random_range(0..4) {
+                    let at = rng.random_range(0..bytes.len());
+                    bytes[at] = rng.random_range(0..=255);
+                }
+                bytes.truncate(bytes.len() - [0, 1, bytes.len() / 2][rng.random_range(0..3)]);
+                how.count = [len, len + 1, len / 2, 70_000, usize::MAX][rng.random_range(0..5)];
+                match how.decode(&bytes) {
+                    Ok(elements) => {
+                        assert_eq!(elements.len(), how.decoded_len());
+                        decoded += 1;
+                    }
+                    Err(_) => refused += 1,
+                }
+            }
+        }
+        assert!(decoded > 1000 && refused > 1000, "{decoded} decoded, {refused} refused");
+    }
+
+    #[test]
+    fn what_cannot_be_decoded_says_so() {
+        let parsed = |mode: &str, filter: &str| {
+            let how = serde_json::json!({
+                "buffer": 0, "byteLength": 41, "byteStride": 8, "count": 1, "mode": mode, "filter": filter
+            });
+            serde_json::from_value::<Compression>(how).expect("unknown names are parsed")
+        };
+        let element = [&[0xa0, 0, 0, 0, 0, 0, 0, 0, 0][..], &[0; 32]].concat();
+        assert_eq!(parsed("ATTRIBUTES", "NONE").decode(&element), Ok(vec![0; 8]));
+        assert_eq!(parsed("ATTRIBUTES", "OCTAHEDRAL").decode(&element), Err(OTHER_FILTER));
+        assert_eq!(parsed("MESHLETS", "NONE").decode(&element), Err(UNKNOWN));
+        assert_eq!(parsed("ATTRIBUTES", "NONE").decode(&[&[0xa2], &element[1..]].concat()), Err(NEWER));
+        assert_eq!(parsed("ATTRIBUTES", "NONE").decode(&element[..40]), Err(DAMAGED));
+    }
+}
