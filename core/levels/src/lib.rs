@@ -5,11 +5,12 @@
 //! input is untrusted; whatever it holds, the result is a map or an error that says what to change.
 //!
 //! Start reading at `import`: its pipeline calls `gltf_in` or `obj_in` (bytes to a scene of named nodes), `named` and
-//! `sidecar` (their pools, devices and movers) and `inspect` (oddities of the geometry). `faults` has the errors and
-//! warnings.
+//! `sidecar` (their pools, devices and movers) and `inspect` (oddities of the geometry). `belongs` finds what is no
+//! part of a level, and `units` suggests a scale. `faults` has the errors and warnings.
 
 mod accessors;
 mod animated;
+mod belongs;
 mod export;
 mod extras;
 mod faults;
@@ -18,6 +19,7 @@ mod found;
 mod gltf_in;
 mod import;
 mod inspect;
+mod joined;
 mod load;
 mod meshopt;
 mod moving;
@@ -27,6 +29,7 @@ mod pairs;
 mod scene;
 mod sidecar;
 mod sides;
+mod units;
 
 pub use export::export_glb;
 pub use faults::{ImportError, Warning};
