@@ -231,8 +231,8 @@ impl Level<'_> {
         !skies.is_empty()
     }
 
-    /// Finds the largest parts that are all much larger than all others together, and that can be told to be no part
-    /// of the level. Returns whether there are any.
+    /// Finds the largest parts if each is much larger than all others together and can be judged to be no part of the
+    /// level. Returns whether there are any.
     fn find_outer(&mut self) -> bool {
         let mut order = self.members();
         order.sort_by(|&a, &b| self.parts[b].bounds.size().total_cmp(&self.parts[a].bounds.size()));
