@@ -16,17 +16,10 @@ pub(super) const MAX_TRIANGLES: usize = 4_000_000;
 /// Something that a designer may want to change in a level, although it can be used.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Warning {
-    /// The level is so small that its unit may not be the metre.
-    Tiny {
-        /// Extent of the level, m.
-        span: Vec3,
-        /// Factor that would make a level of it.
-        times: f32,
-    },
     /// Doors, stairs and the like are too large or small for people.
     Unit {
-        /// Factor by which the scale should be multiplied.
-        times: f64,
+        /// Metres per unit that would suit people.
+        scale: f64,
         /// What was measured.
         evidence: String,
     },
@@ -90,14 +83,7 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Tiny { span, times } => write!(
-                f,
-                "the level is only {:.2} x {:.2} x {:.2} m: did you mean a scale {times} times as large?",
-                span.x, span.y, span.z
-            ),
-            Self::Unit { times, evidence } => {
-                write!(f, "{evidence}: did you mean a scale {times} times as large?")
-            }
+            Self::Unit { scale, evidence } => write!(f, "{evidence}: did you mean a scale of {scale}?"),
             Self::LeftOut { text } => write!(
                 f,
                 "{text}; to keep it, give the node the property `solid: true`, or list it under `nodes` in the sidecar"

@@ -18,7 +18,7 @@ use crate::report::{GeometryCounts, NodeReport, Role};
 use crate::scene::{ImportOptions, Node, Scene, node_label};
 use crate::sidecar::Sidecar;
 use crate::sides;
-use crate::units;
+use crate::units::{self, Suggestion};
 use crate::zip::Zip;
 use crate::{gltf_in, obj_in};
 use glam::DVec3;
@@ -29,9 +29,6 @@ use surefoot_world::{Aabb, Vec3};
 /// Distance from its origin up to which a level is read in its own coordinates, m; their 32 bits are 0.06 mm apart
 /// there. Levels that are farther away are read relative to a point among them.
 const NEAR_M: f64 = 1000.0;
-/// Side of a level that is hardly one in metres, and a side that would be, m.
-const TINY_M: f32 = 4.0;
-const SMALL_M: f32 = 10.0;
 /// Triangles from which that point is chosen, at most.
 const SAMPLES: usize = 4096;
 
@@ -178,7 +175,7 @@ fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Resul
     let inconsistent = if turned.triangles == 0 { geometry.inconsistent_edges } else { 0 };
     warnings.extend((inconsistent > 0).then_some(Warning::InconsistentEdges { count: inconsistent }));
     if !is_exported {
-        warnings.extend(other_unit(&solids, &nodes, place.high - place.low));
+        warnings.extend(other_unit(&solids, &nodes, options.scale));
     }
     let flat_count = found.flat_pool_count();
     warnings.extend((flat_count > 0).then_some(Warning::FlatPools { count: flat_count }));
@@ -293,17 +290,11 @@ fn too_large(span: Vec3, nodes: &[Node], is_solid: &[bool]) -> ImportError {
 }
 
 /// The warning about a level whose unit may not be the metre.
-fn other_unit(solids: &[[Vec3; 3]], nodes: &[Node], span: Vec3) -> Option<Warning> {
-    let named: Vec<(&str, Aabb)> = nodes
-        .iter()
-        .filter_map(|node| Some((node.name.as_str(), Aabb::around(node.triangles.iter().flatten().copied())?)))
-        .collect();
-    if let Some(found) = units::suggest(solids, &named) {
-        return Some(Warning::Unit { times: found.times, evidence: found.evidence });
-    }
-    let side = span.x.max(span.z);
-    let times = [10.0, 100.0, 1000.0].into_iter().find(|times| side * times >= SMALL_M)?;
-    (side < TINY_M).then_some(Warning::Tiny { span, times })
+fn other_unit(solids: &[[Vec3; 3]], nodes: &[Node], unit_m: f64) -> Option<Warning> {
+    let bounds = |node: &Node| Aabb::around(node.triangles.iter().flatten().copied());
+    let named: Vec<(&str, Aabb)> = nodes.iter().filter_map(|node| Some((node.name.as_str(), bounds(node)?))).collect();
+    let Suggestion { times, evidence } = units::suggest(solids, &named, unit_m)?;
+    Some(Warning::Unit { scale: unit_m * times, evidence })
 }
 
 /// What became of each node.

@@ -356,7 +356,7 @@ fn a_level_in_another_unit_is_asked_about() {
     let block = |side: f32| obj_box("a", [0.0, 0.0, 0.0], [side, 0.1 * side, side]);
     for (side, factor) in [(0.02, 1000.0), (0.3, 100.0), (3.0, 10.0)] {
         let times = obj(&block(side)).warnings.into_iter().find_map(|warning| match warning {
-            Warning::Tiny { times, .. } => Some(times),
+            Warning::Unit { scale, .. } => Some(scale),
             _ => None,
         });
         assert_eq!(times, Some(factor), "{side} m");
