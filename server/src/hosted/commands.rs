@@ -53,6 +53,11 @@ pub struct SpawnOrder {
     pub body: Option<CharacterProfile>,
 }
 
+/// Distance between two goals of an NPC up to which they are one target that moves: in metres, and as a share of the
+/// NPC's distance from the first. A plan to a goal that is farther away is of more use elsewhere too.
+const SAME_TARGET_M: f32 = 4.0;
+const SAME_TARGET_SHARE: f32 = 0.25;
+
 impl HostedWorld {
     /// Adds an NPC and sets its goal, if there is one. On an error, no NPC is added.
     pub fn spawn_to(&mut self, order: SpawnOrder, limit: usize, ticket: Ticket) -> Result<NpcId, NpcError> {
@@ -110,12 +115,16 @@ impl HostedWorld {
         Ok(())
     }
 
-    /// Sends an NPC to a goal, m; returns the number of the attempt that begins.
+    /// Sends an NPC to a goal, m; returns the number of the attempt that begins, or of the attempt under way if its goal
+    /// merely moves.
     pub fn set_goal(&mut self, id: NpcId, goal: Vec3) -> Result<u32, NpcError> {
         self.check_inside(goal, "goal")?;
         let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
         if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
             return Err(NpcError::Down(id));
+        }
+        if let Some(attempt) = self.move_goal(id, goal) {
+            return Ok(attempt);
         }
         self.log_replaced_attempt(id);
         let tick = self.tick();
@@ -128,6 +137,22 @@ impl HostedWorld {
         self.world.set_waypoint(record.slot, goal);
         self.log_event(id, EventKind::AttemptBegan { attempt, goal });
         Ok(attempt)
+    }
+
+    /// Moves the goal of the attempt under way and returns its number, if the new goal is near the present one. The
+    /// NPC keeps its plan, so that clients may follow a moving target with one call in each of their frames.
+    fn move_goal(&mut self, id: NpcId, goal: Vec3) -> Option<u32> {
+        let record = self.records.get_mut(&id)?;
+        let former = record.goal?;
+        let feet = self.world.npc(record.slot)?.body.feet;
+        if former.distance(goal) > SAME_TARGET_M.max(SAME_TARGET_SHARE * feet.distance(former)) {
+            return None;
+        }
+        record.goal = Some(goal);
+        if record.waypoint.is_none() {
+            self.world.set_waypoint(record.slot, goal);
+        }
+        Some(record.attempts)
     }
 
     /// Places an NPC at `position` (m) with heading `yaw` (rad), at rest and without a goal. Revives an NPC that is
