@@ -74,8 +74,8 @@ pub fn import_obj(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) 
     import(obj_in::read(bytes)?, sidecar, options)
 }
 
-/// Imports a level from a `.zip` of a glTF or an OBJ and the files that it refers to. A sidecar in it counts if there is
-/// no other.
+/// Imports a level from a `.zip` of a glTF or an OBJ and the files that it refers to. A sidecar in it counts if there
+/// is no other.
 ///
 /// # Errors
 /// Same as [`import_gltf`], or if the archive cannot be read or does not hold one level.

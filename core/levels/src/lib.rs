@@ -6,7 +6,8 @@
 //!
 //! Start reading at `import`: its pipeline calls `gltf_in` or `obj_in` (bytes to a scene of named nodes), `named` and
 //! `sidecar` (what the nodes stand for), `belongs` (what is no part of the level), `found` (pools, devices and movers)
-//! and `sides` (fronts and backs); `units` asks about another scale. `faults` has the errors and warnings, `report` what became of the nodes.
+//! and `sides` (fronts and backs); `units` asks about another scale. `faults` has the errors and warnings, `report`
+//! what became of the nodes.
 
 mod accessors;
 mod animated;

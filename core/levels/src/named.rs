@@ -9,8 +9,8 @@
 //! - `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end (`_from` works like
 //!   `:from`, for tools that do not allow colons).
 //! - What moves is described in `moving`.
-//! - Helpers are left out: `navmesh`, `trigger`, `occluder`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot), and
-//!   the simple colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
+//! - Helpers are left out: `navmesh`, `trigger`, `occluder`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot),
+//!   and the simple colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
 //!
 //! Features and their children are not solid. The position of a node without a mesh is its origin; with feature nodes
 //! below it, it is only a group.

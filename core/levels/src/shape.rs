@@ -38,7 +38,7 @@ pub(super) struct Shaper<'a> {
 struct Pose {
     /// The transform of each instance.
     instances: Vec<DMat4>,
-    /// The transform of each joint of a skin, which replaces that of the node.
+    /// The transform of each joint of a skin. They replace the node's own transform.
     joints: Option<Vec<DMat4>>,
     /// Weights of the morph targets.
     weights: Vec<f32>,

@@ -146,7 +146,7 @@ fn maps_of_release_0_2_are_read() {
     let (header, payload) = bytes.split_at(8 + 4 + 8 + 32);
     let (mut header, mut payload) = (header.to_vec(), payload.to_vec());
     // The spec comes first in the description. Its last 26 bytes are the kind, the densities of movers and the choice
-    // of repair. The last bytes of the description are the movers and the pieces, of which there are none, and the frame.
+    // of repair. The last bytes of the description are those of no movers and no pieces, and the frame.
     let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len();
     let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap());
     let frame_len = postcard::to_stdvec(map.frame()).unwrap().len();
