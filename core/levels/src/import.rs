@@ -163,7 +163,8 @@ fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Resul
     (geometry.turned_shells, geometry.turned_triangles) = (turned.shells, turned.triangles);
     let solids: Vec<[Vec3; 3]> = meshes.iter().flat_map(|triangles| triangles.iter()).copied().collect();
     let bounds = bounds(&solids, &found)?;
-    let place = Place::new(bounds, former).map_err(|span| too_large(span, &nodes, &is_solid))?;
+    let unit = if is_exported { None } else { other_unit(&solids, &nodes, options.scale) };
+    let place = Place::new(bounds, former).map_err(|span| too_large(span, &nodes, &is_solid, unit.clone()))?;
     frame.origin += place.shift.as_dvec3();
     let moved = |corners: &[Vec3; 3]| Triangle::new(corners.map(|corner| corner + place.shift), Surface::Ground);
     let triangles: Vec<Triangle> = solids.iter().filter_map(moved).collect();
@@ -174,9 +175,7 @@ fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Resul
     // Turned triangles make edges consistent.
     let inconsistent = if turned.triangles == 0 { geometry.inconsistent_edges } else { 0 };
     warnings.extend((inconsistent > 0).then_some(Warning::InconsistentEdges { count: inconsistent }));
-    if !is_exported {
-        warnings.extend(other_unit(&solids, &nodes, options.scale));
-    }
+    warnings.extend(unit);
     let flat_count = found.flat_pool_count();
     warnings.extend((flat_count > 0).then_some(Warning::FlatPools { count: flat_count }));
     warnings.extend(former.filter(|_| !place.is_former).map(|former| Warning::Outgrown { former }));
@@ -276,15 +275,18 @@ fn leave_out(
     belongs::apply(nodes, &findings);
 }
 
-/// The error about a level that is too large.
-fn too_large(span: Vec3, nodes: &[Node], is_solid: &[bool]) -> ImportError {
-    let advice = match belongs::largest(nodes, is_solid) {
-        Some(idx) => format!(
+/// The error about a level that is too large, for which another unit is asked about, or else a node named.
+fn too_large(span: Vec3, nodes: &[Node], is_solid: &[bool], unit: Option<Warning>) -> ImportError {
+    let advice = match (unit, belongs::largest(nodes, is_solid)) {
+        (Some(unit), _) => unit.to_string(),
+        (None, Some(idx)) => format!(
             "{} makes it so large; if it is no part of the level, list it under `nodes` as `leave_out` in the sidecar, \
              and if the level is in another unit than metres, use --scale",
             node_label(&nodes[idx].name, nodes[idx].file_idx)
         ),
-        None => "use --scale if it is in another unit than metres (0.01 for centimetres), or split it".to_owned(),
+        (None, None) => {
+            "use --scale if it is in another unit than metres (0.01 for centimetres), or split it".to_owned()
+        }
     };
     ImportError::TooLarge { span, advice }
 }

@@ -115,8 +115,8 @@ impl HostedWorld {
         Ok(())
     }
 
-    /// Sends an NPC to a goal, m; returns the number of the attempt that begins, or of the attempt under way if its goal
-    /// merely moves.
+    /// Sends an NPC to a goal, m; returns the number of the attempt that begins, or of the attempt under way if its
+    /// goal merely moves.
     pub fn set_goal(&mut self, id: NpcId, goal: Vec3) -> Result<u32, NpcError> {
         self.check_inside(goal, "goal")?;
         let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
