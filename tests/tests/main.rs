@@ -31,6 +31,7 @@ mod round_trips;
 mod security;
 mod shared;
 mod studio;
+mod targets;
 mod trust;
 mod untrusted;
 mod void;

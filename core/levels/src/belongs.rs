@@ -88,11 +88,11 @@ impl From<Look> for Reason {
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Sky => "a sky around the level",
-            Self::Backdrop => "a backdrop far outside the level",
-            Self::Far => "far from the rest of the level",
-            Self::Figure => "a figure by its name and its shape",
-            Self::Held => "held before a camera",
+            Self::Sky => "it is a sky around the level",
+            Self::Backdrop => "it is a backdrop far outside the level",
+            Self::Far => "it is far from the rest of the level",
+            Self::Figure => "it is a figure by its name and its shape",
+            Self::Held => "it is held before a camera",
         })
     }
 }
@@ -120,6 +120,14 @@ impl Finding {
         self.triangles.is_none() && matches!(self.verdict, Verdict::LeftOut(_))
     }
 
+    /// Why the node became what it did, for the report.
+    pub(super) fn reason(&self) -> String {
+        match self.verdict {
+            Verdict::LeftOut(reason) if self.is_whole() => reason.to_string(),
+            _ => self.text("it"),
+        }
+    }
+
     /// The warning, in which `label` names the node.
     pub(super) fn text(&self, label: &str) -> String {
         let what = match &self.triangles {
@@ -130,7 +138,7 @@ impl Finding {
             Verdict::LeftOut(reason) => format!("{what} left out: {reason}"),
             Verdict::Clipped(Bounds { low, high }) => {
                 let (width, depth) = (high.x - low.x, high.z - low.z);
-                format!("{what} clipped to {width:.0} x {depth:.0} m: a plane that reaches far beyond the level")
+                format!("{what} clipped to {width:.0} x {depth:.0} m: it is a plane that reaches far beyond the level")
             }
         }
     }

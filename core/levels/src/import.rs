@@ -265,12 +265,11 @@ fn leave_out(
     let findings = belongs::judge(nodes, &is_judged);
     for finding in &findings {
         let (node, report) = (&nodes[finding.node], &mut report[finding.node]);
-        let text = finding.text(&node_label(&node.name, node.file_idx));
-        report.reason.clone_from(&text);
+        report.reason = finding.reason();
         if finding.is_whole() {
             report.role = Role::LeftOut;
         }
-        warnings.push(Warning::LeftOut { text });
+        warnings.push(Warning::LeftOut { text: finding.text(&node_label(&node.name, node.file_idx)) });
     }
     belongs::apply(nodes, &findings);
 }

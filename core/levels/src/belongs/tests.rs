@@ -115,7 +115,7 @@ fn skies_are_left_out() {
         for times in [1.0, 100.0] {
             let nodes = moved(with(village(), [node("Object_7", sky.clone())]), at(50.0, 7.0, -1000.0), times);
             let own = Bounds::around(sky.iter().flatten().copied());
-            assert_eq!(texts(&nodes), ["Object_7 was left out: a sky around the level"], "{own:?}, {times}");
+            assert_eq!(texts(&nodes), ["Object_7 was left out: it is a sky around the level"], "{own:?}, {times}");
             let bounds = Bounds::around(village().iter().flat_map(|node| node.triangles.iter().flatten().copied()));
             let rest = remaining(joined(&nodes));
             assert!((rest.size() - times * bounds.size()).abs() < 1e-6, "{rest:?}");
@@ -127,7 +127,7 @@ fn skies_are_left_out() {
 fn a_sky_of_six_cards_is_left_out() {
     let cards = cuboid(DVec3::splat(-400.0), DVec3::splat(400.0));
     let cards = cards.chunks(2).map(|card| node("Plane", card.to_vec()));
-    assert_eq!(texts(&with(village(), cards)), ["Plane was left out: a backdrop far outside the level"; 6]);
+    assert_eq!(texts(&with(village(), cards)), ["Plane was left out: it is a backdrop far outside the level"; 6]);
 }
 
 #[test]
@@ -139,8 +139,8 @@ fn skies_within_skies_go_and_the_ground_between_is_clipped() {
         node("d", dome(900.0, 0.5)),
     ];
     let found = texts(&with(village(), outer));
-    let clipped = "c was clipped to 120 x 120 m: a plane that reaches far beyond the level";
-    let sky = |name: &str| format!("{name} was left out: a sky around the level");
+    let clipped = "c was clipped to 120 x 120 m: it is a plane that reaches far beyond the level";
+    let sky = |name: &str| format!("{name} was left out: it is a sky around the level");
     assert_eq!(found, [sky("a"), sky("b"), clipped.to_owned(), sky("d")]);
 }
 
@@ -153,14 +153,14 @@ fn the_name_of_a_sky_helps() {
     }
     // Ground reaches beyond the sky.
     let nodes = with(village(), [node("Terrain", hills(1500.0)), node("Skybox", dome(400.0, 0.0))]);
-    assert_eq!(texts(&nodes), ["Skybox was left out: a sky around the level"]);
+    assert_eq!(texts(&nodes), ["Skybox was left out: it is a sky around the level"]);
     // A bridge encloses nothing.
     let nodes = with(village(), [node("Sky_Bridge", cuboid(at(-60.0, 20.0, -3.0), at(60.0, 21.0, 3.0)))]);
     assert_eq!(texts(&nodes), [""; 0]);
     let parent = Node { name: "skybox".to_owned(), ..Node::default() };
     let below = Node { parent: Some(0), ..node("Object_3", dome(50.0, 0.4)) };
     let nodes = with(vec![parent, below], village());
-    assert_eq!(texts(&nodes), ["Object_3 was left out: a sky around the level"]);
+    assert_eq!(texts(&nodes), ["Object_3 was left out: it is a sky around the level"]);
 }
 
 /// A terrain of small triangles with hills, lowest in the middle.
@@ -236,7 +236,7 @@ fn platforms_float_in_a_sky() {
     };
     let nodes =
         with((0..20).map(platform).collect(), [node("Cube", cuboid(DVec3::splat(-120.0), DVec3::splat(120.0)))]);
-    assert_eq!(texts(&nodes), ["Cube was left out: a sky around the level"]);
+    assert_eq!(texts(&nodes), ["Cube was left out: it is a sky around the level"]);
 }
 
 #[test]
@@ -260,12 +260,12 @@ fn backdrops_are_left_out() {
         node("Card", quad([place(0.1, -30.0), place(0.1, 120.0), place(0.8, 120.0), place(0.8, -30.0)]))
     };
     let nodes = with(village(), (0..16).map(card));
-    assert_eq!(texts(&nodes), ["Card was left out: a backdrop far outside the level"; 16]);
+    assert_eq!(texts(&nodes), ["Card was left out: it is a backdrop far outside the level"; 16]);
     let clouds = with(village(), [node("Layer", plane(4000.0, 300.0))]);
-    assert_eq!(texts(&clouds), ["Layer was left out: a backdrop far outside the level"]);
+    assert_eq!(texts(&clouds), ["Layer was left out: it is a backdrop far outside the level"]);
     // A strip around the level, open above.
     let nodes = with(village(), [node("Horizon", turned(&[(2000.0, -50.0), (2000.0, 200.0)], 64))]);
-    assert_eq!(texts(&nodes), ["Horizon was left out: a backdrop far outside the level"]);
+    assert_eq!(texts(&nodes), ["Horizon was left out: it is a backdrop far outside the level"]);
 }
 
 #[test]
@@ -273,14 +273,14 @@ fn strays_are_left_out_by_their_triangles() {
     let stray = [at(9000.0, 0.0, 0.0), at(9000.1, 0.0, 0.0), at(9000.0, 0.0, 0.1)];
     let point = [at(0.0, -7000.0, 100.0); 3];
     let nodes = with(village(), [node("Debris", vec![stray, point])]);
-    assert_eq!(texts(&nodes), ["Debris was left out: far from the rest of the level"]);
+    assert_eq!(texts(&nodes), ["Debris was left out: it is far from the rest of the level"]);
     let one = joined(&nodes);
-    assert_eq!(texts(&one), ["2 triangles of Level were left out: far from the rest of the level"]);
+    assert_eq!(texts(&one), ["2 triangles of Level were left out: it is far from the rest of the level"]);
     assert_eq!(findings(&one)[0].triangles, Some(vec![120, 121]));
     assert_eq!(remaining(one).size(), remaining(village()).size());
     // One triangle of many things.
     let sky = node("Stuff", [dome(480.0, 0.0), vec![stray]].concat());
-    assert_eq!(texts(&with(village(), [sky])), ["Stuff was left out: a sky around the level"]);
+    assert_eq!(texts(&with(village(), [sky])), ["Stuff was left out: it is a sky around the level"]);
 }
 
 #[test]
@@ -303,7 +303,7 @@ fn figures_need_more_than_a_name() {
     let rig = vec![group("Hero"), figure("Body", Some(10), true), figure("Blade", Some(10), false)];
     assert_eq!(is_figure(last(rig)), 2);
     let held = last(vec![group("Camera"), figure("Arms", Some(10), true)]);
-    assert_eq!(held, ["Arms was left out: held before a camera"]);
+    assert_eq!(held, ["Arms was left out: it is held before a camera"]);
     assert_eq!(last(vec![group("Security_Camera"), figure("Mount", Some(10), false)]), [""; 0]);
     assert_eq!(last(vec![figure("weapon_rack", None, false)]), [""; 0]);
     // A bridge with bones is no figure, and neither is ground.
