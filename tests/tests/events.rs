@@ -65,12 +65,15 @@ async fn every_event_has_a_number_and_a_stream_can_be_resumed_after_any_of_them(
     let begin = stream.next().await.unwrap().unwrap();
     assert!(begin.events.is_empty() && begin.server_time.is_some(), "the stream says where it begins");
     let npc_id = spawn(&mut client, world_id, points[0]).await;
-    let request = wire::SetGoalRequest { npc_id, goal: Some(points[1]), ..Default::default() };
-    let attempts = [
-        client.set_goal(request).await.unwrap().into_inner().attempt,
-        client.set_goal(request).await.unwrap().into_inner().attempt,
-    ];
-    assert_eq!(attempts, [1, 2]);
+    // A goal elsewhere begins another attempt; the same goal does not.
+    let far = |part: f32| if part < 50.0 { 95.0 } else { 5.0 };
+    let elsewhere = wire::Vec3 { x: far(points[1].x), z: far(points[1].z), ..points[1] };
+    let mut attempts = Vec::new();
+    for goal in [points[1], points[1], elsewhere] {
+        let request = wire::SetGoalRequest { npc_id, goal: Some(goal), ..Default::default() };
+        attempts.push(client.set_goal(request).await.unwrap().into_inner().attempt);
+    }
+    assert_eq!(attempts, [1, 1, 2]);
     let teleport = wire::TeleportNpcRequest { npc_id, position: Some(points[1]), yaw: 0.0, ..Default::default() };
     client.teleport_npc(teleport).await.unwrap();
     client.despawn_npc(wire::DespawnNpcRequest { npc_id }).await.unwrap();

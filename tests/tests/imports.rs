@@ -271,13 +271,16 @@ async fn levels_are_imported_in_their_unit_with_their_axis_and_with_their_sides(
     let turned = take(0.02, wire::UpAxis::Z, false).await.unwrap();
     let size = turned.map.unwrap().size.unwrap();
     assert_eq!((size.width, size.height, size.depth), (44, 22, 24));
-    assert!(turned.warnings.iter().any(|warning| warning.contains("inside out")), "{:?}", turned.warnings);
+    assert_eq!(turned.geometry.unwrap().turned_shells, 1);
+    let [node] = &turned.nodes[..] else { panic!("one node, not {:?}", turned.nodes) };
+    assert_eq!((node.name.as_str(), node.role(), node.triangles), ("floor", wire::NodeRole::Solid, 12));
+    assert_eq!(node.high, Some(wire::Vec3d { x: 2000.0, y: 1000.0, z: 50.0 }), "in the level's own coordinates");
     let kept = take(0.02, wire::UpAxis::Z, true).await.unwrap();
-    assert_eq!(kept.warnings, [""; 0]);
+    assert_eq!((kept.warnings, kept.geometry.unwrap().turned_shells), (Vec::new(), 0));
     let lying = take(0.02, wire::UpAxis::Y, false).await.unwrap().map.unwrap().size.unwrap();
     assert_eq!((lying.height, lying.depth), (41, 5));
     let small = take(0.001, wire::UpAxis::Z, false).await.unwrap().warnings;
-    assert!(small.iter().any(|warning| warning.contains("10 times as large")), "{small:?}");
+    assert!(small.iter().any(|warning| warning.contains("did you mean a scale of 0.01")), "{small:?}");
     for scale in [-1.0, f32::NAN] {
         let refusal = take(scale, wire::UpAxis::Z, false).await.unwrap_err();
         assert!(refusal.message().contains("scale"), "{refusal}");

@@ -70,7 +70,7 @@ async fn an_npc_whose_goal_is_set_in_every_frame_stays_at_its_target() {
         stage.client.set_goal(goal).await.unwrap();
         calls += 1;
     };
-    assert!(last.state() != wire::NpcState::Down && calls > 200, "{last:?} after {calls} calls");
+    assert!(last.status() != wire::NpcStatus::Down && calls > 200, "{last:?} after {calls} calls");
     assert!(since_contact > calls / 2, "in contact for {since_contact} of {calls} frames");
     assert!(10 * near >= 8 * since_contact, "near in {near} of {since_contact} frames");
     worker.stop().await;

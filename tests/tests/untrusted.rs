@@ -124,10 +124,10 @@ fn input() -> impl Strategy<Value = Input> {
 }
 
 /// Most memory that a trial of `len` bytes may allocate at a time: for the decoded value, its encoding and decoding,
-/// and the trial's own worlds and tables; those of Draco's symbols take more than 1 MiB. A decoder that trusts an
+/// and the trial's own worlds and tables; those of Draco's symbols take up to 5 MiB. A decoder that trusts an
 /// unchecked count needs far more.
 fn most_memory(len: usize) -> u64 {
-    (4 << 20) + 16 * len as u64
+    (8 << 20) + 16 * len as u64
 }
 
 fn config() -> ProptestConfig {

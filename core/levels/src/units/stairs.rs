@@ -77,7 +77,8 @@ fn next_treads(flats: &[Flat]) -> Vec<Option<Step>> {
             let (x, z) = cell(flat, magnitude);
             // Cells of smaller pieces are smaller.
             let reach = if magnitude < own { 2 } else { 1 };
-            let around = (-reach..=reach).flat_map(move |dx| (-reach..=reach).map(move |dz| (x + dx, z + dz)));
+            let around = (-reach..=reach)
+                .flat_map(move |dx| (-reach..=reach).map(move |dz| (x.saturating_add(dx), z.saturating_add(dz))));
             around.map(move |place| (flat.faces_up, magnitude, place))
         });
         let treads = near.filter_map(|key| cells.get(&key)).flatten();
