@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 
 /// Version of the bitstream that the extension uses.
 const VERSION: [u8; 2] = [2, 2];
+/// Most triangles for each byte of compressed data. A flat grid takes a few bits for a hundred.
+const MOST_PER_BYTE: usize = 512;
 /// Flag of a header that metadata follows.
 const HAS_METADATA: u16 = 0x8000;
 /// Most bytes of the attributes of a mesh: normals and colours are decoded with the positions. Decoding attributes of
@@ -51,6 +53,7 @@ pub(super) struct DracoMesh {
 /// # Errors
 /// What is wrong with the bytes.
 pub(super) fn decode(bytes: &[u8], ids: &[u32], most: usize) -> Result<DracoMesh, &'static str> {
+    let most = most.min(MOST_PER_BYTE.saturating_mul(bytes.len()));
     check_header(bytes, most as u64)?;
     let limits = DecodeLimits::default().with_max_faces(most as u64).with_max_decoded_bytes(MAX_DECODED_BYTES);
     let mut mesh = Mesh::new();
