@@ -45,12 +45,12 @@ impl LevelFrame {
 
     /// A point of the map, in the level's own coordinates.
     pub fn to_level(&self, point: Vec3) -> DVec3 {
-        self.from_metres(point.as_dvec3() - self.origin)
+        self.level_units(point.as_dvec3() - self.origin)
     }
 
     /// A direction or velocity on the map, in the level's own coordinates.
     pub fn vector_to_level(&self, vector: Vec3) -> DVec3 {
-        self.from_metres(vector.as_dvec3())
+        self.level_units(vector.as_dvec3())
     }
 
     /// A point or vector of the level in metres, y up, about the level's own origin.
@@ -99,7 +99,7 @@ impl LevelFrame {
         format!("({:.digits$}, {:.digits$}, {:.digits$})", place.x, place.y, place.z)
     }
 
-    fn from_metres(&self, point: DVec3) -> DVec3 {
+    fn level_units(&self, point: DVec3) -> DVec3 {
         let point = point / self.scale;
         match self.up {
             UpAxis::Y => point,
