@@ -44,7 +44,13 @@ impl Crowd {
         request.set_timeout(WORLD_LIMIT);
         let created = client.create_world(request).await?.into_inner();
         let world = created.world.ok_or_else(|| Status::internal("the server returned no world"))?;
-        let request = wire::SampleGroundRequest { world_id: world.world_id, count: GROUND_POINTS, seed, body: None };
+        let request = wire::SampleGroundRequest {
+            world_id: world.world_id,
+            count: GROUND_POINTS,
+            seed,
+            body: None,
+            ..Default::default()
+        };
         let points = client.sample_ground(request).await?.into_inner().points;
         let mut crowd = Self { client, world, points, rng: ChaCha8Rng::seed_from_u64(seed) };
         let spawns: Vec<wire::Spawn> = (0..npc_count).map(|_| crowd.spawn()).collect();
@@ -112,10 +118,15 @@ impl Crowd {
                 NpcStatus::Seeking | NpcStatus::Unspecified => continue,
                 NpcStatus::Idle => {}
                 NpcStatus::Down => {
-                    teleports.push(wire::TeleportNpcRequest { npc_id, position: Some(self.point()), yaw: self.yaw() });
+                    teleports.push(wire::TeleportNpcRequest {
+                        npc_id,
+                        position: Some(self.point()),
+                        yaw: self.yaw(),
+                        ..Default::default()
+                    });
                 }
             }
-            goals.push(wire::SetGoalRequest { npc_id, goal: Some(self.point()) });
+            goals.push(wire::SetGoalRequest { npc_id, goal: Some(self.point()), ..Default::default() });
         }
         for teleports in teleports.chunks(BATCH) {
             let request = wire::BatchTeleportNpcsRequest { teleports: teleports.to_vec() };

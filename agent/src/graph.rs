@@ -173,6 +173,7 @@ impl Graphs {
                 policy_hash: self.policy_hash.clone(),
                 body: key.body,
                 pieces: key.pieces,
+                ..Default::default()
             },
             server_maps: MapServiceClient::new(server).max_decoding_message_size(MAX_MESSAGE_BYTES),
             planner_maps: MapServiceClient::new(streams).max_encoding_message_size(MAX_MESSAGE_BYTES),
@@ -244,7 +245,12 @@ impl Graph {
     /// Requests plans on the graph `graph_id`; on a failure there are none.
     pub async fn find_paths(&self, graph_id: String, queries: &[Query], traffic: Option<&Traffic>) -> Plans {
         let queries = queries.iter().map(plans::query_to_wire).collect();
-        let request = planner::FindPathsRequest { graph_id, queries, traffic: traffic.map(plans::traffic_to_wire) };
+        let request = planner::FindPathsRequest {
+            graph_id,
+            queries,
+            traffic: traffic.map(plans::traffic_to_wire),
+            ..Default::default()
+        };
         let mut client = self.client.clone();
         let answer = tokio::time::timeout(PLAN_LIMIT, client.find_paths(request)).await;
         let planner::FindPathsResponse { plans, revision, interim } = match answer {

@@ -198,7 +198,10 @@ impl WorldTask {
             let follower = Follower::new(seen.goal, config);
             self.npcs.insert(seen.id, Npc::begin(seen.attempt, follower, self.policy.memory_len(), noise));
         }
-        self.npc(seen.id).feet = seen.feet;
+        let is_grounded = seen.is_grounded;
+        let npc = self.npc(seen.id);
+        npc.feet = seen.feet;
+        npc.follow_goal(seen.goal, is_grounded, seen.has_reached);
     }
 
     /// Lets an NPC watch the movers of its world.

@@ -248,11 +248,13 @@ fn render(command: &Command, name: &str, values: &ArgMatches) -> String {
 }
 
 fn line(key: &str, arg: &Arg, values: &ArgMatches) -> String {
-    let value = values.get_raw(arg.get_id().as_str()).and_then(|mut raw| raw.next());
-    match value {
+    let given = values.get_raw(arg.get_id().as_str()).into_iter().flatten();
+    let given: Vec<_> = given.map(|value| value.to_string_lossy()).collect();
+    // Flags that take several values split one at its commas.
+    match (!given.is_empty()).then(|| given.join(",")) {
         None => format!("# {key} is not set\n"),
         Some(_) if SECRETS.contains(&key) => format!("# {key} = \"***\"\n"),
-        Some(value) => format!("{key} = {}\n", literal(&value.to_string_lossy())),
+        Some(value) => format!("{key} = {}\n", literal(&value)),
     }
 }
 

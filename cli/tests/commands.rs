@@ -286,7 +286,7 @@ fn faulty_levels_and_files_are_refused_with_one_clear_line() {
     for (args, words) in [
         (vec!["map", "import", &empty, "--out", &out], "cannot import"),
         (vec!["map", "import", &text, "--out", &out], "cannot import"),
-        (vec!["map", "import", &odd, "--out", &out], "is not a .glb, .gltf or .obj"),
+        (vec!["map", "import", &odd, "--out", &out], "is not a .glb, .gltf, .obj or .zip"),
         (vec!["map", "show", &map], "cannot use"),
         (vec!["map", "show", "nowhere"], "neither a seed nor a file"),
         (vec!["map", "replay", &map], "not a recording"),

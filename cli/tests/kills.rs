@@ -67,7 +67,13 @@ async fn every_world_that_was_saved_is_restored_after_any_kill() {
             assert!(world_id > greatest, "no id is used again");
             greatest = world_id;
             let points = client
-                .sample_ground(wire::SampleGroundRequest { world_id, count: 2, seed: 1, body: None })
+                .sample_ground(wire::SampleGroundRequest {
+                    world_id,
+                    count: 2,
+                    seed: 1,
+                    body: None,
+                    ..Default::default()
+                })
                 .await
                 .unwrap();
             let spawn = |at: &wire::Vec3| wire::Spawn { position: Some(*at), yaw: 0.0, goal: None, body: None };
@@ -133,7 +139,11 @@ async fn every_edit_that_was_acknowledged_is_there_after_any_kill_and_the_graph_
         }
         assert_eq!(last.stage(), BuildStage::Done, "{last:?}");
         let graph_id = last.graph_id;
-        let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
+        let graph = client
+            .get_graph(plan::GetGraphRequest { graph_id: graph_id.clone(), ..Default::default() })
+            .await
+            .unwrap()
+            .into_inner();
         // Repeated with its id, the edit that was under way at the kill is there once, whether or not it had been
         // stored.
         if let Some(request) = unanswered.take() {
@@ -141,8 +151,11 @@ async fn every_edit_that_was_acknowledged_is_there_after_any_kill_and_the_graph_
             client.append_edits(request).await.unwrap();
             *expected.entry(name).or_default() += 1;
         }
-        let layers =
-            client.get_layers(plan::GetLayersRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
+        let layers = client
+            .get_layers(plan::GetLayersRequest { graph_id: graph_id.clone(), ..Default::default() })
+            .await
+            .unwrap()
+            .into_inner();
         let found: BTreeMap<String, usize> =
             layers.layers.iter().map(|layer| (layer.name.clone(), layer.edits.len())).collect();
         assert_eq!(found, expected, "after kill {kill}");

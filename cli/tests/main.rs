@@ -5,5 +5,6 @@ mod config;
 mod drain;
 mod graphs;
 mod kills;
+mod levels;
 mod memory;
 mod restarts;

@@ -115,6 +115,7 @@ async fn answers_that_are_kept_for_repeated_calls() {
         world_id,
         spawns: vec![wire::Spawn::default(); 4096],
         request_id: id.to_string(),
+        ..Default::default()
     };
     let first = client.batch_spawn_npcs(spawn(0)).await.unwrap().into_inner().results;
     let again = client.batch_spawn_npcs(spawn(0)).await.unwrap().into_inner().results;

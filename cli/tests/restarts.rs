@@ -52,7 +52,7 @@ impl Scene {
         let request =
             wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into(), ..Default::default() };
         let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-        let request = wire::SampleGroundRequest { world_id, count: 100, seed: 3, body: None };
+        let request = wire::SampleGroundRequest { world_id, count: 100, seed: 3, body: None, ..Default::default() };
         let points = client.sample_ground(request).await.unwrap().into_inner().points;
         for point in &points[..NPCS] {
             let request = wire::SpawnNpcRequest { world_id, position: Some(*point), ..Default::default() };
@@ -75,11 +75,19 @@ impl Scene {
         let mut wanted: Vec<(u64, u32)> = Vec::new();
         for npc in self.npcs(&mut client).await {
             if npc.status() == NpcStatus::Down {
-                let request = wire::TeleportNpcRequest { npc_id: npc.npc_id, position: Some(self.points[0]), yaw: 0.0 };
+                let request = wire::TeleportNpcRequest {
+                    npc_id: npc.npc_id,
+                    position: Some(self.points[0]),
+                    yaw: 0.0,
+                    ..Default::default()
+                };
                 client.teleport_npc(request).await.unwrap();
             }
             let goal = self.goal_near(npc.position.unwrap());
-            client.set_goal(wire::SetGoalRequest { npc_id: npc.npc_id, goal: Some(goal) }).await.unwrap();
+            client
+                .set_goal(wire::SetGoalRequest { npc_id: npc.npc_id, goal: Some(goal), ..Default::default() })
+                .await
+                .unwrap();
             wanted.push((npc.npc_id, npc.attempts_begun + 1));
         }
         assert_eq!(wanted.len(), NPCS, "all of them are still there");

@@ -5,7 +5,6 @@ use surefoot_net::levels::LevelError;
 use surefoot_planner::edits::LayerError;
 use surefoot_planner::store::{StoreError, StoreErrorKind};
 use surefoot_planner::{BuildError, VertexId};
-use surefoot_world::Vec3;
 
 /// Why a build of another planner failed, as the contracts name it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,12 +64,9 @@ pub enum PlannerError {
     BadReceipt,
     #[error("{field} has {found} {what}; at most {limit} are allowed in {scope}")]
     TooManyEdits { field: &'static str, found: usize, what: &'static str, limit: usize, scope: &'static str },
-    #[error(
-        "{field} is ({:.1}, {:.1}, {:.1}), more than {MARGIN_M} m outside the map, \
-         which reaches from 0 to ({}, {}, {})",
-        point.x, point.y, point.z, extent.x, extent.y, extent.z
-    )]
-    OutsideMap { field: &'static str, point: Vec3, extent: Vec3 },
+    /// Place and span are for people.
+    #[error("{field} is {place}: more than {MARGIN_M} m outside the map, which spans {span}")]
+    OutsideMap { field: &'static str, place: String, span: String },
     /// The layers of the level cannot be read. Without them, plans could use forbidden edges.
     #[error("no plans are made on this level, because its layers cannot be read: {0}")]
     LayersUnreadable(String),

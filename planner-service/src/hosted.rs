@@ -16,6 +16,7 @@ use surefoot_planner::live::{Counts, LiveEvidence, Reported, Reporter, Traversal
 use surefoot_planner::store::{Call, LevelId, Receipt};
 use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, Traffic, VertexId};
 use surefoot_world::Vec3;
+use surefoot_world::map::LevelFrame;
 use tokio::sync::watch;
 
 /// Largest number of traversals that wait to be stored. Further ones count only in this process.
@@ -181,6 +182,11 @@ impl Hosted {
         self.view().refusal.clone().map_or(Ok(()), Err)
     }
 
+    /// How the coordinates of the level relate to the map's, as they were when the graph was made.
+    pub fn frame(&self) -> LevelFrame {
+        self.origin.source.base().frame()
+    }
+
     /// Checks that a point lies in the map or within [`MARGIN_M`] of it; `field` names it.
     pub fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), PlannerError> {
         let extent = self.origin.extent;
@@ -188,7 +194,8 @@ impl Hosted {
         if point.cmpge(low).all() && point.cmple(high).all() {
             return Ok(());
         }
-        Err(PlannerError::OutsideMap { field, point, extent })
+        let frame = self.frame();
+        Err(PlannerError::OutsideMap { field, place: frame.describe(point), span: frame.describe_span(extent) })
     }
 
     /// Returns a receiver that is notified whenever plans may change, and closed when the graph is dropped.

@@ -160,10 +160,12 @@ struct WantedChange {
 /// could not be applied.
 fn answer_of(hosted: &Hosted, prepared: &Prepared, call: Option<&Call>) -> (Vec<u8>, Option<Receipt>) {
     let (figures, unapplied, revision) = hosted.preview(prepared);
-    let answer = wire::changed(&figures, &unapplied, revision);
+    let frame = hosted.frame();
+    let answer = wire::changed(&figures, (&unapplied, &frame), revision);
     let receipt = call.cloned().map(|call| {
         let is_short = answer.len() <= MAX_ANSWER_BYTES;
-        Receipt { call, answer: if is_short { answer.clone() } else { wire::changed(&figures, &[], revision) } }
+        let short = || wire::changed(&figures, (&[], &frame), revision);
+        Receipt { call, answer: if is_short { answer.clone() } else { short() } }
     });
     (answer, receipt)
 }

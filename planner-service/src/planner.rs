@@ -25,6 +25,7 @@ use surefoot_planner::reachability::{self, Difference};
 use surefoot_planner::{GraphId, Plan, Query, Traffic, VertexId};
 use surefoot_policy::Policy;
 use surefoot_rollout::probe::{self, ProbeContext};
+use surefoot_world::map::LevelFrame;
 use surefoot_world::{Seed, Vec3};
 use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
@@ -145,9 +146,17 @@ impl Planner {
         hosted.plans_in(traffic, queries)
     }
 
+    /// How the coordinates of a graph's level relate to its map's.
+    pub fn frame_of(&self, hosted: &Hosted) -> LevelFrame {
+        self.levels().frame_of(hosted.origin.source.base())
+    }
+
     pub async fn compare(&self, before: Arc<Hosted>, after: Arc<Hosted>) -> Result<Difference, PlannerError> {
+        let frames = [self.frame_of(&before), self.frame_of(&after)];
         let task = spawn_blocking(move || {
-            before.with_graph(|before| after.with_graph(|after| reachability::compare(before, after)))
+            before.with_graph(|before| {
+                after.with_graph(|after| reachability::compare_levels((before, &frames[0]), (after, &frames[1])))
+            })
         });
         task.await.map_err(PlannerError::lost("the comparison"))
     }

@@ -18,11 +18,13 @@ use surefoot_planner::reachability::Difference;
 use surefoot_planner::settings::MAX_VERTICES;
 use surefoot_planner::{BuildSettings, Edge, Placement, Probing, RawBuildSettings, Traffic};
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::coordinates::CallFrame;
 use surefoot_proto::pieces::piece_to_wire;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::plans::{MAX_CROWDS, needs_to_wire, settings_to_wire};
 use surefoot_proto::reason::Reason;
-use surefoot_proto::world::v1::MapSpec;
+use surefoot_proto::world::v1::{self as world, MapSpec};
+use surefoot_world::map::LevelFrame;
 use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
 use tonic::Status;
 
@@ -47,6 +49,7 @@ pub fn recipe((source, body, settings): (&MapSource, &CharacterProfile, &BuildSe
         policy_hash: String::new(),
         body: Some(convert::body_to_wire(body)),
         pieces: source.pieces().iter().map(piece_to_wire).collect(),
+        coordinates: world::Coordinates::Unspecified.into(),
     };
     request.encode_to_vec()
 }
@@ -73,7 +76,8 @@ pub async fn wanted(
         _ => None,
     };
     let made = grpc::source(levels, request.map.as_ref(), &request.map_hash)?;
-    let source = grpc::with_pieces(made, &request.pieces)?;
+    let frame = CallFrame::of(request.coordinates, || Ok::<_, FieldError>(made.frame()))?;
+    let source = grpc::with_pieces(made, &frame.to_map(request.pieces.clone()))?;
     let settings = settings_from_wire(request.settings.as_ref(), config)?;
     let body = convert::body(request.body.as_ref())?;
     Ok((source, body, settings))
@@ -216,21 +220,22 @@ fn edit_to_wire(edit: &Edit) -> wire::Edit {
     wire::Edit { edit: Some(edit) }
 }
 
-pub fn unapplied_to_wire(unapplied: &[Unapplied]) -> Vec<wire::UnappliedEdit> {
+/// Converts edits that could not be applied to a level with this frame.
+pub fn unapplied_to_wire(unapplied: &[Unapplied], frame: &LevelFrame) -> Vec<wire::UnappliedEdit> {
     unapplied
         .iter()
         .map(|unapplied| wire::UnappliedEdit {
             layer: unapplied.layer.clone(),
             index: unapplied.index as u32,
-            reason: unapplied.reason.to_string(),
+            reason: unapplied.reason.describe(frame),
         })
         .collect()
 }
 
 /// Encodes the answer to a change of layers. The responses of PutLayer, AppendEdits and UndoEdits have the same fields.
-pub fn changed(figures: &Figures, unapplied: &[Unapplied], revision: Revision) -> Vec<u8> {
+pub fn changed(figures: &Figures, (unapplied, frame): (&[Unapplied], &LevelFrame), revision: Revision) -> Vec<u8> {
     let summary = Some(summary_to_wire(figures));
-    let (unapplied, revision) = (unapplied_to_wire(unapplied), revision_to_wire(revision));
+    let (unapplied, revision) = (unapplied_to_wire(unapplied, frame), revision_to_wire(revision));
     wire::PutLayerResponse { summary, unapplied, revision }.encode_to_vec()
 }
 

@@ -3,9 +3,11 @@
 //!
 //! The `.proto` files in this crate document shapes, units, ranges and errors. [`convert`] converts the types of the
 //! world, [`plans`] those of planners, workers and clients. The file `wire.rs` of a service converts types that no
-//! other service uses. [`reason`] lists the machine-readable reasons of errors.
+//! other service uses. [`coordinates`] converts places of levels. [`reason`] lists the machine-readable reasons of
+//! errors.
 
 pub mod convert;
+pub mod coordinates;
 pub mod pieces;
 pub mod plans;
 pub mod reason;

@@ -4,7 +4,8 @@
 //! cargo run -p e2e --example corpus
 //! ```
 //!
-//! Inputs that once caused a failure are kept beside them under other names.
+//! Inputs that once caused a failure are kept beside them under other names. Those that meshoptimizer and Draco
+//! compressed are written by `core/levels/tests/fixtures/make.mjs`.
 
 #[path = "../../tools/fuzz/src/lib.rs"]
 mod untrusted;
@@ -117,7 +118,10 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
             wire::SpawnNpcRequest { world_id: 1, position: at(1.0, 2.0, 3.0), yaw: 0.5, ..Default::default() }
                 .encode_to_vec(),
         ),
-        ("set_goal", wire::SetGoalRequest { npc_id: npc_ids[0], goal: at(9.0, 2.0, 9.0) }.encode_to_vec()),
+        (
+            "set_goal",
+            wire::SetGoalRequest { npc_id: npc_ids[0], goal: at(9.0, 2.0, 9.0), ..Default::default() }.encode_to_vec(),
+        ),
         ("watch_world", wire::WatchWorldRequest { world_id: 1, rate_hz: 10.0, ..Default::default() }.encode_to_vec()),
         ("hello", work(wire::work_request::Message::Hello(hello))),
         ("answer", work(actions(answer([0.5, -0.5, 1.0, 0.0, 1.0, 2.0, 0.0, -1.0])))),
@@ -164,7 +168,13 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
         ("start_build", plan::StartBuildRequest { map: Some(spec()), settings, ..Default::default() }.encode_to_vec()),
         (
             "find_paths",
-            plan::FindPathsRequest { graph_id: graph_id.clone(), queries: vec![query], traffic: None }.encode_to_vec(),
+            plan::FindPathsRequest {
+                graph_id: graph_id.clone(),
+                queries: vec![query],
+                traffic: None,
+                ..Default::default()
+            }
+            .encode_to_vec(),
         ),
         ("plan", plan::FindPathResponse { plan: Some(plan_to_wire(&found)), interim: false }.encode_to_vec()),
         (

@@ -147,7 +147,8 @@ async fn follow(servers: Vec<String>, world_id: u64, told: Arc<Mutex<Told>>) {
 async fn read_from(address: &str, world_id: u64, cursor: &mut wire::EventCursor, told: &Mutex<Told>) -> Status {
     let reading = async {
         let mut client = WorldServiceClient::new(dial(address).await?);
-        let request = wire::WatchEventsRequest { world_id, after: Some(*cursor), npc_ids: Vec::new() };
+        let request =
+            wire::WatchEventsRequest { world_id, after: Some(*cursor), npc_ids: Vec::new(), ..Default::default() };
         let mut stream = client.watch_events(request).await?.into_inner();
         while let Some(message) = stream.message().await? {
             *cursor = message.cursor.unwrap_or(*cursor);

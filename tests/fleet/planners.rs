@@ -124,7 +124,7 @@ pub(super) async fn build(client: &mut Client, request: &wire::StartBuildRequest
 
 /// A graph, without what may differ between planners: how long its build took, and whether it was loaded.
 pub(super) async fn graph(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
-    let request = wire::GetGraphRequest { graph_id: graph_id.to_owned() };
+    let request = wire::GetGraphRequest { graph_id: graph_id.to_owned(), ..Default::default() };
     let mut graph = client.get_graph(request).await.unwrap().into_inner();
     let summary = graph.summary.as_mut().unwrap();
     (summary.build_s, summary.cached) = (0.0, false);
@@ -140,7 +140,7 @@ pub(super) async fn ends(client: &mut Client, graph_id: &str) -> (Vec3, Vec3) {
 
 fn find(graph_id: &str, (start, goal): (Vec3, Vec3)) -> wire::FindPathRequest {
     let query = wire::PathQuery { start: Some(start), goal: Some(goal), ..Default::default() };
-    wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query) }
+    wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query), ..Default::default() }
 }
 
 /// An edit that differs from all others by its number.
@@ -159,7 +159,11 @@ pub(super) fn append(graph_id: &str, edit: wire::Edit) -> wire::AppendEditsReque
 }
 
 pub(super) async fn layers(client: &mut Client, graph_id: &str) -> wire::GetLayersResponse {
-    client.get_layers(wire::GetLayersRequest { graph_id: graph_id.to_owned() }).await.unwrap().into_inner()
+    client
+        .get_layers(wire::GetLayersRequest { graph_id: graph_id.to_owned(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner()
 }
 
 /// The numbers of all edits.
@@ -325,7 +329,8 @@ async fn graphs_and_levels_are_loaded_on_a_miss() {
     let mut late = client(&third).await;
     assert_eq!(build(&mut late, &of_level).await.unwrap(), imported);
     assert_eq!(edits(&mut late, &imported).await, [7]);
-    let absent = late.get_graph(wire::GetGraphRequest { graph_id: "0".repeat(64) }).await.unwrap_err();
+    let absent =
+        late.get_graph(wire::GetGraphRequest { graph_id: "0".repeat(64), ..Default::default() }).await.unwrap_err();
     assert_eq!(Reason::of(&absent), Some(Reason::GraphNotFound));
     // What pieces make of a map follows from its graph, on any planner.
     let at = ends(&mut builds, &plain).await.0;
@@ -549,7 +554,11 @@ async fn while_the_blobs_are_away_builds_wait_or_fail_and_nothing_is_published()
     assert!(graph(&mut loads, &id).await == fleet.built_alone(&request(91)).await);
     relay.refuse();
     let third = fleet.planner("third", &env);
-    let refused = client(&third).await.get_graph(wire::GetGraphRequest { graph_id: id.clone() }).await.unwrap_err();
+    let refused = client(&third)
+        .await
+        .get_graph(wire::GetGraphRequest { graph_id: id.clone(), ..Default::default() })
+        .await
+        .unwrap_err();
     assert_eq!(refused.code(), Code::Unavailable, "{refused}");
     assert_eq!(third.metric("surefoot_graphs_built_total"), Some(0.0), "a graph that exists is not built again");
     let query = ends(&mut loads, &id).await;

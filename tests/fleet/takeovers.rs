@@ -199,7 +199,7 @@ async fn flood(channel: Channel, asked: Arc<AtomicU64>, count: u64) -> u64 {
         // No two are equal, and none exists.
         let id = (1 << 62) + turn.wrapping_mul(0x9e37_79b9_7f4a_7c15) % (1 << 62);
         let refused = match turn % 8 {
-            0 => worlds.get_npc(wire::GetNpcRequest { npc_id: id }).await.map(drop),
+            0 => worlds.get_npc(wire::GetNpcRequest { npc_id: id, ..Default::default() }).await.map(drop),
             1 => worlds.get_world(wire::GetWorldRequest { world_id: id }).await.map(drop),
             2 => directory.list_servers(wire::ListServersRequest {}).await.map(drop),
             _ => directory.locate_world(wire::LocateWorldRequest { world_id: id }).await.map(drop),

@@ -99,7 +99,7 @@ async fn graph_of(planner: &Surefoot, graph_id: &str) -> Graph {
     let mut client = PlannerServiceClient::new(planner.connect().await).max_decoding_message_size(1 << 26);
     let since = Instant::now();
     loop {
-        match client.get_graph(plan::GetGraphRequest { graph_id: graph_id.to_owned() }).await {
+        match client.get_graph(plan::GetGraphRequest { graph_id: graph_id.to_owned(), ..Default::default() }).await {
             Ok(answer) => {
                 let plan::GetGraphResponse { vertices, islands, edges, .. } = answer.into_inner();
                 return Graph { vertices, islands, edges };
@@ -246,7 +246,11 @@ async fn forbid(client: &mut PlannerServiceClient<ReplicaLink>, graph_id: &str, 
 /// Number of edits of the level of a graph, as this planner knows them; `None` while it cannot say.
 async fn edits_at(planner: &Surefoot, graph_id: &str) -> Option<usize> {
     let mut client = PlannerServiceClient::new(planner.connect().await);
-    let layers = client.get_layers(plan::GetLayersRequest { graph_id: graph_id.to_owned() }).await.ok()?.into_inner();
+    let layers = client
+        .get_layers(plan::GetLayersRequest { graph_id: graph_id.to_owned(), ..Default::default() })
+        .await
+        .ok()?
+        .into_inner();
     Some(layers.layers.iter().map(|layer| layer.edits.len()).sum())
 }
 
@@ -309,7 +313,7 @@ async fn a_planner_that_is_cut_off_goes_on_with_what_it_has_and_catches_up() {
         goal: Some(graph.vertices[graph.vertices.len() - 1]),
         ..Default::default()
     };
-    let request = plan::FindPathRequest { graph_id: id.clone(), query: Some(query) };
+    let request = plan::FindPathRequest { graph_id: id.clone(), query: Some(query), ..Default::default() };
     alone.find_path(request.clone()).await.expect("plans on what is in memory go on");
     let ends = plan::EdgeEdit {
         from: Some(graph.vertices[graph.edges[0].from as usize]),
@@ -359,7 +363,8 @@ async fn an_upgrade_of_one_planner_after_the_other_fails_no_plan() {
                     let at = |idx: u64| Some(vertices[(idx % vertices.len() as u64) as usize]);
                     let query = plan::PathQuery { start: at(plans), goal: at(plans / 7 + 3), ..Default::default() };
                     let started = Instant::now();
-                    let request = plan::FindPathRequest { graph_id: id.clone(), query: Some(query) };
+                    let request =
+                        plan::FindPathRequest { graph_id: id.clone(), query: Some(query), ..Default::default() };
                     client.find_path(request).await.unwrap_or_else(|status| panic!("plan {plans} failed: {status}"));
                     longest_ms.fetch_max(started.elapsed().as_millis() as u64, Ordering::Relaxed);
                     plans += 1;
@@ -373,7 +378,7 @@ async fn an_upgrade_of_one_planner_after_the_other_fails_no_plan() {
         let channel = planner.connect().await;
         // As an orchestrator does, it goes on when the new one is ready.
         let mut client = PlannerServiceClient::new(channel);
-        let request = plan::GetGraphRequest { graph_id: id.clone() };
+        let request = plan::GetGraphRequest { graph_id: id.clone(), ..Default::default() };
         client.get_graph(request).await.expect("the new one loads the graph");
     }
     is_over.store(true, Ordering::Relaxed);

@@ -78,7 +78,11 @@ async fn try_build(planner: &Surefoot, request: wire::StartBuildRequest) -> Opti
         last = state.build?;
     }
     assert_eq!(last.stage(), wire::BuildStage::Done, "{:?}", last.failure);
-    let graph = client.get_graph(wire::GetGraphRequest { graph_id: last.graph_id.clone() }).await.ok()?.into_inner();
+    let graph = client
+        .get_graph(wire::GetGraphRequest { graph_id: last.graph_id.clone(), ..Default::default() })
+        .await
+        .ok()?
+        .into_inner();
     assert!(graph.edges.len() > 20, "a graph worth comparing");
     Some(format!("{} {:?} {:?} {:?}", last.graph_id, graph.vertices, graph.islands, graph.edges))
 }

@@ -128,7 +128,8 @@ fn distance(a: wire::Vec3, b: wire::Vec3) -> f32 {
 impl Game {
     async fn begin(client: &mut WorldServiceClient<Channel>, npc_count: u32) -> Self {
         let world_id = create_world(client).await;
-        let sample = wire::SampleGroundRequest { world_id, count: npc_count.max(64), seed: 1, body: None };
+        let sample =
+            wire::SampleGroundRequest { world_id, count: npc_count.max(64), seed: 1, body: None, ..Default::default() };
         let places = client.sample_ground(sample).await.expect("ground").into_inner().points;
         let mut game = Self { world_id, places, set: BTreeSet::new(), turn: 0 };
         for idx in 0..npc_count as usize {
@@ -179,11 +180,11 @@ impl Game {
             let (Some(position), npc_id) = (npc.position, npc.npc_id) else { continue };
             match npc.status() {
                 wire::NpcStatus::Idle if !is_last => {
-                    goals.push(wire::SetGoalRequest { npc_id, goal: Some(self.near(position)) });
+                    goals.push(wire::SetGoalRequest { npc_id, goal: Some(self.near(position)), ..Default::default() });
                 }
                 // The goal that it has is replaced, and the new one reached at once.
                 wire::NpcStatus::Seeking if is_last => {
-                    goals.push(wire::SetGoalRequest { npc_id, goal: Some(position) });
+                    goals.push(wire::SetGoalRequest { npc_id, goal: Some(position), ..Default::default() });
                 }
                 _ => {}
             }
@@ -204,7 +205,7 @@ impl Game {
         let npc_id = self.spawn_one(client).await;
         let mut waits = Vec::with_capacity(count);
         for _ in 0..count {
-            let order = wire::SetGoalRequest { npc_id, goal: Some(self.places[1]) };
+            let order = wire::SetGoalRequest { npc_id, goal: Some(self.places[1]), ..Default::default() };
             let since = Instant::now();
             let attempt = client.set_goal(order).await.expect("an answer").into_inner().attempt;
             waits.push(since.elapsed());
@@ -305,7 +306,7 @@ async fn a_server_that_was_stopped_past_its_lease_neither_writes_nor_serves() {
     let npc_id = *game.npcs(&mut there).await.keys().next().expect("an NPC");
     fleet.servers[0].process.signal("CONT");
     // The connection is the old one: what it is asked first, it is asked as it wakes.
-    let order = wire::SetGoalRequest { npc_id, goal: Some(game.places[0]) };
+    let order = wire::SetGoalRequest { npc_id, goal: Some(game.places[0]), ..Default::default() };
     let refused = client.set_goal(order).await.expect_err("it is not its world any more");
     let reason = Reason::of(&refused);
     assert!(matches!(reason, Some(Reason::WorldElsewhere | Reason::WorldMoving | Reason::NotConfirmed)), "{refused}");
@@ -313,7 +314,8 @@ async fn a_server_that_was_stopped_past_its_lease_neither_writes_nor_serves() {
         let mut client = client.clone();
         let there = &uris[1];
         async move {
-            let refused = client.get_npc(wire::GetNpcRequest { npc_id }).await.expect_err("not its world");
+            let refused =
+                client.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await.expect_err("not its world");
             refused.code() == Code::NotFound && address_of(&refused).as_ref() == Some(there)
         }
     })
@@ -468,7 +470,7 @@ async fn worlds_go_on_while_the_database_restarts_and_nobody_takes_them() {
     })
     .await;
     let npc_id = *game.npcs(&mut client).await.keys().next().expect("an NPC");
-    let order = wire::SetGoalRequest { npc_id, goal: Some(game.places[1]) };
+    let order = wire::SetGoalRequest { npc_id, goal: Some(game.places[1]), ..Default::default() };
     let unconfirmed = client.set_goal(order).await.expect_err("the change is not durable");
     assert_eq!(Reason::of(&unconfirmed), Some(Reason::NotConfirmed), "{unconfirmed}");
     fleet.postgres.start_again();

@@ -229,7 +229,7 @@ pub async fn create_world(client: &mut WorldServiceClient<Channel>, seed: u64, m
 
 /// Random points on the ground of a world.
 pub async fn ground(client: &mut WorldServiceClient<Channel>, world_id: u64, count: u32) -> Vec<world::Vec3> {
-    let request = world::SampleGroundRequest { world_id, count, seed: 1, body: None };
+    let request = world::SampleGroundRequest { world_id, count, seed: 1, body: None, ..Default::default() };
     client.sample_ground(request).await.expect("ground").into_inner().points
 }
 
@@ -298,7 +298,7 @@ pub async fn spawn(client: &mut WorldServiceClient<Channel>, world_id: u64, at: 
 
 /// Sends an NPC to a goal.
 pub async fn set_goal(client: &mut WorldServiceClient<Channel>, npc_id: u64, goal: world::Vec3) {
-    client.set_goal(world::SetGoalRequest { npc_id, goal: Some(goal) }).await.unwrap();
+    client.set_goal(world::SetGoalRequest { npc_id, goal: Some(goal), ..Default::default() }).await.unwrap();
 }
 
 /// Watches a world until `done` accepts a snapshot, and returns it.
@@ -361,7 +361,8 @@ pub async fn follow_until_planned(
                 return plan;
             }
             if step.npc.expect("an NPC").status() != world::NpcStatus::Seeking {
-                let teleport = world::TeleportNpcRequest { npc_id, position: Some(start), yaw: 0.0 };
+                let teleport =
+                    world::TeleportNpcRequest { npc_id, position: Some(start), yaw: 0.0, ..Default::default() };
                 client.teleport_npc(teleport).await.expect("a place on the map");
                 set_goal(client, npc_id, goal).await;
             }

@@ -45,7 +45,13 @@ impl Stage {
     /// Tells a mover where to go.
     pub async fn order(&mut self, name: &str, r#where: Where) -> wire::MoverState {
         let r#where = Some(r#where);
-        let request = wire::SetMoverRequest { world_id: self.world_id, name: name.to_owned(), r#where, pace: None };
+        let request = wire::SetMoverRequest {
+            world_id: self.world_id,
+            name: name.to_owned(),
+            r#where,
+            pace: None,
+            ..Default::default()
+        };
         self.client.set_mover(request).await.unwrap().into_inner().state.unwrap()
     }
 
@@ -67,7 +73,8 @@ pub async fn world_of(server: &Running, file: Vec<u8>, mode: wire::TimeMode) -> 
     let format = wire::MapFormat::Obj.into();
     let request = wire::ImportMapRequest { name: "level.obj".to_owned(), format, file, ..Default::default() };
     let imported = maps.import_map(request).await.unwrap().into_inner();
-    let origin = imported.origin.unwrap();
+    let wire::Vec3d { x, y, z } = imported.origin.unwrap();
+    let origin = wire::Vec3 { x: x as f32, y: y as f32, z: z as f32 };
     let wire::KeptMap { map_hash, size, .. } = imported.map.unwrap();
     let request = wire::CreateWorldRequest { map_hash, mode: mode.into(), ..Default::default() };
     let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;

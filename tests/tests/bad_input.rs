@@ -50,7 +50,8 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     refused(client.create_world(create(Some(small_map(3)), 0)).await, Code::ResourceExhausted, "--max-worlds");
 
     refused(client.drop_world(wire::DropWorldRequest { world_id: 99 }).await, Code::NotFound, "world 99");
-    let sample = |world_id, count| wire::SampleGroundRequest { world_id, count, seed: 0, body: None };
+    let sample =
+        |world_id, count| wire::SampleGroundRequest { world_id, count, seed: 0, body: None, ..Default::default() };
     refused(client.sample_ground(sample(99, 1)).await, Code::NotFound, "world 99");
     refused(client.sample_ground(sample(world_id, 0)).await, Code::InvalidArgument, "count is 0");
     refused(client.sample_ground(sample(world_id, 1_000_000)).await, Code::InvalidArgument, "count");
@@ -76,33 +77,63 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     }
     refused(client.spawn_npc(spawn(world_id, Some(start), 0.0)).await, Code::ResourceExhausted, "--max-npcs");
 
-    refused(client.set_goal(wire::SetGoalRequest { npc_id: 77, goal: Some(start) }).await, Code::NotFound, "npc 77");
     refused(
-        client.set_goal(wire::SetGoalRequest { npc_id: npcs[0], goal: None }).await,
-        Code::InvalidArgument,
-        "goal is missing",
-    );
-    refused(
-        client.set_goal(wire::SetGoalRequest { npc_id: npcs[0], goal: at(0.0, f32::NEG_INFINITY, 0.0) }).await,
-        Code::InvalidArgument,
-        "goal is not finite",
-    );
-    refused(
-        client.set_goal(wire::SetGoalRequest { npc_id: npcs[0], goal: at(0.0, 500.0, 0.0) }).await,
-        Code::InvalidArgument,
-        "goal lies outside",
-    );
-    refused(
-        client.teleport_npc(wire::TeleportNpcRequest { npc_id: 77, position: Some(start), yaw: 0.0 }).await,
+        client.set_goal(wire::SetGoalRequest { npc_id: 77, goal: Some(start), ..Default::default() }).await,
         Code::NotFound,
         "npc 77",
     );
     refused(
-        client.teleport_npc(wire::TeleportNpcRequest { npc_id: npcs[0], position: at(-1.0, 0.0, 0.0), yaw: 0.0 }).await,
+        client.set_goal(wire::SetGoalRequest { npc_id: npcs[0], goal: None, ..Default::default() }).await,
+        Code::InvalidArgument,
+        "goal is missing",
+    );
+    refused(
+        client
+            .set_goal(wire::SetGoalRequest {
+                npc_id: npcs[0],
+                goal: at(0.0, f32::NEG_INFINITY, 0.0),
+                ..Default::default()
+            })
+            .await,
+        Code::InvalidArgument,
+        "goal is not finite",
+    );
+    refused(
+        client
+            .set_goal(wire::SetGoalRequest { npc_id: npcs[0], goal: at(0.0, 500.0, 0.0), ..Default::default() })
+            .await,
+        Code::InvalidArgument,
+        "goal lies outside",
+    );
+    refused(
+        client
+            .teleport_npc(wire::TeleportNpcRequest {
+                npc_id: 77,
+                position: Some(start),
+                yaw: 0.0,
+                ..Default::default()
+            })
+            .await,
+        Code::NotFound,
+        "npc 77",
+    );
+    refused(
+        client
+            .teleport_npc(wire::TeleportNpcRequest {
+                npc_id: npcs[0],
+                position: at(-1.0, 0.0, 0.0),
+                yaw: 0.0,
+                ..Default::default()
+            })
+            .await,
         Code::InvalidArgument,
         "outside",
     );
-    refused(client.get_npc(wire::GetNpcRequest { npc_id: u64::MAX }).await, Code::NotFound, "does not exist");
+    refused(
+        client.get_npc(wire::GetNpcRequest { npc_id: u64::MAX, ..Default::default() }).await,
+        Code::NotFound,
+        "does not exist",
+    );
     refused(client.despawn_npc(wire::DespawnNpcRequest { npc_id: 77 }).await, Code::NotFound, "npc 77");
     let watch = |world_id, rate_hz| wire::WatchWorldRequest { world_id, rate_hz, ..Default::default() };
     refused(client.watch_world(watch(99, 1.0)).await, Code::NotFound, "world 99");
@@ -112,7 +143,7 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     // Nothing that existed before has changed.
     assert_eq!(client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap().into_inner().worlds.len(), 2);
     for npc_id in npcs {
-        client.get_npc(wire::GetNpcRequest { npc_id }).await.unwrap();
+        client.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await.unwrap();
     }
     server.stop().await;
 }
@@ -228,23 +259,23 @@ async fn the_planner_refuses_what_it_cannot_use() {
 
     let unknown = "0".repeat(64);
     refused(
-        client.get_graph(plan::GetGraphRequest { graph_id: "nonsense".to_owned() }).await,
+        client.get_graph(plan::GetGraphRequest { graph_id: "nonsense".to_owned(), ..Default::default() }).await,
         Code::InvalidArgument,
         "64 hexadecimal digits",
     );
     refused(
-        client.get_graph(plan::GetGraphRequest { graph_id: unknown.clone() }).await,
+        client.get_graph(plan::GetGraphRequest { graph_id: unknown.clone(), ..Default::default() }).await,
         Code::NotFound,
         "call StartBuild first",
     );
     refused(
-        client.find_path(plan::FindPathRequest { graph_id: unknown, query: None }).await,
+        client.find_path(plan::FindPathRequest { graph_id: unknown, query: None, ..Default::default() }).await,
         Code::NotFound,
         "StartBuild",
     );
 
     let (graph_id, summary) = build_graph(&mut client, 1).await;
-    let find = |query| plan::FindPathRequest { graph_id: graph_id.clone(), query };
+    let find = |query| plan::FindPathRequest { graph_id: graph_id.clone(), query, ..Default::default() };
     let query = |start, goal| Some(plan::PathQuery { start, goal, ..Default::default() });
     refused(client.find_path(find(None)).await, Code::InvalidArgument, "query is missing");
     refused(
@@ -273,6 +304,7 @@ async fn the_planner_refuses_what_it_cannot_use() {
         graph_id: graph_id.clone(),
         queries: vec![query(at(1.0, 1.0, 1.0), at(9.0, 1.0, 9.0)).unwrap(); 4],
         traffic: None,
+        ..Default::default()
     };
     refused(client.find_paths(batch.clone()).await, Code::OutOfRange, "--max-queries");
     let crowd = |x: f32| plan::Crowd { place: at(x, 1.0, 1.0), npcs: u32::MAX };
@@ -286,7 +318,11 @@ async fn the_planner_refuses_what_it_cannot_use() {
     }
 
     // A valid query after all of these is answered in full.
-    let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
+    let graph = client
+        .get_graph(plan::GetGraphRequest { graph_id: graph_id.clone(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     assert_eq!(graph.edges.len(), summary.edges as usize);
     let edge = &graph.edges[0];
     let (from, to) = (graph.vertices[edge.from as usize], graph.vertices[edge.to as usize]);

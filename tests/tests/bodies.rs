@@ -194,7 +194,7 @@ async fn bodies_that_make_no_sense_are_refused_and_name_the_field() {
         let npc_id = client.spawn_npc(spawn(preset(name))).await.expect("there is room").into_inner().npc_id;
         let request = wire::GetWorldRequest { world_id: world.world_id };
         let bodies = client.get_world(request).await.unwrap().into_inner().world.unwrap().bodies;
-        let npc = client.get_npc(wire::GetNpcRequest { npc_id }).await.unwrap().into_inner();
+        let npc = client.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await.unwrap().into_inner();
         assert_eq!(bodies.len(), 64);
         assert_eq!(bodies[npc.npc.unwrap().body_idx as usize].preset, name);
         client.despawn_npc(wire::DespawnNpcRequest { npc_id }).await.unwrap();
@@ -208,7 +208,7 @@ async fn ground_is_sampled_for_the_body_that_is_to_stand_there() {
     let mut client = world_client(&server).await;
     let world_id = world_of(&mut client, Some(preset("heavy"))).await.world_id;
     let mut sample = async |body| {
-        let request = wire::SampleGroundRequest { world_id, count: 50, seed: 1, body };
+        let request = wire::SampleGroundRequest { world_id, count: 50, seed: 1, body, ..Default::default() };
         client.sample_ground(request).await.unwrap().into_inner().points
     };
     let usual = sample(None).await;

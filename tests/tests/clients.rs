@@ -33,12 +33,18 @@ async fn a_reader_gets_its_region_and_then_only_changes() {
     let border = 0.5 * (points[9].x + points[10].x);
     let corner = |x, y, z| Some(wire::Vec3 { x, y, z });
     let region = wire::Region { low: corner(-1.0, -100.0, -1.0), high: corner(border, 1000.0, 1000.0) };
-    let request = wire::WatchWorldRequest { world_id, rate_hz: 60.0, region: Some(region), delta: true };
+    let request =
+        wire::WatchWorldRequest { world_id, rate_hz: 60.0, region: Some(region), delta: true, ..Default::default() };
     let mut snapshots = client.watch_world(request).await.unwrap().into_inner();
     let first = snapshots.next().await.unwrap().unwrap();
     assert!(!first.is_delta && first.npcs.iter().map(|npc| npc.npc_id).eq(npcs[..10].iter().copied()));
     // One NPC leaves the region, one is removed, one enters.
-    let teleport = |npc_id, position| wire::TeleportNpcRequest { npc_id, position: Some(position), yaw: 0.0 };
+    let teleport = |npc_id, position| wire::TeleportNpcRequest {
+        npc_id,
+        position: Some(position),
+        yaw: 0.0,
+        ..Default::default()
+    };
     client.teleport_npc(teleport(npcs[0], points[39])).await.unwrap();
     client.despawn_npc(wire::DespawnNpcRequest { npc_id: npcs[1] }).await.unwrap();
     client.teleport_npc(teleport(npcs[19], points[2])).await.unwrap();
@@ -74,8 +80,11 @@ async fn a_client_follows_an_npc_and_its_plan() {
     let world_id = create_world(&mut client, 1000, wire::TimeMode::Realtime).await.world_id;
     let points = ground(&mut client, world_id, 2).await;
     let npc_id = spawn(&mut client, world_id, points[0]).await;
-    let mut steps =
-        client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false }).await.unwrap().into_inner();
+    let mut steps = client
+        .follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     let first = steps.next().await.unwrap().unwrap();
     assert_eq!(first.plan.expect("the first message has a plan").waypoints, [], "an idle NPC has no plan");
     let plan = follow_until_planned(&mut client, &mut steps, npc_id, [points[0], points[1]]).await;
@@ -191,7 +200,15 @@ async fn a_worker_that_joins_takes_npcs_over_without_a_missed_decision() {
     let answered = stats(&mut client, world_id).await.decisions_answered;
     // A lockstep world is as fast as its workers: the first attempts may have ended.
     for (&npc_id, goal) in npc_ids.iter().zip(&points[12..]) {
-        client.teleport_npc(wire::TeleportNpcRequest { npc_id, position: Some(points[0]), yaw: 0.0 }).await.unwrap();
+        client
+            .teleport_npc(wire::TeleportNpcRequest {
+                npc_id,
+                position: Some(points[0]),
+                yaw: 0.0,
+                ..Default::default()
+            })
+            .await
+            .unwrap();
         set_goal(&mut client, npc_id, *goal).await;
     }
     let stats = stats_until(&mut client, world_id, |stats| stats.decisions_answered > answered + 200).await;
@@ -222,7 +239,13 @@ async fn worlds_outlive_the_server() {
     let worlds = client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap().into_inner().worlds;
     assert_eq!(worlds.len(), 1, "the dropped one stays dropped, the damaged one is skipped");
     assert_eq!((worlds[0].world_id, worlds[0].npc_count), (world_id, 2));
-    let npc = client.get_npc(wire::GetNpcRequest { npc_id: seeker }).await.unwrap().into_inner().npc.unwrap();
+    let npc = client
+        .get_npc(wire::GetNpcRequest { npc_id: seeker, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner()
+        .npc
+        .unwrap();
     assert_eq!((npc.goal, npc.attempts_begun, npc.attempts_ended), (Some(points[2]), 1, 0));
     let other = create_world(&mut client, 15, wire::TimeMode::Realtime).await.world_id;
     assert!(other > world_id, "ids are not used twice");
@@ -231,7 +254,7 @@ async fn worlds_outlive_the_server() {
         snapshot.npcs.iter().any(|npc| npc.npc_id == seeker && npc.last_outcome != 0)
     })
     .await;
-    assert!(client.get_npc(wire::GetNpcRequest { npc_id: idler }).await.is_ok());
+    assert!(client.get_npc(wire::GetNpcRequest { npc_id: idler, ..Default::default() }).await.is_ok());
     worker.stop().await;
     server.stop().await;
 }

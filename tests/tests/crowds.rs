@@ -75,7 +75,7 @@ async fn a_worker_whose_policy_sees_others_decides_beside_one_whose_policy_does_
     let npcs = [spawn(&mut client, world_id, places[0]).await, spawn(&mut client, world_id, places[0]).await];
 
     // Beside each other, each sees the other.
-    let follow = wire::FollowNpcRequest { npc_id: npcs[0], rate_hz: 60.0, rays: true };
+    let follow = wire::FollowNpcRequest { npc_id: npcs[0], rate_hz: 60.0, rays: true, ..Default::default() };
     let mut steps = client.follow_npc(follow).await.unwrap().into_inner();
     let sees_body = |step: &wire::FollowNpcResponse| step.rays.iter().any(|ray| ray.surface() == wire::Surface::Body);
     let meeting = async { while !sees_body(&steps.message().await.unwrap().expect("an NPC that is there")) {} };

@@ -49,7 +49,7 @@ async fn the_world_server_gives_details() {
     };
     assert_eq!(fields(&client.create_world(small).await.unwrap_err()), ["map.size.width"]);
     let world_id = create_world(&mut client, 1, wire::TimeMode::Realtime).await.world_id;
-    let many = wire::SampleGroundRequest { world_id, count: 0, seed: 0, body: None };
+    let many = wire::SampleGroundRequest { world_id, count: 0, seed: 0, body: None, ..Default::default() };
     assert_eq!(fields(&client.sample_ground(many).await.unwrap_err()), ["count"]);
     let at = |position| wire::SpawnNpcRequest { world_id, position: Some(position), ..Default::default() };
     let outside = client.spawn_npc(at(wire::Vec3 { x: 5000.0, y: 1.0, z: 1.0 })).await.unwrap_err();
@@ -63,7 +63,7 @@ async fn the_world_server_gives_details() {
         (Code::ResourceExhausted, format!("world:{world_id}"))
     );
     assert!(!says_when_to_retry(&full), "capacity is freed by despawning, not by waiting");
-    let gone = client.get_npc(wire::GetNpcRequest { npc_id: 77 }).await.unwrap_err();
+    let gone = client.get_npc(wire::GetNpcRequest { npc_id: 77, ..Default::default() }).await.unwrap_err();
     assert_eq!(resource(&gone), ("npc".to_owned(), "77".to_owned()));
 
     let watch = wire::WatchWorldRequest { world_id, rate_hz: 30.0, ..Default::default() };
@@ -90,14 +90,15 @@ async fn the_planner_gives_details() {
         assert_eq!((refused.code(), fields(&refused)), (code, vec!["settings.vertices".to_owned()]));
     }
     let unknown = "0".repeat(64);
-    let absent = client.get_graph(plan::GetGraphRequest { graph_id: unknown.clone() }).await.unwrap_err();
+    let absent =
+        client.get_graph(plan::GetGraphRequest { graph_id: unknown.clone(), ..Default::default() }).await.unwrap_err();
     assert_eq!(resource(&absent), ("graph".to_owned(), unknown));
     let (graph_id, _) = build_graph(&mut client, 1).await;
-    let query = plan::FindPathRequest { graph_id: graph_id.clone(), query: None };
+    let query = plan::FindPathRequest { graph_id: graph_id.clone(), query: None, ..Default::default() };
     assert_eq!(fields(&client.find_path(query).await.unwrap_err()), ["query"]);
     let queries = vec![plan::PathQuery::default(); 2];
     let batch = client
-        .find_paths(plan::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None })
+        .find_paths(plan::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None, ..Default::default() })
         .await
         .unwrap_err();
     assert_eq!((batch.code(), fields(&batch)), (Code::OutOfRange, vec!["queries".to_owned()]));

@@ -33,7 +33,7 @@ fn wall(stage: &Stage) -> wire::Piece {
 
 async fn edit(stage: &mut Stage, put: Vec<wire::Piece>, remove: &[&str]) -> Result<wire::EditMapResponse, Status> {
     let remove = remove.iter().map(|&name| name.to_owned()).collect();
-    let request = wire::EditMapRequest { world_id: stage.world_id, put, remove, clear: false };
+    let request = wire::EditMapRequest { world_id: stage.world_id, put, remove, clear: false, ..Default::default() };
     stage.client.edit_map(request).await.map(|response| response.into_inner())
 }
 
@@ -66,7 +66,7 @@ async fn way_over_a_bridge(mode: wire::TimeMode) {
     let put = vec![bridge(&stage), wall(&stage)];
     edit(&mut stage, put, &[]).await.unwrap();
     let corner = stage.at([3.0, 0.0, 13.0]);
-    let request = wire::TeleportNpcRequest { npc_id: npc, position: Some(corner), yaw: 0.0 };
+    let request = wire::TeleportNpcRequest { npc_id: npc, position: Some(corner), yaw: 0.0, ..Default::default() };
     stage.client.teleport_npc(request).await.unwrap();
     set_goal(&mut stage.client, npc, there).await;
     let (outcome, place) = stage.end_of(5).await;
@@ -154,7 +154,12 @@ async fn an_edited_world_is_told_saved_and_restored() {
     assert!((x - here.x).abs() > 0.5, "{x} m is in the wall");
     let world_id = stage.world_id;
     let pieces = |listed: wire::ListPiecesResponse| listed.pieces.into_iter().map(|it| it.name).collect::<Vec<_>>();
-    let listed = stage.client.list_pieces(wire::ListPiecesRequest { world_id }).await.unwrap().into_inner();
+    let listed = stage
+        .client
+        .list_pieces(wire::ListPiecesRequest { world_id, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     assert_eq!(pieces(listed), ["bridge", "wall"]);
     let of = stage.client.get_world(wire::GetWorldRequest { world_id }).await.unwrap().into_inner().world.unwrap();
     server.stop().await;
@@ -163,7 +168,8 @@ async fn an_edited_world_is_told_saved_and_restored() {
     let mut client = world_client(&server).await;
     let restored = client.get_world(wire::GetWorldRequest { world_id }).await.unwrap().into_inner().world.unwrap();
     assert_eq!((restored.piece_count, restored.map_hash), (2, of.map_hash));
-    let listed = client.list_pieces(wire::ListPiecesRequest { world_id }).await.unwrap().into_inner();
+    let listed =
+        client.list_pieces(wire::ListPiecesRequest { world_id, ..Default::default() }).await.unwrap().into_inner();
     assert_eq!(pieces(listed), ["bridge", "wall"]);
     server.stop().await;
 }
@@ -195,7 +201,12 @@ async fn edits_that_cannot_be_are_refused_and_change_nothing() {
         assert!(status.message().contains(expected), "{expected}: {}", status.message());
     }
     let world_id = stage.world_id;
-    let listed = stage.client.list_pieces(wire::ListPiecesRequest { world_id }).await.unwrap().into_inner();
+    let listed = stage
+        .client
+        .list_pieces(wire::ListPiecesRequest { world_id, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     assert_eq!((listed.pieces.len(), listed.map_revision), (0, 0));
     let unknown = wire::EditMapRequest { world_id: 99, ..Default::default() };
     let status = stage.client.edit_map(unknown).await.unwrap_err();
@@ -217,9 +228,15 @@ async fn edits_that_cannot_be_are_refused_and_change_nothing() {
     for client in clients {
         client.await.unwrap();
     }
-    let listed = stage.client.list_pieces(wire::ListPiecesRequest { world_id }).await.unwrap().into_inner();
+    let listed = stage
+        .client
+        .list_pieces(wire::ListPiecesRequest { world_id, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     assert_eq!((listed.pieces.len(), listed.map_revision), (24, 24));
-    let state = stage.client.get_npc(wire::GetNpcRequest { npc_id: npc }).await.unwrap().into_inner();
+    let state =
+        stage.client.get_npc(wire::GetNpcRequest { npc_id: npc, ..Default::default() }).await.unwrap().into_inner();
     assert_eq!(state.npc.unwrap().npc_id, npc);
     create_world(&mut stage.client, 1, wire::TimeMode::Realtime).await;
     server.stop().await;

@@ -20,7 +20,11 @@ type Client = PlannerServiceClient<Channel>;
 const MAP: u64 = 7;
 
 async fn get(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
-    client.get_graph(wire::GetGraphRequest { graph_id: graph_id.to_owned() }).await.unwrap().into_inner()
+    client
+        .get_graph(wire::GetGraphRequest { graph_id: graph_id.to_owned(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner()
 }
 
 fn forbid(from: Vec3, to: Vec3) -> wire::Edit {
@@ -38,7 +42,7 @@ fn put(graph_id: &str, name: &str, edits: Vec<wire::Edit>) -> wire::PutLayerRequ
 
 fn find(graph_id: &str, start: Vec3, goal: Vec3) -> wire::FindPathRequest {
     let query = wire::PathQuery { start: Some(start), goal: Some(goal), ..Default::default() };
-    wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query) }
+    wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query), ..Default::default() }
 }
 
 /// Number of edges of a graph, without its layers as long as it has none.
@@ -95,11 +99,11 @@ async fn a_damaged_layer_is_kept_and_refuses_plans_until_it_is_replaced() {
     refused(&client.find_path(query.clone()).await.unwrap_err(), "layer `night`");
     refused(&client.find_path(query.clone()).await.unwrap_err(), &file.display().to_string());
     let queries = vec![query.query.clone().unwrap()];
-    let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None };
+    let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None, ..Default::default() };
     refused(&client.find_paths(batch).await.unwrap_err(), "layer `night`");
-    let whole = wire::GetGraphRequest { graph_id: graph_id.clone() };
+    let whole = wire::GetGraphRequest { graph_id: graph_id.clone(), ..Default::default() };
     refused(&client.get_graph(whole).await.unwrap_err(), "layer `night`");
-    let layers = wire::GetLayersRequest { graph_id: graph_id.clone() };
+    let layers = wire::GetLayersRequest { graph_id: graph_id.clone(), ..Default::default() };
     refused(&client.get_layers(layers.clone()).await.unwrap_err(), "layer `night`");
     let append = wire::AppendEditsRequest {
         graph_id: graph_id.clone(),
@@ -201,7 +205,7 @@ async fn an_edit_with_many_probes_holds_nobody_up_and_ends_with_its_caller() {
 
     // A further edit with probes comes after the one that was abandoned.
     client.put_layer(put(&graph_id, "after", vec![add_vertex(near(0, 1.0))])).await.unwrap();
-    let request = wire::GetLayersRequest { graph_id: graph_id.clone() };
+    let request = wire::GetLayersRequest { graph_id: graph_id.clone(), ..Default::default() };
     let layers = client.get_layers(request).await.unwrap().into_inner().layers;
     let names: Vec<&str> = layers.iter().map(|layer| layer.name.as_str()).collect();
     assert_eq!(names, ["after", "quick"]);
@@ -245,7 +249,7 @@ async fn starts_and_goals_off_the_map_or_the_graph_are_told_apart_from_paths() {
         assert_eq!((status.code(), Reason::of(&status)), (Code::InvalidArgument, Some(Reason::InvalidField)));
         assert!(status.message().starts_with(field), "{status:?}");
         let queries = vec![find("", start, goal).query.unwrap()];
-        let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None };
+        let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None, ..Default::default() };
         assert_eq!(client.find_paths(batch).await.unwrap_err().code(), Code::InvalidArgument);
     }
     let highest = graph.vertices.iter().copied().max_by(|a, b| a.y.total_cmp(&b.y)).unwrap();

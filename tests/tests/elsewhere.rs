@@ -140,10 +140,12 @@ async fn items_of_a_batch_say_where_their_worlds_are_and_no_text_of_the_database
         (NpcId::new(ELSEWHERE, 2).0, "WORLD_ELSEWHERE", "http://other:7600"),
     ];
     let npc_ids: Vec<u64> = cases.iter().map(|case| case.0).collect();
-    let request = wire::BatchGetNpcsRequest { npc_ids: npc_ids.clone() };
+    let request = wire::BatchGetNpcsRequest { npc_ids: npc_ids.clone(), ..Default::default() };
     let found = client.batch_get_npcs(request).await.unwrap().into_inner().results;
-    let teleports: Vec<wire::TeleportNpcRequest> =
-        npc_ids.iter().map(|&npc_id| wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0 }).collect();
+    let teleports: Vec<wire::TeleportNpcRequest> = npc_ids
+        .iter()
+        .map(|&npc_id| wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0, ..Default::default() })
+        .collect();
     let request = wire::BatchTeleportNpcsRequest { teleports };
     let moved = client.batch_teleport_npcs(request).await.unwrap().into_inner().results;
     for (idx, (npc_id, reason, words)) in cases.into_iter().enumerate() {
@@ -155,7 +157,7 @@ async fn items_of_a_batch_say_where_their_worlds_are_and_no_text_of_the_database
             assert!(error.reason == reason && error.message.contains(words), "{npc_id}: {error:?}");
             check_is_clean(&error.message);
         }
-        let single = client.get_npc(wire::GetNpcRequest { npc_id }).await.err();
+        let single = client.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await.err();
         let single_reason = single.as_ref().and_then(Reason::of).map_or("", Reason::name);
         assert_eq!(single_reason, reason, "a single call says the same");
     }
@@ -173,7 +175,12 @@ async fn items_of_a_batch_say_where_their_worlds_are_and_no_text_of_the_database
     // A batch does not flood the record of the fleet: it looks for a few worlds, and says of the others that they may
     // be moving.
     let npc_ids = (10..100).map(|number| NpcId::new(WorldId(number), 1).0).collect();
-    let many = client.batch_get_npcs(wire::BatchGetNpcsRequest { npc_ids }).await.unwrap().into_inner().results;
+    let many = client
+        .batch_get_npcs(wire::BatchGetNpcsRequest { npc_ids, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner()
+        .results;
     let with = |wanted: &str| {
         let is_wanted = |result: &&wire::GetNpcResult| match result.result.as_ref().unwrap() {
             wire::get_npc_result::Result::Error(error) => error.reason == wanted,

@@ -18,7 +18,7 @@ async fn events(
     world_id: u64,
     after: Option<wire::EventCursor>,
 ) -> Streaming<wire::WatchEventsResponse> {
-    let request = wire::WatchEventsRequest { world_id, after, npc_ids: Vec::new() };
+    let request = wire::WatchEventsRequest { world_id, after, npc_ids: Vec::new(), ..Default::default() };
     client.watch_events(request).await.unwrap().into_inner()
 }
 
@@ -65,13 +65,16 @@ async fn every_event_has_a_number_and_a_stream_can_be_resumed_after_any_of_them(
     let begin = stream.next().await.unwrap().unwrap();
     assert!(begin.events.is_empty() && begin.server_time.is_some(), "the stream says where it begins");
     let npc_id = spawn(&mut client, world_id, points[0]).await;
-    let request = wire::SetGoalRequest { npc_id, goal: Some(points[1]) };
-    let attempts = [
-        client.set_goal(request).await.unwrap().into_inner().attempt,
-        client.set_goal(request).await.unwrap().into_inner().attempt,
-    ];
-    assert_eq!(attempts, [1, 2]);
-    let teleport = wire::TeleportNpcRequest { npc_id, position: Some(points[1]), yaw: 0.0 };
+    // A goal elsewhere begins another attempt; the same goal does not.
+    let far = |part: f32| if part < 50.0 { 95.0 } else { 5.0 };
+    let elsewhere = wire::Vec3 { x: far(points[1].x), z: far(points[1].z), ..points[1] };
+    let mut attempts = Vec::new();
+    for goal in [points[1], points[1], elsewhere] {
+        let request = wire::SetGoalRequest { npc_id, goal: Some(goal), ..Default::default() };
+        attempts.push(client.set_goal(request).await.unwrap().into_inner().attempt);
+    }
+    assert_eq!(attempts, [1, 1, 2]);
+    let teleport = wire::TeleportNpcRequest { npc_id, position: Some(points[1]), yaw: 0.0, ..Default::default() };
     client.teleport_npc(teleport).await.unwrap();
     client.despawn_npc(wire::DespawnNpcRequest { npc_id }).await.unwrap();
     let is_removed = |event: &wire::NpcEvent| matches!(event.event, Some(Event::Removed(_)));
@@ -104,7 +107,8 @@ async fn every_event_has_a_number_and_a_stream_can_be_resumed_after_any_of_them(
         wire::EventCursor { sequence: cursor.sequence + 1, ..cursor },
         wire::EventCursor { epoch: cursor.epoch - 1, ..cursor },
     ] {
-        let request = wire::WatchEventsRequest { world_id, after: Some(after), npc_ids: Vec::new() };
+        let request =
+            wire::WatchEventsRequest { world_id, after: Some(after), npc_ids: Vec::new(), ..Default::default() };
         let lost = client.watch_events(request).await.unwrap_err();
         assert_eq!((lost.code(), Reason::of(&lost)), (Code::OutOfRange, Some(Reason::EventsLost)));
     }
@@ -180,21 +184,31 @@ async fn an_idle_npc_that_dies_is_an_event_with_a_cause() {
     let map = wire::MapSpec { features: Some(features), ..e2e::small_map(32) };
     let request = wire::CreateWorldRequest { map: Some(map), ..Default::default() };
     let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-    let pools = client.get_features(wire::GetFeaturesRequest { world_id }).await.unwrap().into_inner().pools;
+    let pools = client
+        .get_features(wire::GetFeaturesRequest { world_id, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner()
+        .pools;
     let lava = pools.iter().find(|pool| pool.lava).expect("a map with lava").centre.unwrap();
     let start = ground(&mut client, world_id, 1).await[0];
     let npc_id = spawn(&mut client, world_id, start).await;
     let mut stream = events(&mut client, world_id, None).await;
     let above = wire::Vec3 { y: lava.y + 0.5, ..lava };
-    client.teleport_npc(wire::TeleportNpcRequest { npc_id, position: Some(above), yaw: 0.0 }).await.unwrap();
+    client
+        .teleport_npc(wire::TeleportNpcRequest { npc_id, position: Some(above), yaw: 0.0, ..Default::default() })
+        .await
+        .unwrap();
     let is_death = |event: &wire::NpcEvent| matches!(event.event, Some(Event::Died(_)));
     let (all, _) = read_until(&mut stream, is_death).await;
     let Some(Event::Died(death)) = &all.iter().find(|event| is_death(event)).unwrap().event else { unreachable!() };
     assert_eq!((death.cause(), death.attempt), (Outcome::Burnt, 0));
-    let npc = client.get_npc(wire::GetNpcRequest { npc_id }).await.unwrap().into_inner().npc.unwrap();
+    let npc =
+        client.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await.unwrap().into_inner().npc.unwrap();
     assert_eq!((npc.status(), npc.cause()), (wire::NpcStatus::Down, Outcome::Burnt));
     assert_eq!((npc.last_outcome(), npc.attempts_ended), (Outcome::Unspecified, 0), "it attempted nothing");
-    let refused = client.set_goal(wire::SetGoalRequest { npc_id, goal: Some(start) }).await.unwrap_err();
+    let refused =
+        client.set_goal(wire::SetGoalRequest { npc_id, goal: Some(start), ..Default::default() }).await.unwrap_err();
     assert_eq!(Reason::of(&refused), Some(Reason::NpcDown));
     server.stop().await;
 }
@@ -239,8 +253,11 @@ async fn an_item_of_a_batch_that_fails_leaves_the_others_alone() {
 
     // One call for NPCs of two worlds and of none; the results are in the order of the items.
     let npc_ids = vec![other, 77, ids[0], u64::MAX, ids[1]];
-    let found =
-        client.batch_get_npcs(wire::BatchGetNpcsRequest { npc_ids: npc_ids.clone() }).await.unwrap().into_inner();
+    let found = client
+        .batch_get_npcs(wire::BatchGetNpcsRequest { npc_ids: npc_ids.clone(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     let found: Vec<_> = found
         .results
         .iter()
@@ -251,22 +268,30 @@ async fn an_item_of_a_batch_that_fails_leaves_the_others_alone() {
         .collect();
     let missing = Err((i32::from(Code::NotFound), "NPC_NOT_FOUND"));
     assert_eq!(found, [Ok(other), missing, Ok(ids[0]), missing, Ok(ids[1])]);
-    let goals = npc_ids.iter().map(|&npc_id| wire::SetGoalRequest { npc_id, goal: Some(start) }).collect();
+    let goals = npc_ids
+        .iter()
+        .map(|&npc_id| wire::SetGoalRequest { npc_id, goal: Some(start), ..Default::default() })
+        .collect();
     let set = client.batch_set_goals(wire::BatchSetGoalsRequest { goals }).await.unwrap().into_inner().results;
     let attempt = |result: &wire::SetGoalResult| match result.result.as_ref().unwrap() {
         wire::set_goal_result::Result::Attempt(attempt) => Some(*attempt),
         wire::set_goal_result::Result::Error(_) => None,
     };
-    assert_eq!(set.iter().map(attempt).collect::<Vec<_>>(), [Some(1), None, Some(1), None, Some(2)]);
-    let teleports =
-        npc_ids.iter().map(|&npc_id| wire::TeleportNpcRequest { npc_id, position: Some(start), yaw: 0.0 }).collect();
+    assert_eq!(set.iter().map(attempt).collect::<Vec<_>>(), [Some(1), None, Some(1), None, Some(1)]);
+    let teleports = npc_ids
+        .iter()
+        .map(|&npc_id| wire::TeleportNpcRequest { npc_id, position: Some(start), yaw: 0.0, ..Default::default() })
+        .collect();
     let moved = client.batch_teleport_npcs(wire::BatchTeleportNpcsRequest { teleports }).await.unwrap().into_inner();
     let went_well = |results: &[wire::ItemResult]| results.iter().map(|it| it.error.is_none()).collect::<Vec<_>>();
     assert_eq!(went_well(&moved.results), [true, false, true, false, true]);
     let removed = client.batch_despawn_npcs(wire::BatchDespawnNpcsRequest { npc_ids }).await.unwrap().into_inner();
     assert_eq!(went_well(&removed.results), [true, false, true, false, true]);
 
-    let many = client.batch_get_npcs(wire::BatchGetNpcsRequest { npc_ids: vec![1; 4097] }).await.unwrap_err();
+    let many = client
+        .batch_get_npcs(wire::BatchGetNpcsRequest { npc_ids: vec![1; 4097], ..Default::default() })
+        .await
+        .unwrap_err();
     assert_eq!((many.code(), Reason::of(&many)), (Code::OutOfRange, Some(Reason::TooLarge)));
     server.stop().await;
 }
@@ -309,12 +334,13 @@ async fn a_repeated_call_creates_nothing_twice_and_lists_come_in_pages() {
         world_id,
         spawns: vec![wire::Spawn { position: Some(start), ..Default::default() }; 5],
         request_id: "five".to_owned(),
+        ..Default::default()
     };
     let first = client.batch_spawn_npcs(request.clone()).await.unwrap().into_inner();
     assert_eq!(client.batch_spawn_npcs(request).await.unwrap().into_inner(), first);
     let (mut npcs, mut page_token) = (Vec::new(), String::new());
     loop {
-        let request = wire::ListNpcsRequest { world_id, page_size: 2, page_token, region: None };
+        let request = wire::ListNpcsRequest { world_id, page_size: 2, page_token, region: None, ..Default::default() };
         let page = client.list_npcs(request).await.unwrap().into_inner();
         assert!(page.npcs.len() <= 2);
         npcs.extend(page.npcs.into_iter().map(|npc| npc.npc_id));
@@ -355,14 +381,17 @@ async fn ids_of_before_a_restart_name_nothing_afterwards() {
     let world_id = create_world(&mut client, 38, wire::TimeMode::Realtime).await.world_id;
     assert!(world_id > worlds[2], "{world_id} after {worlds:?}");
     spawn_in(&mut client, world_id).await;
-    assert_eq!(client.get_npc(wire::GetNpcRequest { npc_id }).await.unwrap_err().code(), Code::NotFound);
+    assert_eq!(
+        client.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await.unwrap_err().code(),
+        Code::NotFound
+    );
     set_goal_fails(&mut client, npc_id).await;
     server.stop().await;
 }
 
 async fn set_goal_fails(client: &mut Client, npc_id: u64) {
     let goal = Some(wire::Vec3 { x: 1.0, y: 1.0, z: 1.0 });
-    let refused = client.set_goal(wire::SetGoalRequest { npc_id, goal }).await.unwrap_err();
+    let refused = client.set_goal(wire::SetGoalRequest { npc_id, goal, ..Default::default() }).await.unwrap_err();
     assert_eq!(Reason::of(&refused), Some(Reason::NpcNotFound));
 }
 
@@ -447,7 +476,8 @@ async fn a_reader_that_falls_behind_gets_every_event_once() {
     let begin = slow.next().await.unwrap().unwrap().cursor.unwrap().sequence;
     let of_quick = tokio::spawn(async move { numbers_until(&mut quick, NPCS * ROUNDS).await });
     for _ in 0..ROUNDS {
-        let teleport = |&npc_id: &u64| wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0 };
+        let teleport =
+            |&npc_id: &u64| wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0, ..Default::default() };
         let teleports = npc_ids.iter().map(teleport).collect();
         client.batch_teleport_npcs(wire::BatchTeleportNpcsRequest { teleports }).await.unwrap();
     }
@@ -477,7 +507,7 @@ async fn readers_of_events_do_not_keep_the_thread_of_the_world_busy() {
     }
     let before = calls().await;
     for _ in 0..CHANGES {
-        let teleport = wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0 };
+        let teleport = wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0, ..Default::default() };
         client.teleport_npc(teleport).await.unwrap();
     }
     for reader in &mut readers {
@@ -499,7 +529,7 @@ async fn the_last_events_of_a_world_come_before_its_end() {
         let mut stream = events(&mut client, world_id, None).await;
         stream.next().await.unwrap().unwrap();
         // The first events show that the stream has come as far as the present.
-        let teleport = wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0 };
+        let teleport = wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0, ..Default::default() };
         client.teleport_npc(teleport).await.unwrap();
         numbers_until(&mut stream, 1).await;
         client.teleport_npc(teleport).await.unwrap();

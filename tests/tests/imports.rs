@@ -65,8 +65,11 @@ async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
     let server = start_server(config);
     let worker = start_worker(&server, Some(&planner), 8);
     let mut client = world_client(&server).await;
-    let mut steps =
-        client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false }).await.unwrap().into_inner();
+    let mut steps = client
+        .follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     follow_until_planned(&mut client, &mut steps, npc_id, [points[0], points[1]]).await;
     watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.last_outcome != 0)).await;
     let handed_on =
@@ -97,7 +100,7 @@ async fn a_place_of_the_map_that_is_marked_in_the_sidecar_is_there_in_the_next_i
     };
     let first = maps.import_map(request(String::new())).await.unwrap().into_inner();
     let origin = first.origin.unwrap();
-    let marked = wire::Vec3 { x: 20.0, y: 1.0, z: 12.0 };
+    let marked = wire::Vec3d { x: 20.0, y: 1.0, z: 12.0 };
     // As ImportMapResponse.origin says, and back to the level's axes and unit.
     let at = [marked.x - origin.x, -(marked.z - origin.z), marked.y - origin.y].map(|metres| metres / 0.01);
     let second = maps.import_map(request(format!("{{\"pads\": [{{\"at\": {at:?}}}]}}"))).await.unwrap().into_inner();
@@ -105,9 +108,10 @@ async fn a_place_of_the_map_that_is_marked_in_the_sidecar_is_there_in_the_next_i
     let map_hash = second.map.unwrap().map_hash;
     let request = wire::CreateWorldRequest { map_hash: map_hash.clone(), ..Default::default() };
     let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-    let features = client.get_features(wire::GetFeaturesRequest { world_id }).await.unwrap().into_inner();
+    let features =
+        client.get_features(wire::GetFeaturesRequest { world_id, ..Default::default() }).await.unwrap().into_inner();
     let pad = features.pads[0].centre.unwrap();
-    let misses = [pad.x - marked.x, pad.y - marked.y, pad.z - marked.z];
+    let misses = [f64::from(pad.x) - marked.x, f64::from(pad.y) - marked.y, f64::from(pad.z) - marked.z];
     assert!(misses.iter().all(|miss| miss.abs() < 0.01), "{pad:?}");
     server.stop().await;
 }
@@ -186,7 +190,8 @@ async fn edits_of_a_level_outlive_its_changes() {
     assert!(listed.iter().all(|graph| graph.map.is_none() && !graph.level.is_empty()));
     let mut compared = Vec::new();
     for (before, after) in [(&graphs[0], &graphs[1]), (&graphs[1], &graphs[0])] {
-        let request = plan::CompareGraphsRequest { before: before.0.clone(), after: after.0.clone() };
+        let request =
+            plan::CompareGraphsRequest { before: before.0.clone(), after: after.0.clone(), ..Default::default() };
         compared.push(client.compare_graphs(request).await.unwrap().into_inner());
     }
     let [there, back] = compared.try_into().unwrap();
@@ -266,13 +271,16 @@ async fn levels_are_imported_in_their_unit_with_their_axis_and_with_their_sides(
     let turned = take(0.02, wire::UpAxis::Z, false).await.unwrap();
     let size = turned.map.unwrap().size.unwrap();
     assert_eq!((size.width, size.height, size.depth), (44, 22, 24));
-    assert!(turned.warnings.iter().any(|warning| warning.contains("inside out")), "{:?}", turned.warnings);
+    assert_eq!(turned.geometry.unwrap().turned_shells, 1);
+    let [node] = &turned.nodes[..] else { panic!("one node, not {:?}", turned.nodes) };
+    assert_eq!((node.name.as_str(), node.role(), node.triangles), ("floor", wire::NodeRole::Solid, 12));
+    assert_eq!(node.high, Some(wire::Vec3d { x: 2000.0, y: 1000.0, z: 50.0 }), "in the level's own coordinates");
     let kept = take(0.02, wire::UpAxis::Z, true).await.unwrap();
-    assert_eq!(kept.warnings, [""; 0]);
+    assert_eq!((kept.warnings, kept.geometry.unwrap().turned_shells), (Vec::new(), 0));
     let lying = take(0.02, wire::UpAxis::Y, false).await.unwrap().map.unwrap().size.unwrap();
     assert_eq!((lying.height, lying.depth), (41, 5));
     let small = take(0.001, wire::UpAxis::Z, false).await.unwrap().warnings;
-    assert!(small.iter().any(|warning| warning.contains("10 times as large")), "{small:?}");
+    assert!(small.iter().any(|warning| warning.contains("did you mean a scale of 0.01")), "{small:?}");
     for scale in [-1.0, f32::NAN] {
         let refusal = take(scale, wire::UpAxis::Z, false).await.unwrap_err();
         assert!(refusal.message().contains("scale"), "{refusal}");

@@ -67,7 +67,7 @@ async fn a_control_message_may_have_one_mebibyte() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut client = planner_client(&planner).await;
-    let of_len = |len: usize| plan::GetGraphRequest { graph_id: "x".repeat(len) };
+    let of_len = |len: usize| plan::GetGraphRequest { graph_id: "x".repeat(len), ..Default::default() };
     let refused = client.get_graph(of_len((1 << 20) + 1)).await.unwrap_err();
     assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
     // The same connection continues, and accepts a message just below the limit.
@@ -228,7 +228,7 @@ fn searches_and_whole_graphs_take_no_thread_of_the_runtime_and_hold_up_nobody() 
         let planner = start_planner(cache.path(), PlannerConfig::default());
         let mut client = planner_client(&planner).await;
         let graph_id = build_to_end(&mut client, start_of(1)).await.graph_id;
-        let whole = plan::GetGraphRequest { graph_id: graph_id.clone() };
+        let whole = plan::GetGraphRequest { graph_id: graph_id.clone(), ..Default::default() };
         let graph = client.get_graph(whole.clone()).await.unwrap().into_inner();
         let edge = &graph.edges[0];
         // From here on, no thread that may block is free.
@@ -247,7 +247,7 @@ fn searches_and_whole_graphs_take_no_thread_of_the_runtime_and_hold_up_nobody() 
         let (mut plans, mut graphs) = (client.clone(), client.clone());
         let [start, goal] = [edge.from, edge.to].map(|vertex| Some(graph.vertices[vertex as usize]));
         let query = Some(plan::PathQuery { start, goal, ..Default::default() });
-        let query = plan::FindPathRequest { graph_id: graph_id.clone(), query };
+        let query = plan::FindPathRequest { graph_id: graph_id.clone(), query, ..Default::default() };
         let planned = tokio::spawn(async move { plans.find_path(query).await.unwrap().into_inner() });
         let whole = tokio::spawn(async move { graphs.get_graph(whole).await.unwrap().into_inner() });
         let failed = plan::Traversal { from: edge.from, to: edge.to, ..Default::default() };

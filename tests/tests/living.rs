@@ -94,7 +94,7 @@ async fn movers_are_listed_watched_and_still_where_they_were_after_a_restart() {
     let config = || ServerConfig { state: Some(state.path().to_owned()), ..ServerConfig::default() };
     let server = start_server(config());
     let mut stage = world_of(&server, rooms(), wire::TimeMode::Realtime).await;
-    let list = wire::ListMoversRequest { world_id: stage.world_id };
+    let list = wire::ListMoversRequest { world_id: stage.world_id, ..Default::default() };
     let listed = stage.client.list_movers(list).await.unwrap().into_inner();
     let [door] = &listed.movers[..] else { panic!("one mover, not {}", listed.movers.len()) };
     assert_eq!((door.name.as_str(), door.kind(), door.stops.len()), ("Door_1", wire::MoverKind::Door, 2));
@@ -119,7 +119,13 @@ async fn movers_are_listed_watched_and_still_where_they_were_after_a_restart() {
 async fn orders_that_make_no_sense_are_refused_by_name() {
     let server = start_server(ServerConfig::default());
     let Stage { mut client, world_id, .. } = world_of(&server, deck(), wire::TimeMode::Realtime).await;
-    let request = |name: &str, r#where, pace| wire::SetMoverRequest { world_id, name: name.to_owned(), r#where, pace };
+    let request = |name: &str, r#where, pace| wire::SetMoverRequest {
+        world_id,
+        name: name.to_owned(),
+        r#where,
+        pace,
+        ..Default::default()
+    };
     let cases = [
         (request("lift_9", Some(Where::Stop(0)), None), Reason::MoverNotFound, "lift_9"),
         (request("lift_1", Some(Where::Stop(2)), None), Reason::InvalidField, "no stop 2"),
@@ -156,6 +162,7 @@ async fn players_push_npcs_and_are_seen_and_refused_by_name() {
     let moves = |x: f32, player_id: u32| wire::MovePlayersRequest {
         world_id,
         moves: vec![wire::PlayerMove { player_id, position: Some(wire::Vec3 { x, ..place }), velocity: None }],
+        ..Default::default()
     };
     // At 3 m/s.
     let begun = client.move_players(moves(beside.x, player_id)).await.unwrap().into_inner().tick;
@@ -189,7 +196,11 @@ async fn a_map_without_movers_has_none() {
     let server = start_server(ServerConfig::default());
     let mut client = world_client(&server).await;
     let world = create_world(&mut client, 7, wire::TimeMode::Realtime).await;
-    let listed = client.list_movers(wire::ListMoversRequest { world_id: world.world_id }).await.unwrap().into_inner();
+    let listed = client
+        .list_movers(wire::ListMoversRequest { world_id: world.world_id, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     assert!(listed.movers.is_empty() && listed.states.is_empty());
     server.stop().await;
 }

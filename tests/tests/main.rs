@@ -4,6 +4,7 @@ mod architecture;
 mod bad_input;
 mod bodies;
 mod clients;
+mod coordinates;
 mod crowds;
 #[path = "../../tools/fuzz/src/lib.rs"]
 mod decoders;
@@ -30,6 +31,7 @@ mod round_trips;
 mod security;
 mod shared;
 mod studio;
+mod targets;
 mod trust;
 mod untrusted;
 mod void;

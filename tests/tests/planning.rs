@@ -16,7 +16,11 @@ type Client = PlannerServiceClient<Channel>;
 const MAP: u64 = 7;
 
 async fn get(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
-    client.get_graph(wire::GetGraphRequest { graph_id: graph_id.to_owned() }).await.unwrap().into_inner()
+    client
+        .get_graph(wire::GetGraphRequest { graph_id: graph_id.to_owned(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner()
 }
 
 async fn plan(client: &mut Client, graph_id: &str, start: Vec3, goal: Vec3) -> wire::Plan {
@@ -30,7 +34,7 @@ async fn cautious_plan(
     caution: Option<f32>,
 ) -> wire::Plan {
     let query = wire::PathQuery { start: Some(start), goal: Some(goal), caution, ..Default::default() };
-    let request = wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query) };
+    let request = wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query), ..Default::default() };
     client.find_path(request).await.unwrap().into_inner().plan.unwrap()
 }
 
@@ -76,8 +80,12 @@ async fn plans_do_without_abilities() {
             without: without.clone(),
             ..Default::default()
         };
-        let request =
-            wire::FindPathsRequest { graph_id: graph_id.clone(), queries: pairs().map(query).collect(), traffic: None };
+        let request = wire::FindPathsRequest {
+            graph_id: graph_id.clone(),
+            queries: pairs().map(query).collect(),
+            traffic: None,
+            ..Default::default()
+        };
         client.find_paths(request).await.map(|response| response.into_inner().plans)
     };
     let jumps = |plans: &[wire::Plan]| {
@@ -197,7 +205,11 @@ async fn a_designers_edits_hold_at_once_after_a_restart_and_until_undone() {
     let mut client = planner_client(&planner).await;
     build_graph(&mut client, MAP).await;
     assert!(!passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
-    let layers = client.get_layers(wire::GetLayersRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
+    let layers = client
+        .get_layers(wire::GetLayersRequest { graph_id: graph_id.clone(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     assert_eq!((layers.layers.len(), layers.layers[0].edits.len(), layers.unapplied.len()), (1, 2, 1));
     let undo = |count| wire::UndoEditsRequest {
         graph_id: graph_id.clone(),
@@ -330,7 +342,7 @@ async fn plans_cost_the_same_with_hub_labels_as_with_a_table() {
             ..Default::default()
         })
         .collect();
-    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None };
+    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None, ..Default::default() };
     let forbid = wire::AppendEditsRequest {
         graph_id: graph_id.clone(),
         layer: "night".to_owned(),
@@ -410,7 +422,12 @@ async fn plans_are_made_on_a_graph_while_it_is_built() {
         goal: Some(first.vertices[idx + 600]),
         ..Default::default()
     });
-    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: queries.collect(), traffic: None };
+    let request = wire::FindPathsRequest {
+        graph_id: graph_id.clone(),
+        queries: queries.collect(),
+        traffic: None,
+        ..Default::default()
+    };
     let early = client.find_paths(request.clone()).await.unwrap().into_inner();
     let found = |answer: &wire::FindPathsResponse| answer.plans.iter().filter(|plan| plan.found).count();
     assert!(early.interim && found(&early) > 500, "{} of 600 plans", found(&early));
@@ -438,7 +455,7 @@ async fn nothing_remains_of_the_interim_graph_of_a_cancelled_build() {
     client.cancel_build(wire::CancelBuildRequest { build_id: build.build_id.clone() }).await.unwrap();
     let last = watch_build(&mut client, &build.build_id).await.pop().unwrap();
     assert_eq!((last.stage(), last.interim_graph_id.as_str()), (wire::BuildStage::Cancelled, ""));
-    let gone = client.get_graph(wire::GetGraphRequest { graph_id }).await.unwrap_err();
+    let gone = client.get_graph(wire::GetGraphRequest { graph_id, ..Default::default() }).await.unwrap_err();
     assert_eq!(gone.code(), Code::NotFound);
     planner.stop().await;
 }
@@ -461,6 +478,7 @@ async fn plans_go_around_crowds() {
             graph_id: graph_id.clone(),
             queries: vec![query(idx)],
             traffic: crowds.map(|crowds| wire::Traffic { crowds }),
+            ..Default::default()
         };
         let mut plan_in = async |crowds| client.find_paths(request(crowds)).await.unwrap().into_inner().plans.remove(0);
         let free = plan_in(None).await;

@@ -71,7 +71,7 @@ async fn what_a_replica_refuses_for_good_is_not_asked_of_others() {
     let request = plan::StartBuildRequest { map: Some(map), ..start_of(1) };
     assert_eq!(client.start_build(request).await.unwrap_err().code(), Code::InvalidArgument);
     let graph = build_to_end(&mut planner_client(&planners[order(&uris)[1]]).await, start_of(3)).await;
-    let request = plan::GetGraphRequest { graph_id: graph.graph_id };
+    let request = plan::GetGraphRequest { graph_id: graph.graph_id, ..Default::default() };
     assert_eq!(client.get_graph(request).await.unwrap_err().code(), Code::NotFound, "the other one has the graph");
 }
 
@@ -172,7 +172,11 @@ async fn a_call_that_is_repeated_after_a_restart_returns_the_first_answer_and_ch
     let planner = start_planner(folder.path(), PlannerConfig::default());
     let mut client = planner_client(&planner).await;
     let graph_id = build_to_end(&mut client, start_of(3)).await.graph_id;
-    let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
+    let graph = client
+        .get_graph(plan::GetGraphRequest { graph_id: graph_id.clone(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
     let edge = &graph.edges[0];
     let [from, to] = [edge.from, edge.to].map(|vertex| Some(graph.vertices[vertex as usize]));
     let append = |factor, id: &str| plan::AppendEditsRequest {
@@ -209,7 +213,7 @@ async fn a_call_that_is_repeated_after_a_restart_returns_the_first_answer_and_ch
         assert_eq!(client.report_traversals(report.clone()).await.unwrap().into_inner().accepted, 3);
         assert_eq!(client.append_edits(append(2.0, "first")).await.unwrap().into_inner(), appended);
         assert_eq!(client.undo_edits(undo.clone()).await.unwrap().into_inner(), undone);
-        let layers = plan::GetLayersRequest { graph_id: graph_id.clone() };
+        let layers = plan::GetLayersRequest { graph_id: graph_id.clone(), ..Default::default() };
         let layers = client.get_layers(layers).await.unwrap().into_inner();
         assert_eq!(layers.layers[0].edits, [append(2.0, "").edits, append(3.0, "").edits].concat());
         assert_eq!(layers.revision, undone.revision);

@@ -248,7 +248,11 @@ async fn built(client: &mut PlannerServiceClient<Link>) -> String {
 }
 
 async fn graph_of(client: &mut PlannerServiceClient<Link>, graph_id: &str) -> plan::GetGraphResponse {
-    client.get_graph(plan::GetGraphRequest { graph_id: graph_id.to_owned() }).await.unwrap().into_inner()
+    client
+        .get_graph(plan::GetGraphRequest { graph_id: graph_id.to_owned(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner()
 }
 
 /// Names of reporters and numbers of their traversals.
@@ -439,7 +443,7 @@ async fn drain(load: Load) {
     let map = Some(map_spec_to_wire(&MapSpec::with_side(1, 60).unwrap()));
     let world = client.create_world(CreateWorldRequest { map, ..Default::default() }).await.unwrap().into_inner().world;
     let world_id = world.unwrap().world_id;
-    let points = SampleGroundRequest { world_id, count: 64, seed: 1, body: None };
+    let points = SampleGroundRequest { world_id, count: 64, seed: 1, body: None, ..Default::default() };
     let points = client.sample_ground(points).await.unwrap().into_inner().points;
     let spawn = |position| Spawn { position: Some(position), ..Default::default() };
     let spawns = points.into_iter().map(spawn).collect();
@@ -570,7 +574,8 @@ async fn services_know_who_calls() {
         let serving =
             tokio::spawn(async move { endpoint.serve(routes, &[], || async { String::new() }, stop).await.unwrap() });
         let link = credentials.dial(&uri).unwrap().connect().await.unwrap();
-        let answer = WorldServiceClient::new(link).get_npc(GetNpcRequest { npc_id: 1 }).await.unwrap_err();
+        let answer =
+            WorldServiceClient::new(link).get_npc(GetNpcRequest { npc_id: 1, ..Default::default() }).await.unwrap_err();
         assert_eq!((answer.code(), answer.message()), (Code::Aborted, name));
         shutdown.trigger();
         serving.await.unwrap();

@@ -25,7 +25,7 @@ async fn tiles(
     cell_m: f32,
     region: Option<wire::Region>,
 ) -> Vec<wire::GetMeshResponse> {
-    let request = wire::GetMeshRequest { world_id, cell_m, region };
+    let request = wire::GetMeshRequest { world_id, cell_m, region, ..Default::default() };
     let mut stream = client.get_mesh(request).await.unwrap().into_inner();
     let mut tiles = Vec::new();
     while let Some(tile) = stream.next().await {
@@ -76,7 +76,7 @@ async fn the_mesh_of_a_world_is_its_map_in_tiles_whole_or_coarse() {
     let part = tiles(&mut client, world_id, 0.0, Some(region)).await;
     assert!(part.len() == 1 && [part[0].tile_x, part[0].tile_z] == [1, 1]);
 
-    let refused = |cell_m, world_id| wire::GetMeshRequest { world_id, cell_m, region: None };
+    let refused = |cell_m, world_id| wire::GetMeshRequest { world_id, cell_m, region: None, ..Default::default() };
     for (request, code) in [
         (refused(99.0, world_id), Code::InvalidArgument),
         (refused(f32::NAN, world_id), Code::InvalidArgument),
@@ -84,7 +84,8 @@ async fn the_mesh_of_a_world_is_its_map_in_tiles_whole_or_coarse() {
     ] {
         assert_eq!(client.get_mesh(request).await.unwrap_err().code(), code);
     }
-    let features = client.get_features(wire::GetFeaturesRequest { world_id }).await.unwrap().into_inner();
+    let features =
+        client.get_features(wire::GetFeaturesRequest { world_id, ..Default::default() }).await.unwrap().into_inner();
     let placed = map.placed();
     assert_eq!(
         [features.pools.len(), features.pads.len(), features.zip_lines.len()],
@@ -104,7 +105,7 @@ async fn whoever_follows_an_npc_sees_its_rays_and_how_its_attempts_ended() {
     let world_id = create_world(&mut client, 10, wire::TimeMode::Lockstep).await.world_id;
     let start = ground(&mut client, world_id, 1).await[0];
     let npc_id = spawn(&mut client, world_id, start).await;
-    let follow = |rays| wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays };
+    let follow = |rays| wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays, ..Default::default() };
     let mut steps = client.follow_npc(follow(true)).await.unwrap().into_inner();
     let first = steps.next().await.unwrap().unwrap();
     assert!(first.rays.len() == 64 && first.history.is_empty());
@@ -137,7 +138,11 @@ async fn whoever_follows_an_npc_sees_its_rays_and_how_its_attempts_ended() {
 }
 
 async fn get(client: &mut Planner, graph_id: &str) -> plan::GetGraphResponse {
-    client.get_graph(plan::GetGraphRequest { graph_id: graph_id.to_owned() }).await.unwrap().into_inner()
+    client
+        .get_graph(plan::GetGraphRequest { graph_id: graph_id.to_owned(), ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner()
 }
 
 fn forbid(graph: &plan::GetGraphResponse, edge: &plan::Edge) -> plan::Edit {
@@ -237,17 +242,27 @@ async fn edges_tell_their_evidence_and_what_designers_did_to_them() {
     assert!(edited.edges.iter().all(|edge| edge.from != gone && edge.to != gone));
 
     let other_graph = client
-        .compare_graphs(plan::CompareGraphsRequest { before: graph_id.clone(), after: graph_id.clone() })
+        .compare_graphs(plan::CompareGraphsRequest {
+            before: graph_id.clone(),
+            after: graph_id.clone(),
+            ..Default::default()
+        })
         .await
         .unwrap()
         .into_inner();
     assert!(other_graph.lost.is_empty() && other_graph.gained.is_empty());
     let listed = client.list_graphs(plan::ListGraphsRequest::default()).await.unwrap().into_inner().graphs;
     assert!(listed.len() == 1 && listed[0].graph_id == graph_id && listed[0].map.unwrap().seed == 7);
-    let unknown = plan::CompareGraphsRequest { before: graph_id.clone(), after: "0".repeat(64) };
+    let unknown = plan::CompareGraphsRequest { before: graph_id.clone(), after: "0".repeat(64), ..Default::default() };
     assert_eq!(client.compare_graphs(unknown).await.unwrap_err().code(), Code::NotFound);
 
-    let probe = |to, seed| plan::ProbeEdgeRequest { graph_id: graph_id.clone(), from: other.from, to, seed };
+    let probe = |to, seed| plan::ProbeEdgeRequest {
+        graph_id: graph_id.clone(),
+        from: other.from,
+        to,
+        seed,
+        ..Default::default()
+    };
     let run = client.probe_edge(probe(other.to, 5)).await.unwrap().into_inner();
     let again = client.probe_edge(probe(other.to, 5)).await.unwrap().into_inner();
     assert_eq!(run, again, "the same seed gives the same run");
@@ -291,7 +306,7 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
     for (from, to) in (0..graph.vertices.len()).flat_map(|from| (0..50).map(move |to| (from, to))) {
         let query =
             plan::PathQuery { start: Some(graph.vertices[from]), goal: Some(graph.vertices[to]), ..Default::default() };
-        let request = plan::FindPathRequest { graph_id: graph_id.clone(), query: Some(query) };
+        let request = plan::FindPathRequest { graph_id: graph_id.clone(), query: Some(query), ..Default::default() };
         let found = planner_client.find_path(request).await.unwrap().into_inner().plan.unwrap();
         if found.found && found.waypoints.len() >= 6 && found.seconds > 15.0 {
             chosen = Some((graph.vertices[from], graph.vertices[to]));
@@ -300,7 +315,7 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
     }
     let (start, goal) = chosen.expect("a long path");
     let npc_id = spawn(&mut client, world_id, start).await;
-    let follow = wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false };
+    let follow = wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false, ..Default::default() };
     let mut steps = client.follow_npc(follow).await.unwrap().into_inner();
     set_goal(&mut client, npc_id, goal).await;
     // The NPC has no plan with a path until its worker has the graph.

@@ -106,7 +106,7 @@ async fn a_worker_that_decided_on_many_worlds_still_gets_plans_on_the_next() {
     let places = ground(&mut client, world.world_id, 2).await;
     let npc = spawn(&mut client, world.world_id, places[0]).await;
     set_goal(&mut client, npc, places[1]).await;
-    let request = wire::FollowNpcRequest { npc_id: npc, rate_hz: 60.0, rays: false };
+    let request = wire::FollowNpcRequest { npc_id: npc, rate_hz: 60.0, rays: false, ..Default::default() };
     let mut looks = client.follow_npc(request).await.unwrap().into_inner();
     let planned = async {
         while let Some(look) = looks.next().await {
@@ -233,7 +233,7 @@ async fn a_flood_of_calls_is_refused_as_busy_and_no_worker_is_cut_off() {
         let client = world_client(&server).await;
         for _ in 0..120 {
             let mut client = client.clone();
-            calls.spawn(async move { client.get_npc(wire::GetNpcRequest { npc_id }).await });
+            calls.spawn(async move { client.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await });
         }
     }
     let (mut answered, mut busy) = (0, 0);
@@ -419,12 +419,14 @@ async fn worlds_npcs_environments_and_levels_belong_to_who_made_them() {
     let mut root = WorldServiceClient::new(link(&server, "root").await);
     let request = wire::CreateWorldRequest { map: Some(small_map(1)), ..Default::default() };
     let world_id = ann.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-    let places =
-        ann.sample_ground(wire::SampleGroundRequest { world_id, count: 2, seed: 1, body: None }).await.unwrap();
+    let places = ann
+        .sample_ground(wire::SampleGroundRequest { world_id, count: 2, seed: 1, body: None, ..Default::default() })
+        .await
+        .unwrap();
     let place = places.into_inner().points[0];
     let spawn = wire::SpawnNpcRequest { world_id, position: Some(place), ..Default::default() };
     let npc_id = ann.spawn_npc(spawn.clone()).await.unwrap().into_inner().npc_id;
-    let goal = wire::SetGoalRequest { npc_id, goal: Some(place) };
+    let goal = wire::SetGoalRequest { npc_id, goal: Some(place), ..Default::default() };
     let refusals = [
         bob.drop_world(wire::DropWorldRequest { world_id }).await.unwrap_err(),
         bob.spawn_npc(spawn.clone()).await.unwrap_err(),
@@ -442,9 +444,9 @@ async fn worlds_npcs_environments_and_levels_belong_to_who_made_them() {
         matches!(&results[0].result, Some(wire::set_goal_result::Result::Error(error)) if error.reason == "NOT_OWNER")
     );
     // Anybody may look, and a designer may add an NPC of her own.
-    bob.get_npc(wire::GetNpcRequest { npc_id }).await.unwrap();
+    bob.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await.unwrap();
     let guest = dora.spawn_npc(spawn).await.unwrap().into_inner().npc_id;
-    dora.set_goal(wire::SetGoalRequest { npc_id: guest, goal: Some(place) }).await.unwrap();
+    dora.set_goal(wire::SetGoalRequest { npc_id: guest, goal: Some(place), ..Default::default() }).await.unwrap();
     ann.despawn_npc(wire::DespawnNpcRequest { npc_id: guest }).await.expect("it is her world");
 
     let mut ann_envs = EnvServiceClient::new(link(&server, "ann").await);
@@ -529,8 +531,10 @@ async fn a_worker_with_a_token_works_where_tokens_are_required() {
     let mut ann: WorldServiceClient<Link> = WorldServiceClient::new(link(&server, "ann").await);
     let request = wire::CreateWorldRequest { map: Some(small_map(1)), ..Default::default() };
     let world_id = ann.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-    let places =
-        ann.sample_ground(wire::SampleGroundRequest { world_id, count: 1, seed: 1, body: None }).await.unwrap();
+    let places = ann
+        .sample_ground(wire::SampleGroundRequest { world_id, count: 1, seed: 1, body: None, ..Default::default() })
+        .await
+        .unwrap();
     let place = places.into_inner().points[0];
     let spawns = wire::Spawn { position: Some(place), goal: Some(place), ..Default::default() };
     let batch = wire::BatchSpawnNpcsRequest { world_id, spawns: vec![spawns], ..Default::default() };
@@ -583,10 +587,11 @@ async fn history_of_lockstep_world(
     loop {
         if open == 0 {
             // Some may have died.
-            let place = |(&npc_id, at)| wire::TeleportNpcRequest { npc_id, position: Some(at), yaw: 0.0 };
+            let place =
+                |(&npc_id, at)| wire::TeleportNpcRequest { npc_id, position: Some(at), yaw: 0.0, ..Default::default() };
             let teleports = npc_ids.iter().zip(places.by_ref()).map(place).collect();
             client.batch_teleport_npcs(wire::BatchTeleportNpcsRequest { teleports }).await.unwrap();
-            let goal = |(&npc_id, goal)| wire::SetGoalRequest { npc_id, goal: Some(goal) };
+            let goal = |(&npc_id, goal)| wire::SetGoalRequest { npc_id, goal: Some(goal), ..Default::default() };
             let goals: Vec<_> = npc_ids.iter().zip(places.by_ref()).map(goal).collect();
             open = goals.len();
             client.batch_set_goals(wire::BatchSetGoalsRequest { goals }).await.unwrap();
@@ -732,7 +737,8 @@ async fn one_clients_flood_takes_no_answers_and_no_levels_from_another() {
     // 4,096 errors each: their messages alone would be 75 MB.
     for number in 0..150 {
         let spawns = vec![wire::Spawn::default(); 4096];
-        let request = wire::BatchSpawnNpcsRequest { world_id, spawns, request_id: number.to_string() };
+        let request =
+            wire::BatchSpawnNpcsRequest { world_id, spawns, request_id: number.to_string(), ..Default::default() };
         ann.batch_spawn_npcs(request).await.expect("a flood is answered");
     }
     assert_eq!(bob.create_world(create("bob's")).await.unwrap().into_inner(), first, "the first answer is kept");

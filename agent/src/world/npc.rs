@@ -32,7 +32,8 @@ pub(super) struct PlanState {
     pub revision: Option<u64>,
     /// The latest revision for which the NPC dropped its plan.
     pub replanned_for: Option<u64>,
-    /// Whether the plan was made on the map before an edit. The NPC follows it until it has another one.
+    /// Whether the plan was made on the map before an edit, or for a goal that has moved far. The NPC follows it until
+    /// it has another one.
     pub is_outdated: bool,
 }
 
@@ -71,6 +72,18 @@ impl Npc {
             news: News::default(),
             feet: Vec3::ZERO,
         }
+    }
+
+    /// Follows a goal that may have moved, m: the NPC heads for its new place if it is on the last leg, and needs
+    /// another plan once the goal has moved far.
+    pub fn follow_goal(&mut self, goal: Vec3, is_grounded: bool, has_arrived: bool) {
+        let follower = &mut self.attempt.follower;
+        if let Some(waypoint) = follower.move_goal(goal, self.feet, has_arrived) {
+            self.news.waypoint = Some(waypoint);
+            self.attempt.forget_forecast();
+        }
+        // An NPC in the air cannot turn back.
+        self.planning.is_outdated |= is_grounded && self.attempt.follower.has_goal_drifted(self.feet);
     }
 
     /// Whether the NPC has a waypoint to rehearse and act for.

@@ -14,6 +14,8 @@ use surefoot_world::{End, MoverState, Npc as State};
 const PLAN_DECISIONS: u32 = 3;
 /// Decisions for which NPCs stand still while the graph is on its way.
 const GRAPH_DECISIONS: u32 = 60;
+/// Distance of a goal, m, to which NPCs set out at once, after a rehearsal of the straight way.
+const NEAR_M: f32 = 8.0;
 /// Decisions for which NPCs of realtime worlds stand still until it is their turn to rehearse.
 const TURN_DECISIONS: u32 = 9;
 /// Decisions after which an NPC that came to harm without a plan, in a rehearsal, tries again.
@@ -124,7 +126,8 @@ impl WorldTask {
                 continue;
             }
             npc.hold.unplanned = npc.hold.unplanned.saturating_add(1);
-            if npc.hold.unplanned <= patience {
+            let is_near = npc.feet.distance(npc.attempt.follower.goal()) <= NEAR_M;
+            if npc.hold.unplanned <= patience && !(is_near && is_ready) {
                 npc.hold.holds = true;
             } else if npc.hold.unplanned >= npc.hold.next_try {
                 // Without a state there is nothing to rehearse.

@@ -12,12 +12,10 @@ pub mod services;
 pub mod top;
 pub mod up;
 
-use anyhow::{Context, bail};
-use std::ops::Range;
+use anyhow::Context;
 use std::path::Path;
 use std::str::FromStr;
 use surefoot_policy::Policy;
-use surefoot_world::MapSpec;
 
 /// Loads the model in a folder, or the shipped model of that name; without a name, the shipped reactive model.
 pub fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
@@ -55,34 +53,6 @@ pub fn revision() -> Option<String> {
     let head = git(&["rev-parse", "HEAD"])?;
     let changes = git(&["status", "--porcelain", "--untracked-files=no"])?;
     Some(format!("{}{}", head.trim(), if changes.is_empty() { "" } else { "+" }))
-}
-
-/// Parses seeds such as `5`, `5,7` or `0..4`.
-pub fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
-    let number = |text: &str| text.trim().parse::<u64>().with_context(|| format!("`{text}` is not a seed"));
-    if let Some((from, to)) = text.split_once("..") {
-        let (from, to) = (number(from)?, number(to)?);
-        if from >= to || to - from > 10_000 {
-            bail!("`{text}` is not a range of 1 to 10000 seeds");
-        }
-        return Ok((from..to).collect());
-    }
-    text.split(',').map(number).collect()
-}
-
-/// Seeds of the named splits.
-pub const SPLITS: [(&str, Range<u64>); 4] =
-    [("training", 0..128), ("validation", 1000..1004), ("test", 2000..2004), ("benchmark", 5000..5064)];
-
-/// Specs of the maps of a named split or of listed seeds.
-pub fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
-    let split = SPLITS.into_iter().find(|(name, _)| *name == text);
-    let seeds = match split {
-        Some((_, seeds)) => seeds.collect(),
-        None => parse_seeds(text)
-            .context("--maps takes training, validation, test, benchmark, or seeds such as 7 or 0..4")?,
-    };
-    seeds.into_iter().map(|seed| MapSpec::with_side(seed, side)).collect::<Result<_, _>>().context("--size")
 }
 
 /// A share from 0 to 1.

@@ -1,13 +1,13 @@
 //! `surefoot up`: all services in one process, with a crowd to watch.
 
 use super::endpoint::{CredentialArgs, EndpointArgs};
-use super::map::{BodyArg, Generated, file_name, level_files, load_level};
+use super::map::{BodyArg, Generated, LevelArgs, file_name, files_only, parse_maps};
 use super::services::{CacheArgs, GraphArgs, ServerLimits, StudioArgs, run_until_signal};
 use super::{core_count, load_policy};
 use crate::terminal::{is_interactive, print_json};
 use anyhow::{Context, bail};
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_agent::{WorkConfig, work};
@@ -40,7 +40,8 @@ const START_PAUSE: Duration = Duration::from_millis(200);
         surefoot up --for 120 --json\n  \
         surefoot up --maps 4 --npcs 512\n  \
         surefoot up --kind islands --body unity\n  \
-        surefoot up --maps level.glb,other.obj")]
+        surefoot up --maps level.glb,other.obj\n  \
+        surefoot up --maps 'levels/*.glb' --scale 0.01")]
 pub struct Args {
     /// Address of the world server; port 0 picks a free port
     #[arg(long, default_value = "127.0.0.1:7600")]
@@ -48,11 +49,14 @@ pub struct Args {
     /// Address of the planner; port 0 picks a free port
     #[arg(long, default_value = "127.0.0.1:7601")]
     planner_listen: SocketAddr,
-    /// Number of worlds, each on its own unseen map; or files (.sfmap, .glb, .gltf, .obj), each with a world of its own
-    #[arg(long, default_value = "2", value_name = "N|FILE,...")]
-    maps: String,
+    /// Number of worlds, each on its own unseen map; or files (.sfmap, .glb, .gltf, .obj) and patterns such as
+    /// levels/*.glb, for a world on each
+    #[arg(long, default_value = "2", value_name = "N|FILE,...", num_args = 1..)]
+    maps: Vec<String>,
     #[command(flatten)]
     generated: Generated,
+    #[command(flatten)]
+    levels: LevelArgs,
     #[command(flatten)]
     body: BodyArg,
     /// Total number of NPCs
@@ -114,16 +118,24 @@ enum SceneMap {
 
 impl Args {
     fn maps(&self) -> anyhow::Result<Vec<SceneMap>> {
-        if let Some(files) = level_files(&self.maps) {
-            let level = |file: &Path| Ok(SceneMap::Level(file_name(file), surefoot_levels::encode(&load_level(file)?)));
-            return files.into_iter().map(level).collect();
+        if let [count] = self.maps.as_slice()
+            && let Ok(count) = count.parse::<u64>()
+        {
+            self.levels.check(&[])?;
+            if !(1..=MAX_SCENE_MAPS).contains(&count) {
+                bail!("--maps is `{count}`: give a number from 1 to {MAX_SCENE_MAPS}, or files");
+            }
+            let generated = |idx| Ok(SceneMap::Generated(self.generated.apply(&MapSpec::new(FIRST_SEED + idx))?));
+            return (0..count).map(generated).collect();
         }
-        let count = self.maps.parse().ok().filter(|count| (1..=MAX_SCENE_MAPS).contains(count));
-        let count: u64 = count.with_context(|| {
-            format!("--maps is `{}`: give a number from 1 to {MAX_SCENE_MAPS}, or files", self.maps)
-        })?;
-        let generated = |idx| Ok(SceneMap::Generated(self.generated.apply(&MapSpec::new(FIRST_SEED + idx))?));
-        (0..count).map(generated).collect()
+        let maps = parse_maps(&self.maps).context("--maps takes a number of worlds, or files")?;
+        let files = files_only(maps.clone()).context("--maps takes a number of worlds, or files")?;
+        self.levels.check(&maps)?;
+        let level = |file: PathBuf| {
+            let map = self.levels.load(&file)?;
+            Ok(SceneMap::Level(file_name(&file), surefoot_levels::encode(&map)))
+        };
+        files.into_iter().map(level).collect()
     }
 }
 
@@ -427,7 +439,7 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::SPLITS;
+    use crate::commands::map::SPLITS;
     use surefoot_policy::Policy;
 
     #[test]

@@ -1,66 +1,21 @@
-//! The data of a glTF: its container, its buffers, and the numbers in them.
+//! The numbers of a glTF: buffers, views, and the elements of accessors.
 //!
 //! Every index, offset and length is checked on use.
 
+use crate::container::{self, Files};
+use crate::document::{Accessor, Buffer, Document, Sparse, View};
 use crate::faults::ImportError;
-use crate::meshopt::Compression;
-use base64::Engine;
-use base64::alphabet::STANDARD;
-use base64::engine::general_purpose::{GeneralPurpose, NO_PAD};
-use gltf::json::accessor::ComponentType;
-use gltf::json::validation::Checked;
-use gltf::json::{self, Root};
 use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
-use surefoot_world::Vec3;
 
 /// Most bytes of compressed views that are decoded for a level: those of three million triangles, several times over.
 const MAX_DECODED_BYTES: usize = 256 << 20;
-const DATA_URI: &str = "data:";
-const BASE64_MARK: &str = ";base64,";
-/// Base64 with the standard alphabet (RFC 4648, section 4). Padding is cut off before; leftover bits are ignored.
-const BASE64: GeneralPurpose = GeneralPurpose::new(&STANDARD, NO_PAD.with_decode_allow_trailing_bits(true));
-
-/// Splits a `.glb` into its JSON chunk and its binary chunk.
-pub(super) fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ImportError> {
-    let header: &[u8; 12] = bytes.first_chunk().ok_or(ImportError::Container("its header is cut off"))?;
-    let number = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
-    if number(4) != 2 {
-        return Err(ImportError::GltfVersion(number(4).to_string()));
-    }
-    let contents = bytes.get(12..number(8) as usize).ok_or(ImportError::Container("it is cut off"))?;
-    let json = Chunk::first(contents)?;
-    if json.kind != b"JSON" {
-        return Err(ImportError::Container("it does not begin with JSON"));
-    }
-    if json.rest.is_empty() {
-        return Ok((json.content, None));
-    }
-    let binary = Chunk::first(json.rest)?;
-    Ok((json.content, (binary.kind == b"BIN\0").then_some(binary.content)))
-}
-
-/// A chunk of a `.glb`, and the bytes that follow it.
-struct Chunk<'a> {
-    kind: &'a [u8; 4],
-    content: &'a [u8],
-    rest: &'a [u8],
-}
-
-impl<'a> Chunk<'a> {
-    fn first(bytes: &'a [u8]) -> Result<Self, ImportError> {
-        let chunk = bytes.split_first_chunk::<4>().and_then(|(len, rest)| {
-            let (kind, rest) = rest.split_first_chunk::<4>()?;
-            let (content, rest) = rest.split_at_checked(u32::from_le_bytes(*len) as usize)?;
-            Some(Self { kind, content, rest })
-        });
-        chunk.ok_or(ImportError::Container("one of its chunks is cut off"))
-    }
-}
+/// Most numbers of an element: a 4 x 4 matrix.
+const MAX_WIDTH: usize = 16;
 
 /// The data of a glTF.
 pub(super) struct Source<'a> {
-    pub(super) root: &'a Root,
+    pub(super) root: &'a Document,
     buffers: Vec<Cow<'a, [u8]>>,
     /// Decoded content of compressed views, filled on the first read.
     decoded: Vec<OnceCell<Vec<u8>>>,
@@ -70,8 +25,8 @@ pub(super) struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// Opens the buffers; `binary` is the binary chunk of a `.glb`.
-    pub(super) fn new(root: &'a Root, binary: Option<&'a [u8]>) -> Result<Self, ImportError> {
-        let buffers = root.buffers.iter().enumerate().map(|(idx, buffer)| read_buffer(idx, buffer, binary));
+    pub(super) fn new(root: &'a Document, binary: Option<&'a [u8]>, files: &dyn Files) -> Result<Self, ImportError> {
+        let buffers = root.buffers.iter().enumerate().map(|(idx, buffer)| read_buffer(idx, buffer, binary, files));
         let decoded = root.buffer_views.iter().map(|_| OnceCell::new()).collect();
         Ok(Self {
             root,
@@ -81,6 +36,13 @@ impl<'a> Source<'a> {
         })
     }
 
+    /// Takes bytes from what may still be decoded.
+    pub(super) fn spend(&self, len: usize) -> Result<(), ImportError> {
+        let left = self.decoding_budget.get().checked_sub(len).ok_or(ImportError::TooManyTriangles)?;
+        self.decoding_budget.set(left);
+        Ok(())
+    }
+
     /// The elements of an accessor, checked to lie within its view and buffer.
     pub(super) fn elements(
         &self,
@@ -88,54 +50,86 @@ impl<'a> Source<'a> {
         accessor_idx: usize,
         layout: Layout,
     ) -> Result<Elements<'_>, ImportError> {
-        let reference = |to, idx| ImportError::Reference { from: mesh.to_owned(), to, idx };
-        let accessor = self.root.accessors.get(accessor_idx).ok_or_else(|| reference("accessor", accessor_idx))?;
-        if accessor.sparse.is_some() {
-            return Err(data_error(mesh, "sparse accessors, which are not supported: export it without them"));
-        }
-        let (number_count, problem) = match layout {
-            Layout::Positions => (3, "positions that are neither floats nor quantized: export it again"),
-            Layout::Indices => (1, "indices that are not unsigned integers: export it again"),
-            Layout::Floats(count) => (count, "keys that are no numbers of its kind: export the level again"),
-        };
-        let (Checked::Valid(kind), Checked::Valid(component)) = (accessor.type_, accessor.component_type) else {
-            return Err(data_error(mesh, problem));
-        };
-        let is_integer = matches!(component.0, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
-        let is_right = if layout == Layout::Indices { is_integer } else { component.0 != ComponentType::U32 };
-        if kind.multiplicity() != number_count || !is_right {
-            return Err(data_error(mesh, problem));
-        }
-        let width = number_count * component.0.size();
-        let encoding = Encoding { component: component.0, is_normalized: accessor.normalized };
+        let accessor =
+            self.root.accessors.get(accessor_idx).ok_or_else(|| reference(mesh, "accessor", accessor_idx))?;
+        let encoding = layout.encoding(accessor).ok_or_else(|| data_error(mesh, layout.problem()))?;
+        let width = layout.number_count() * encoding.component.size();
         let no_data = || data_error(mesh, "no vertex data: export it without compression");
-        let view_idx = accessor.buffer_view.ok_or_else(no_data)?.value();
-        let view = self.root.buffer_views.get(view_idx).ok_or_else(|| reference("buffer view", view_idx))?;
-        let stride = view.byte_stride.map_or(width, |stride| stride.0);
-        let count = accessor.count.0;
+        let (bytes, stride) = match (accessor.buffer_view, &accessor.sparse) {
+            (Some(view_idx), _) => {
+                let view =
+                    self.root.buffer_views.get(view_idx).ok_or_else(|| reference(mesh, "buffer view", view_idx))?;
+                let stride = view.byte_stride.filter(|stride| *stride > 0).unwrap_or(width);
+                let place = Place { view_idx, offset: accessor.byte_offset, stride, width };
+                (Some(self.strided(mesh, place, accessor.count)?), stride)
+            }
+            // The elements are zero where the sparse part says nothing.
+            (None, Some(_)) => (None, width),
+            (None, None) => return Err(no_data()),
+        };
+        // Indices are 32-bit numbers, so no further elements can be used.
+        let count = usize::try_from(accessor.count).unwrap_or(usize::MAX);
+        let elements = Elements { bytes, stride, width, count, encoding, changed: Vec::new() };
+        match &accessor.sparse {
+            Some(sparse) => self.with_changes(mesh, elements, sparse),
+            None => Ok(elements),
+        }
+    }
+
+    /// Adds the elements that a sparse accessor replaces.
+    fn with_changes<'b>(
+        &'b self,
+        mesh: &str,
+        elements: Elements<'b>,
+        sparse: &Sparse,
+    ) -> Result<Elements<'b>, ImportError> {
+        let damaged = || data_error(mesh, "sparse data that does not fit: the file is damaged; export it again");
+        let component = Component::of(sparse.indices.component_type).filter(|it| it.is_index()).ok_or_else(damaged)?;
+        let (index_width, value_width) = (component.size(), elements.width);
+        let at = |view_idx, offset, width| Place { view_idx, offset, stride: width, width };
+        let (indices, values) = (&sparse.indices, &sparse.values);
+        let indices = self.strided(mesh, at(indices.buffer_view, indices.byte_offset, index_width), sparse.count)?;
+        let values = self.strided(mesh, at(values.buffer_view, values.byte_offset, value_width), sparse.count)?;
+        let mut changed: Vec<(u32, &[u8])> =
+            indices.chunks_exact(index_width).map(little_endian).zip(values.chunks_exact(value_width)).collect();
+        // The specification wants them sorted, and each once.
+        changed.sort_by_key(|(idx, _)| *idx);
+        if changed.last().is_some_and(|(idx, _)| *idx as usize >= elements.count) {
+            return Err(damaged());
+        }
+        Ok(Elements { changed, ..elements })
+    }
+
+    /// The bytes from the first to the last of `count` elements.
+    fn strided(&self, mesh: &str, place: Place, count: u64) -> Result<&[u8], ImportError> {
+        let Place { view_idx, offset, stride, width } = place;
+        let view = self.root.buffer_views.get(view_idx).ok_or_else(|| reference(mesh, "buffer view", view_idx))?;
         let bytes = self.view(mesh, view_idx, view)?.and_then(|view| {
             let len = match count.checked_sub(1) {
                 Some(gaps) => gaps.checked_mul(stride as u64)?.checked_add(width as u64)?,
                 None => 0,
             };
-            view.get(range(accessor.byte_offset.map_or(0, |offset| offset.0), len)?)
+            view.get(range(offset, len)?)
         });
         let too_short = || data_error(mesh, "data that lies outside its buffer: the file is damaged; export it again");
-        let bytes = bytes.filter(|_| stride >= width).ok_or_else(too_short)?;
-        // The bytes exist, so the count fits into a usize.
-        Ok(Elements { bytes, stride, width, count: count as usize, encoding })
+        bytes.filter(|_| stride >= width).ok_or_else(too_short)
+    }
+
+    /// The bytes of a view by its index.
+    pub(super) fn whole_view(&self, mesh: &str, view_idx: usize) -> Result<&[u8], ImportError> {
+        let view = self.root.buffer_views.get(view_idx).ok_or_else(|| reference(mesh, "buffer view", view_idx))?;
+        let damaged = || data_error(mesh, "data that lies outside its buffer: the file is damaged; export it again");
+        self.view(mesh, view_idx, view)?.ok_or_else(damaged)
     }
 
     /// The bytes of a view; `None` if they lie outside its buffer.
-    fn view(&self, mesh: &str, view_idx: usize, view: &json::buffer::View) -> Result<Option<&[u8]>, ImportError> {
+    fn view(&self, mesh: &str, view_idx: usize, view: &View) -> Result<Option<&[u8]>, ImportError> {
         let part = |buffer_idx: usize, offset: u64, len: u64| {
-            let reference = || ImportError::Reference { from: mesh.to_owned(), to: "buffer", idx: buffer_idx };
-            let buffer = self.buffers.get(buffer_idx).ok_or_else(reference)?;
+            let buffer = self.buffers.get(buffer_idx).ok_or_else(|| reference(mesh, "buffer", buffer_idx))?;
             Ok(range(offset, len).and_then(|range| buffer.get(range)))
         };
-        let failed = |problem| data_error(mesh, problem);
-        let Some(compression) = Compression::of(view).map_err(failed)? else {
-            return part(view.buffer.value(), view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0);
+        let Some(compression) = view.compression() else {
+            return part(view.buffer, view.byte_offset, view.byte_length);
         };
         let decoded = &self.decoded[view_idx];
         if let Some(known) = decoded.get() {
@@ -144,25 +138,25 @@ impl<'a> Source<'a> {
         let Some(bytes) = part(compression.buffer, compression.byte_offset, compression.byte_length)? else {
             return Ok(None);
         };
-        let left = self.decoding_budget.get().checked_sub(compression.decoded_len());
-        self.decoding_budget.set(left.ok_or(ImportError::TooManyTriangles)?);
-        let content = compression.decode(bytes).map_err(failed)?;
+        self.spend(compression.decoded_len())?;
+        let content = compression.decode(bytes).map_err(|problem| data_error(mesh, problem))?;
         Ok(Some(decoded.get_or_init(|| content)))
     }
 }
 
-fn read_buffer<'a>(idx: usize, buffer: &json::Buffer, binary: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ImportError> {
+fn read_buffer<'a>(
+    idx: usize,
+    buffer: &Buffer,
+    binary: Option<&'a [u8]>,
+    files: &dyn Files,
+) -> Result<Cow<'a, [u8]>, ImportError> {
     let bytes = match (&buffer.uri, binary) {
         (None, Some(binary)) if idx == 0 => Cow::Borrowed(binary),
         // A fallback buffer has no data, which is an error only if something reads it.
         (None, _) => return Ok(Cow::Borrowed(&[])),
-        (Some(uri), _) if uri.starts_with(DATA_URI) => {
-            let text = uri.split_once(BASE64_MARK).map(|(_, text)| text.trim_end_matches('='));
-            Cow::Owned(text.and_then(|text| BASE64.decode(text).ok()).ok_or(ImportError::Base64 { buffer: idx })?)
-        }
-        (Some(uri), _) => return Err(ImportError::ExternalBuffer { uri: uri.chars().take(200).collect() }),
+        (Some(uri), _) => Cow::Owned(container::resolve(idx, uri, files)?),
     };
-    let (len, expected) = (bytes.len(), buffer.byte_length.0);
+    let (len, expected) = (bytes.len(), buffer.byte_length);
     if (len as u64) < expected { Err(ImportError::ShortBuffer { buffer: idx, len, expected }) } else { Ok(bytes) }
 }
 
@@ -170,33 +164,115 @@ pub(super) fn data_error(mesh: &str, problem: &'static str) -> ImportError {
     ImportError::Data { mesh: mesh.to_owned(), problem }
 }
 
+pub(super) fn reference(from: &str, to: &'static str, idx: usize) -> ImportError {
+    ImportError::Reference { from: from.to_owned(), to, idx }
+}
+
 fn range(offset: u64, len: u64) -> Option<std::ops::Range<usize>> {
     let end = offset.checked_add(len)?;
     Some(usize::try_from(offset).ok()?..usize::try_from(end).ok()?)
+}
+
+/// Where elements lie.
+#[derive(Clone, Copy)]
+struct Place {
+    view_idx: usize,
+    offset: u64,
+    stride: usize,
+    width: usize,
 }
 
 /// Kind of data that an accessor is read as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Layout {
     Positions,
+    /// Whole numbers of one component.
     Indices,
+    /// Whole numbers of four components, which name joints.
+    Joints,
     /// This many numbers each.
     Floats(usize),
 }
 
-/// Checked elements: `count` elements of `width` bytes, `stride` bytes apart; the last one is complete.
-pub(super) struct Elements<'a> {
-    bytes: &'a [u8],
-    stride: usize,
-    width: usize,
-    pub(super) count: usize,
-    encoding: Encoding,
+impl Layout {
+    fn number_count(self) -> usize {
+        match self {
+            Self::Positions => 3,
+            Self::Indices => 1,
+            Self::Joints => 4,
+            Self::Floats(count) => count,
+        }
+    }
+
+    fn problem(self) -> &'static str {
+        match self {
+            Self::Positions => "positions that are neither floats nor quantized: export it again",
+            Self::Indices | Self::Joints => "indices that are not unsigned integers: export it again",
+            Self::Floats(_) => "keys, weights or matrices that are no numbers of their kind: export the level again",
+        }
+    }
+
+    /// How the accessor's numbers are stored; `None` if it has other numbers.
+    fn encoding(self, accessor: &Accessor) -> Option<Encoding> {
+        let component = Component::of(accessor.component_type)?;
+        let number_count = match accessor.shape.as_str() {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            "MAT4" => 16,
+            _ => return None,
+        };
+        let is_right = match self {
+            Self::Indices | Self::Joints => component.is_index(),
+            Self::Positions | Self::Floats(_) => component != Component::U32,
+        };
+        (is_right && number_count == self.number_count())
+            .then_some(Encoding { component, is_normalized: accessor.normalized })
+    }
 }
 
-/// How the components of a position are stored.
+/// Type of a component (glTF 2.0, section 3.6.2.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    fn of(number: u32) -> Option<Self> {
+        Some(match number {
+            5120 => Self::I8,
+            5121 => Self::U8,
+            5122 => Self::I16,
+            5123 => Self::U16,
+            5125 => Self::U32,
+            5126 => Self::F32,
+            _ => return None,
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    fn is_index(self) -> bool {
+        matches!(self, Self::U8 | Self::U16 | Self::U32)
+    }
+}
+
+/// How the components of an element are stored.
 #[derive(Debug, Clone, Copy)]
 struct Encoding {
-    component: ComponentType,
+    component: Component,
     is_normalized: bool,
 }
 
@@ -204,40 +280,76 @@ impl Encoding {
     /// A component in little-endian `bytes` of its size.
     fn decode(self, bytes: &[u8]) -> Option<f32> {
         let (value, most) = match self.component {
-            ComponentType::I8 => (f32::from(*bytes.first()? as i8), f32::from(i8::MAX)),
-            ComponentType::U8 => (f32::from(*bytes.first()?), f32::from(u8::MAX)),
-            ComponentType::I16 => (f32::from(i16::from_le_bytes(*bytes.first_chunk()?)), f32::from(i16::MAX)),
-            ComponentType::U16 => (f32::from(u16::from_le_bytes(*bytes.first_chunk()?)), f32::from(u16::MAX)),
-            ComponentType::F32 => return Some(f32::from_le_bytes(*bytes.first_chunk()?)),
-            ComponentType::U32 => return None,
+            Component::I8 => (f32::from(*bytes.first()? as i8), f32::from(i8::MAX)),
+            Component::U8 => (f32::from(*bytes.first()?), f32::from(u8::MAX)),
+            Component::I16 => (f32::from(i16::from_le_bytes(*bytes.first_chunk()?)), f32::from(i16::MAX)),
+            Component::U16 => (f32::from(u16::from_le_bytes(*bytes.first_chunk()?)), f32::from(u16::MAX)),
+            Component::F32 => return Some(f32::from_le_bytes(*bytes.first_chunk()?)),
+            Component::U32 => return None,
         };
         // glTF 2.0, section 3.6.2.2: the most negative number stands for -1 as well.
         Some(if self.is_normalized { (value / most).max(-1.0) } else { value })
     }
 }
 
+fn little_endian(bytes: &[u8]) -> u32 {
+    bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte))
+}
+
+/// Checked elements: `count` elements of `width` bytes, `stride` bytes apart; the last one is complete.
+pub(super) struct Elements<'a> {
+    /// `None`: all are zero.
+    bytes: Option<&'a [u8]>,
+    stride: usize,
+    width: usize,
+    pub(super) count: usize,
+    encoding: Encoding,
+    /// Elements that have other bytes, by their indices.
+    changed: Vec<(u32, &'a [u8])>,
+}
+
 impl Elements<'_> {
+    /// The bytes at `idx`, which are zeros if there are none; `None` beyond the end.
     fn element(&self, idx: usize) -> Option<&[u8]> {
-        (idx < self.count).then(|| &self.bytes[idx * self.stride..idx * self.stride + self.width])
+        const ZEROS: [u8; 4 * MAX_WIDTH] = [0; 4 * MAX_WIDTH];
+        if idx >= self.count {
+            return None;
+        }
+        if let Ok(place) = self.changed.binary_search_by_key(&idx, |(idx, _)| *idx as usize) {
+            return Some(self.changed[place].1);
+        }
+        Some(match self.bytes {
+            Some(bytes) => &bytes[idx * self.stride..idx * self.stride + self.width],
+            None => &ZEROS[..self.width],
+        })
     }
 
-    pub(super) fn position(&self, idx: usize) -> Option<Vec3> {
-        self.floats(idx, 3).map(|[x, y, z, _]| Vec3::new(x, y, z))
+    /// Number of elements that a sparse accessor replaces.
+    pub(super) fn changed_count(&self) -> usize {
+        self.changed.len()
     }
 
-    /// The first `width` numbers at `idx`, at most 4, followed by zeros.
-    pub(super) fn floats(&self, idx: usize, width: usize) -> Option<[f32; 4]> {
-        let mut components = self.element(idx)?.chunks_exact(self.width / width);
-        let mut values = [0.0; 4];
-        for value in &mut values[..width] {
+    /// The first `N` numbers at `idx`.
+    pub(super) fn floats<const N: usize>(&self, idx: usize) -> Option<[f32; N]> {
+        let size = self.encoding.component.size();
+        let mut components = self.element(idx)?.chunks_exact(size);
+        let mut values = [0.0; N];
+        for value in &mut values {
             *value = self.encoding.decode(components.next()?)?;
         }
         Some(values)
     }
 
-    /// The vertex index at `idx`, which must be below `count`.
+    /// The whole number at `idx`, which must be below `count`.
     pub(super) fn index(&self, idx: usize) -> u32 {
-        let bytes = self.element(idx).unwrap_or_default();
-        bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte))
+        little_endian(self.element(idx).unwrap_or_default())
+    }
+
+    /// The four whole numbers at `idx`.
+    pub(super) fn joints(&self, idx: usize) -> Option<[u32; 4]> {
+        let mut numbers = self.element(idx)?.chunks_exact(self.width / 4).map(little_endian);
+        let mut joints = [0; 4];
+        joints.iter_mut().for_each(|joint| *joint = numbers.next().unwrap_or_default());
+        Some(joints)
     }
 }

@@ -5,19 +5,8 @@
 
 use crate::file::numbered;
 use crate::found::{PAD_EXTRA_M, PAD_GRAVITY};
-use gltf::Glb;
-use gltf::binary::Header;
-use gltf::json::accessor::{Accessor, ComponentType, GenericComponentType, Type};
-use gltf::json::buffer::{Buffer, Target, View};
-use gltf::json::material::{
-    AlphaMode, EmissiveFactor, Material, PbrBaseColorFactor, PbrMetallicRoughness, StrengthFactor,
-};
-use gltf::json::mesh::{Mesh, Mode, Primitive, Semantic};
-use gltf::json::validation::Checked::Valid;
-use gltf::json::{Extras, Index, Node, Root, Scene};
-use serde_json::value::to_raw_value;
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::f32::consts::TAU;
 use surefoot_world::map::{DISC_RADIUS_M, DeviceKind, Map, MapSize, MoverKind, Outline};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -28,12 +17,18 @@ const DISC_SIDES: usize = 16;
 /// Height of a device's disc, m.
 const DISC_HEIGHT_M: f32 = 0.12;
 
+/// Numbers of glTF 2.0: types of components, targets of views.
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+const ARRAY_BUFFER: u32 = 34962;
+const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+
 /// Encodes the map as a `.glb` file.
 pub fn export_glb(map: &Map) -> Vec<u8> {
     let mut scene = SceneWriter::default();
     let solids = map.mesh().triangles().iter().filter(|triangle| triangle.surface().is_solid());
     if let Some(ground) = scene.add_mesh("ground", Surface::Ground, solids.map(Triangle::corners)) {
-        scene.root.push(Node { name: Some("ground".to_owned()), mesh: Some(ground), ..Node::default() });
+        scene.nodes.push(json!({ "name": "ground", "mesh": ground }));
     }
     add_pools(&mut scene, map);
     add_devices(&mut scene, map);
@@ -55,8 +50,9 @@ fn add_pools(scene: &mut SceneWriter, map: &Map) {
             Outline::Round { radius } => json!({ "outline": "round", "radius": radius }),
             Outline::Rectangle { .. } => Value::Null,
         };
-        let scale = Some([2.0 * half_x, pool.depth, 2.0 * half_z]);
-        scene.root.push(Node { scale, ..node(name, pool.centre, Some(mesh), extras) });
+        let mut node = node(&name, pool.centre, Some(mesh), extras);
+        node["scale"] = json!([2.0 * half_x, pool.depth, 2.0 * half_z]);
+        scene.nodes.push(node);
     }
 }
 
@@ -70,10 +66,10 @@ fn add_devices(scene: &mut SceneWriter, map: &Map) {
             DeviceKind::Jetpack => json!({ "fuel": power }),
         };
         let end = if device.to.is_some() { ":from" } else { "" };
-        scene.add_disc(format!("{name}{end}"), device.kind, device.from, extras);
+        scene.add_disc(&format!("{name}{end}"), device.kind, device.from, extras);
         match device.to {
-            Some(to) if device.two_way => scene.add_disc(format!("{name}:to"), device.kind, to, Value::Null),
-            Some(to) => scene.add_empty(format!("{name}:to"), to, Value::Null),
+            Some(to) if device.two_way => scene.add_disc(&format!("{name}:to"), device.kind, to, Value::Null),
+            Some(to) => scene.add_empty(&format!("{name}:to"), to, Value::Null),
             None => {}
         }
     }
@@ -98,7 +94,7 @@ fn add_movers(scene: &mut SceneWriter, map: &Map) {
         } else if mover.kind != MoverKind::Floor {
             extras["path"] = further.iter().map(|stop| json!(stop.offset.to_array())).collect();
         }
-        scene.root.push(node(mover.name.clone(), mover.pivot, Some(mesh), extras));
+        scene.nodes.push(node(&mover.name, mover.pivot, Some(mesh), extras));
     }
 }
 
@@ -113,18 +109,18 @@ fn add_landmarks(scene: &mut SceneWriter, map: &Map) {
             "storeys": building.storeys,
             "roof_stairs": building.roof_stairs,
         });
-        scene.add_empty(format!("building_{idx}"), building.base, extras);
+        scene.add_empty(&format!("building_{idx}"), building.base, extras);
     }
     for (idx, plateau) in placed.plateaus.iter().enumerate() {
-        scene.add_empty(format!("plateau_{idx}"), plateau.top, json!({ "radius": plateau.radius }));
+        scene.add_empty(&format!("plateau_{idx}"), plateau.top, json!({ "radius": plateau.radius }));
     }
     for (idx, ravine) in placed.ravines.iter().enumerate() {
         let path: Vec<[f32; 3]> = ravine.path.iter().map(|point| point.to_array()).collect();
         let start = ravine.path.first().copied().unwrap_or_default();
-        scene.add_empty(format!("ravine_{idx}"), start, json!({ "path": path, "width": ravine.width }));
+        scene.add_empty(&format!("ravine_{idx}"), start, json!({ "path": path, "width": ravine.width }));
     }
     for (idx, cave) in placed.caves.iter().enumerate() {
-        scene.add_empty(format!("cave_{idx}"), cave.from, json!({ "to": cave.to.to_array(), "radius": cave.radius }));
+        scene.add_empty(&format!("cave_{idx}"), cave.from, json!({ "to": cave.to.to_array(), "radius": cave.radius }));
     }
 }
 
@@ -160,54 +156,57 @@ fn prism(rim: &[Vec3], bottom: f32, top: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// A node at a place, with these extras unless they are null.
-fn node(name: String, at: Vec3, mesh: Option<Index<Mesh>>, extras: Value) -> Node {
-    Node { name: Some(name), translation: Some(at.to_array()), mesh, extras: raw(extras), ..Node::default() }
-}
-
-/// Numbers of 32 bits are widened in a [`Value`], so they print with all digits and read back with the same bits.
-fn raw(extras: Value) -> Extras {
-    (!extras.is_null()).then(|| to_raw_value(&extras).expect("plain data"))
+/// A node at a place, with these extras unless they are null. Numbers of 32 bits are widened in a [`Value`], so they
+/// print with all digits and read back with the same bits.
+fn node(name: &str, at: Vec3, mesh: Option<usize>, extras: Value) -> Value {
+    let mut node = json!({ "name": name, "translation": at.to_array() });
+    let further = [("mesh", json!(mesh)), ("extras", extras)];
+    further.into_iter().filter(|(_, value)| !value.is_null()).for_each(|(key, value)| node[key] = value);
+    node
 }
 
 /// Collects a glTF document and its binary data.
 #[derive(Default)]
 struct SceneWriter {
-    root: Root,
+    nodes: Vec<Value>,
+    meshes: Vec<Value>,
+    accessors: Vec<Value>,
+    views: Vec<Value>,
     binary: Vec<u8>,
-    shared: HashMap<&'static str, Index<Mesh>>,
+    shared: HashMap<&'static str, usize>,
 }
 
 impl SceneWriter {
     /// Adds an indexed mesh, with corners welded where their bits are equal; `None` if there are no triangles.
-    fn add_mesh(
-        &mut self,
-        name: &str,
-        surface: Surface,
-        triangles: impl Iterator<Item = [Vec3; 3]>,
-    ) -> Option<Index<Mesh>> {
+    fn add_mesh(&mut self, name: &str, surface: Surface, triangles: impl Iterator<Item = [Vec3; 3]>) -> Option<usize> {
         let (vertices, corners) = numbered(triangles.flatten());
         let Aabb { low, high } = Aabb::around(vertices.iter().copied())?;
         let positions: Vec<u8> = vertices.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes).collect();
-        let indices: Vec<u8> = corners.into_iter().flat_map(u32::to_le_bytes).collect();
-        let (min, max) = (Some(json!(low.to_array())), Some(json!(high.to_array())));
-        let positions = Accessor { min, max, ..self.add_view(&positions, Target::ArrayBuffer) };
-        let indices = self.add_view(&indices, Target::ElementArrayBuffer);
-        let primitive = Primitive {
-            attributes: BTreeMap::from([(Valid(Semantic::Positions), self.root.push(positions))]),
-            extensions: None,
-            extras: None,
-            indices: Some(self.root.push(indices)),
-            material: Some(Index::new(surface as u32)),
-            mode: Valid(Mode::Triangles),
-            targets: None,
-        };
-        let (name, primitives) = (Some(name.to_owned()), vec![primitive]);
-        Some(self.root.push(Mesh { extensions: None, extras: None, name, primitives, weights: None }))
+        let indices: Vec<u8> = corners.iter().copied().flat_map(u32::to_le_bytes).collect();
+        let positions = json!({
+            "bufferView": self.add_view(&positions, ARRAY_BUFFER),
+            "componentType": FLOAT,
+            "type": "VEC3",
+            "count": vertices.len(),
+            "min": low.to_array(),
+            "max": high.to_array(),
+        });
+        let indices = json!({
+            "bufferView": self.add_view(&indices, ELEMENT_ARRAY_BUFFER),
+            "componentType": UNSIGNED_INT,
+            "type": "SCALAR",
+            "count": corners.len(),
+        });
+        let primitive = json!({
+            "attributes": { "POSITION": push(&mut self.accessors, positions) },
+            "indices": push(&mut self.accessors, indices),
+            "material": surface as u32,
+        });
+        Some(push(&mut self.meshes, json!({ "name": name, "primitives": [primitive] })))
     }
 
     /// Returns a mesh that several nodes share, and adds it when it is first needed.
-    fn shared_mesh(&mut self, surface: Surface, make: impl Fn() -> Vec<[Vec3; 3]>) -> Index<Mesh> {
+    fn shared_mesh(&mut self, surface: Surface, make: impl Fn() -> Vec<[Vec3; 3]>) -> usize {
         let name = surface.name();
         if let Some(&mesh) = self.shared.get(name) {
             return mesh;
@@ -217,70 +216,79 @@ impl SceneWriter {
         mesh
     }
 
-    /// Adds a buffer view of positions or indices, and returns an accessor of all that it holds. All values are four
-    /// bytes wide, so every view begins at a multiple of four.
-    fn add_view(&mut self, bytes: &[u8], target: Target) -> Accessor {
-        let (component, kind) = match target {
-            Target::ArrayBuffer => (ComponentType::F32, Type::Vec3),
-            Target::ElementArrayBuffer => (ComponentType::U32, Type::Scalar),
-        };
-        let view = self.root.push(View {
-            buffer: Index::new(0),
-            byte_length: bytes.len().into(),
-            byte_offset: Some(self.binary.len().into()),
-            byte_stride: None,
-            name: None,
-            target: Some(Valid(target)),
-            extensions: None,
-            extras: None,
-        });
+    /// Adds a buffer view of positions or indices. All values are four bytes wide, so every view begins at a multiple
+    /// of four.
+    fn add_view(&mut self, bytes: &[u8], target: u32) -> usize {
+        let offset = self.binary.len();
         self.binary.extend(bytes);
-        Accessor {
-            buffer_view: Some(view),
-            byte_offset: None,
-            count: (bytes.len() / (component.size() * kind.multiplicity())).into(),
-            component_type: Valid(GenericComponentType(component)),
-            extensions: None,
-            extras: None,
-            type_: Valid(kind),
-            min: None,
-            max: None,
-            name: None,
-            normalized: false,
-            sparse: None,
-        }
+        let view = json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len(), "target": target });
+        push(&mut self.views, view)
     }
 
-    fn add_disc(&mut self, name: String, kind: DeviceKind, centre: Vec3, extras: Value) {
+    fn add_disc(&mut self, name: &str, kind: DeviceKind, centre: Vec3, extras: Value) {
         let mesh = self.shared_mesh(kind.surface(), disc);
-        self.root.push(node(name, centre, Some(mesh), extras));
+        self.nodes.push(node(name, centre, Some(mesh), extras));
     }
 
-    fn add_empty(&mut self, name: String, at: Vec3, extras: Value) {
-        self.root.push(node(name, at, None, extras));
+    fn add_empty(&mut self, name: &str, at: Vec3, extras: Value) {
+        self.nodes.push(node(name, at, None, extras));
     }
 
     fn finish(self, MapSize { width, height, depth }: MapSize) -> Vec<u8> {
-        let Self { mut root, binary, .. } = self;
-        let nodes = (0..root.nodes.len() as u32).map(Index::new).collect();
-        let extras = raw(json!({ "surefoot": { "size": [width, height, depth] } }));
-        root.scene = Some(root.push(Scene { extensions: None, extras, name: Some("map".to_owned()), nodes }));
-        root.asset.generator = Some("Surefoot".to_owned());
-        root.materials = Surface::ALL.iter().copied().map(material).collect();
-        // glTF does not allow empty buffers.
-        let bin = (!binary.is_empty()).then(|| {
-            let byte_length = binary.len().into();
-            root.push(Buffer { byte_length, name: None, uri: None, extensions: None, extras: None });
-            binary.into()
+        let materials: Vec<Value> = Surface::ALL.iter().copied().map(material).collect();
+        let scene = json!({
+            "name": "map",
+            "nodes": (0..self.nodes.len()).collect::<Vec<_>>(),
+            "extras": { "surefoot": { "size": [width, height, depth] } },
         });
-        let json = root.to_vec().expect("plain data").into();
-        // The writer computes the length itself.
-        let header = Header { magic: *b"glTF", version: 2, length: 0 };
-        Glb { header, json, bin }.to_vec().expect("memory takes all bytes")
+        let mut root = json!({
+            "asset": { "version": "2.0", "generator": "Surefoot" },
+            "scene": 0,
+            "scenes": [scene],
+            "materials": materials,
+        });
+        // glTF does not allow empty arrays and buffers.
+        let buffers = if self.binary.is_empty() { vec![] } else { vec![json!({ "byteLength": self.binary.len() })] };
+        let lists = [
+            ("nodes", self.nodes),
+            ("meshes", self.meshes),
+            ("accessors", self.accessors),
+            ("bufferViews", self.views),
+            ("buffers", buffers),
+        ];
+        lists.into_iter().filter(|(_, list)| !list.is_empty()).for_each(|(name, list)| root[name] = list.into());
+        if root.get("nodes").is_none() {
+            root["scenes"][0].as_object_mut().expect("an object").remove("nodes");
+        }
+        binary_gltf(root.to_string().into_bytes(), &self.binary)
     }
 }
 
-fn material(surface: Surface) -> Material {
+/// Adds a value and returns its index.
+fn push(list: &mut Vec<Value>, value: Value) -> usize {
+    list.push(value);
+    list.len() - 1
+}
+
+/// The container of a binary glTF (glTF 2.0, section 4.4), whose chunks are padded to multiples of four bytes.
+fn binary_gltf(mut json: Vec<u8>, binary: &[u8]) -> Vec<u8> {
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let chunks: &[(&[u8; 4], &[u8])] = &[(b"JSON", &json), (b"BIN\0", binary)];
+    let chunks = &chunks[..if binary.is_empty() { 1 } else { 2 }];
+    let len = 12 + chunks.iter().map(|(_, content)| 8 + content.len()).sum::<usize>();
+    let mut bytes = Vec::with_capacity(len);
+    bytes.extend(b"glTF");
+    bytes.extend(2_u32.to_le_bytes());
+    bytes.extend((len as u32).to_le_bytes());
+    for (kind, content) in chunks {
+        bytes.extend((content.len() as u32).to_le_bytes());
+        bytes.extend(*kind);
+        bytes.extend(*content);
+    }
+    bytes
+}
+
+fn material(surface: Surface) -> Value {
     let (colour, glow) = match surface {
         Surface::Ground => ([0.36, 0.33, 0.27, 1.0], [0.0, 0.0, 0.0]),
         Surface::Water => ([0.08, 0.30, 0.55, 0.6], [0.0, 0.0, 0.0]),
@@ -290,16 +298,10 @@ fn material(surface: Surface) -> Material {
         Surface::Teleporter => ([0.55, 0.20, 0.80, 1.0], [0.1, 0.0, 0.2]),
         Surface::Jetpack => ([0.85, 0.85, 0.90, 1.0], [0.0, 0.0, 0.0]),
     };
-    Material {
-        name: Some(surface.name().to_owned()),
-        alpha_mode: Valid(if surface == Surface::Water { AlphaMode::Blend } else { AlphaMode::Opaque }),
-        pbr_metallic_roughness: PbrMetallicRoughness {
-            base_color_factor: PbrBaseColorFactor(colour),
-            metallic_factor: StrengthFactor(0.0),
-            roughness_factor: StrengthFactor(0.9),
-            ..PbrMetallicRoughness::default()
-        },
-        emissive_factor: EmissiveFactor(glow),
-        ..Material::default()
-    }
+    json!({
+        "name": surface.name(),
+        "alphaMode": if surface == Surface::Water { "BLEND" } else { "OPAQUE" },
+        "pbrMetallicRoughness": { "baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": 0.9 },
+        "emissiveFactor": glow,
+    })
 }

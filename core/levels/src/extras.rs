@@ -2,8 +2,8 @@
 
 use crate::faults::ImportError;
 use crate::scene::Node;
+use glam::DVec3;
 use serde_json::Value;
-use surefoot_world::Vec3;
 
 /// Properties that a designer attached to a node.
 pub(super) struct Extras<'a> {
@@ -12,7 +12,7 @@ pub(super) struct Extras<'a> {
 }
 
 impl<'a> Extras<'a> {
-    pub(super) fn new(node: &Node, of: &'a str) -> Result<Self, ImportError> {
+    pub(super) fn new<P>(node: &Node<P>, of: &'a str) -> Result<Self, ImportError> {
         let json = node.extras.as_ref().map_or("{}", |extras| extras.get());
         match serde_json::from_str(json) {
             Ok(Value::Object(values)) => Ok(Self { of, values }),
@@ -38,19 +38,19 @@ impl<'a> Extras<'a> {
     }
 
     /// A vector in the level's coordinates, if there is one.
-    pub(super) fn vector(&self, key: &'static str) -> Result<Option<Vec3>, ImportError> {
+    pub(super) fn vector(&self, key: &'static str) -> Result<Option<DVec3>, ImportError> {
         let Some(value) = self.values.get(key) else { return Ok(None) };
-        let vector: Option<[f32; 3]> = serde_json::from_value(value.clone()).ok();
+        let vector: Option<[f64; 3]> = serde_json::from_value(value.clone()).ok();
         vector.map(|vector| Some(vector.into())).ok_or_else(|| property(self.of, key, value, "give three numbers"))
     }
 
     /// Vectors in the level's coordinates; none if there is no such value.
-    pub(super) fn vectors(&self, key: &'static str) -> Result<Vec<Vec3>, ImportError> {
+    pub(super) fn vectors(&self, key: &'static str) -> Result<Vec<DVec3>, ImportError> {
         let Some(value) = self.values.get(key) else { return Ok(Vec::new()) };
-        let vectors: Option<Vec<[f32; 3]>> = serde_json::from_value(value.clone()).ok();
+        let vectors: Option<Vec<[f64; 3]>> = serde_json::from_value(value.clone()).ok();
         let vectors =
             vectors.ok_or_else(|| property(self.of, key, value, "give a list of places, three numbers each"))?;
-        Ok(vectors.into_iter().map(Vec3::from).collect())
+        Ok(vectors.into_iter().map(DVec3::from).collect())
     }
 
     pub(super) fn number(&self, key: &'static str) -> Result<Option<f64>, ImportError> {

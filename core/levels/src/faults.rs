@@ -3,6 +3,7 @@
 //! Messages name the level's own nodes and meshes, and say what to change.
 
 use crate::load::Overload;
+use glam::DVec3;
 use std::fmt;
 use surefoot_world::Vec3;
 use surefoot_world::map::MapSize;
@@ -12,65 +13,65 @@ use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 /// Most triangles of a level.
 pub(super) const MAX_TRIANGLES: usize = 4_000_000;
 
-/// An oddity of a level that does not keep the level from being used.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Something that a designer may want to change in a level, although it can be used.
+#[derive(Debug, Clone, PartialEq)]
 pub enum Warning {
-    /// The level is so small that its unit may not be the metre.
-    Tiny {
-        /// Extent of the level, m.
-        span: Vec3,
-        /// Factor that would make a level of it.
-        times: f32,
+    /// Doors, stairs and the like are too large or small for people.
+    Unit {
+        /// Metres per unit that would suit people.
+        scale: f64,
+        /// What was measured.
+        evidence: String,
     },
-    /// Triangles without area were left out.
-    DegenerateTriangles {
-        /// Number of triangles.
-        count: usize,
-    },
-    /// Points and lines were left out.
-    NotTriangles {
-        /// Number of primitives.
-        count: usize,
-    },
-    /// Edges belong to a single triangle.
-    OpenEdges {
-        /// Number of edges.
-        count: usize,
-    },
-    /// Edges belong to three or more triangles (non-manifold).
-    NonManifoldEdges {
-        /// Number of edges.
-        count: usize,
+    /// A node, or a part of one, does not belong to the level and was left out.
+    LeftOut {
+        /// What was left out or clipped, and why.
+        text: String,
     },
     /// Edges join two triangles that face opposite ways.
     InconsistentEdges {
         /// Number of edges.
         count: usize,
     },
-    /// Shells were inside out and were turned.
-    TurnedShells {
-        /// Number of shells.
-        count: usize,
-    },
-    /// Triangles faced another way than their neighbours and were turned.
-    TurnedTriangles {
-        /// Number of triangles.
-        count: usize,
-    },
-    /// Surfaces without thickness became plates.
-    Plates {
-        /// Number of their triangles.
-        count: usize,
-    },
-    /// Nodes are helpers by their names, and were left out.
-    Helpers {
-        /// Number of nodes.
-        count: usize,
-    },
     /// Nodes of pools have no height.
     FlatPools {
         /// Number of pools.
         count: usize,
+    },
+    /// Names begin like those of features, but with further letters.
+    NearMiss {
+        /// Name of the first such node.
+        name: String,
+        /// The word with which it begins.
+        word: &'static str,
+        /// Number of such nodes.
+        count: usize,
+    },
+    /// A node that is called a device is too large for one.
+    LargeDevice {
+        /// Name of the node.
+        node: String,
+        /// The larger of its sides, m.
+        side: f32,
+    },
+    /// A zip line or teleporter has only one end.
+    NoOtherEnd {
+        /// Name of the node.
+        node: String,
+        /// Name that the node of the other end should have.
+        missing: String,
+    },
+    /// Two nodes stand for the same end.
+    SecondEnd {
+        /// Name of the second node.
+        node: String,
+        /// The end: `from` or `to`.
+        end: &'static str,
+    },
+    /// The name of a zip line or teleporter does not say which end the node is.
+    NoEnd {
+        /// Name of the node.
+        node: String,
     },
     /// An exported map no longer fits its former size.
     Outgrown {
@@ -82,44 +83,45 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Tiny { span, times } => write!(
+            Self::Unit { scale, evidence } => write!(f, "{evidence}: did you mean a scale of {scale}?"),
+            Self::LeftOut { text } => write!(
                 f,
-                "the level is only {:.2} x {:.2} x {:.2} m: did you mean a scale {times} times as large?",
-                span.x, span.y, span.z
+                "{text}; to keep it, give the node the property `solid: true`, or list it under `nodes` in the sidecar"
             ),
-            Self::DegenerateTriangles { count } => write!(f, "{count} triangles have no area and were left out"),
-            Self::NotTriangles { count } => write!(f, "{count} sets of points or lines were left out"),
-            Self::OpenEdges { count } => {
-                write!(f, "{count} edges belong to one triangle only: solids that are open there have no inside")
-            }
-            Self::NonManifoldEdges { count } => {
-                write!(f, "{count} edges belong to more than two triangles: solids may overlap or have walls inside")
-            }
             Self::InconsistentEdges { count } => write!(
                 f,
                 "{count} edges join triangles that face opposite ways: bodies pass through one of \
                  the two; make the normals consistent"
             ),
-            Self::TurnedShells { count } => {
-                write!(f, "{count} shells were inside out and were turned: their fronts look out now")
-            }
-            Self::TurnedTriangles { count } => {
-                write!(f, "{count} triangles faced another way than their neighbours and were turned")
-            }
-            Self::Plates { count } => write!(
-                f,
-                "{count} triangles belong to surfaces without thickness: they became plates of 5 cm, which hold \
-                 from both sides"
-            ),
-            Self::Helpers { count } => {
-                write!(
-                    f,
-                    "{count} nodes are helpers by their names (navmesh, trigger, UCX_ and the like): they were left out"
-                )
-            }
             Self::FlatPools { count } => {
                 write!(f, "{count} pools are flat: their liquid is 1 m deep; give their nodes a height for more")
             }
+            Self::NearMiss { name, word, count: 1 } => write!(
+                f,
+                "node `{name}` is solid, although its name begins with `{word}`: a separator must follow the word, as \
+                 in `{word}_1`"
+            ),
+            Self::NearMiss { name, word, count } => write!(
+                f,
+                "{count} nodes are solid, although their names begin like those of features, as `{name}` with \
+                 `{word}`: a separator must follow the word, as in `{word}_1`"
+            ),
+            Self::LargeDevice { node, side } => write!(
+                f,
+                "node `{node}` stays solid: {side:.0} m are too much for the device that its name begins with; if it \
+                 is one, list it under `nodes` in the sidecar"
+            ),
+            Self::NoOtherEnd { node, missing } => {
+                write!(f, "node `{node}` has no other end and stays solid: add a node `{missing}`, or rename it")
+            }
+            Self::SecondEnd { node, end } => {
+                write!(f, "node `{node}` is a second {end} end of the same pair and stays solid: rename it")
+            }
+            Self::NoEnd { node } => write!(
+                f,
+                "node `{node}` does not say which end it is and stays solid: call it `{node}:from` or `{node}:to`, or \
+                 rename it"
+            ),
             Self::Outgrown { former: MapSize { width, height, depth } } => write!(
                 f,
                 "the level no longer fits the {width} x {height} x {depth} m of its export and was placed again"
@@ -133,7 +135,7 @@ impl fmt::Display for Warning {
 pub enum ImportError {
     /// The scale is not positive and finite.
     #[error("the scale is {0}, but must be above 0 and finite; use --scale 0.01 for a level in centimetres")]
-    Scale(f32),
+    Scale(f64),
     /// The container of a binary glTF is damaged.
     #[error("the .glb file is damaged ({0}): export it again")]
     Container(&'static str),
@@ -144,16 +146,19 @@ pub enum ImportError {
     #[error("the JSON of the glTF cannot be read: {0}")]
     Json(String),
     /// The geometry cannot be known without an unsupported extension.
-    #[error(
-        "the level uses the glTF extension {0}, which is not supported: export it without compression or instancing"
-    )]
+    #[error("the level requires the glTF extension {0}, which is not supported: export it without that")]
     Extension(String),
     /// The geometry is in another file.
-    #[error("the geometry is in another file, `{uri}`: export the level as one binary .glb")]
+    #[error("the geometry is in another file, `{uri}`, which cannot be read: {problem}")]
     ExternalBuffer {
-        /// URI of that file, shortened.
+        /// Path of that file, shortened.
         uri: String,
+        /// Why, and what to do about it.
+        problem: String,
     },
+    /// The archive of a level cannot be read.
+    #[error("the .zip cannot be read: {0}")]
+    Zip(String),
     /// Embedded data cannot be decoded.
     #[error("buffer {buffer} holds no valid base64 data: export the level again, preferably as .glb")]
     Base64 {
@@ -222,38 +227,20 @@ pub enum ImportError {
     /// The level has too many triangles.
     #[error("the level has more than {MAX_TRIANGLES} triangles: simplify it or split it")]
     TooManyTriangles,
-    /// The level is larger than a map may be; its extent in metres.
+    /// The level is larger than a map may be.
     #[error(
-        "the level is {:.0} x {:.0} x {:.0} m, but at most {MAX_SIDE_M} x {} x {MAX_SIDE_M} m fit: \
-         use --scale (0.01 if it is in centimetres) or split it",
-        .0.x, .0.y, .0.z, MAX_HEIGHT_M - 1
+        "the level is {:.0} x {:.0} x {:.0} m, but at most {MAX_SIDE_M} x {} x {MAX_SIDE_M} m fit: {advice}",
+        span.x, span.y, span.z, MAX_HEIGHT_M - 1
     )]
-    TooLarge(Vec3),
+    TooLarge {
+        /// Extent of the level, m.
+        span: Vec3,
+        /// What makes it so large, and what to do.
+        advice: String,
+    },
     /// The level is too large to index.
     #[error("the level cannot be indexed: {0}")]
     Overload(#[from] Overload),
-    /// A zip line or teleporter has only one end.
-    #[error("node `{node}` has no other end: add a node `{missing}`")]
-    MissingHalf {
-        /// Name of the node.
-        node: String,
-        /// Name that the node of the other end should have.
-        missing: String,
-    },
-    /// Two nodes stand for the same end.
-    #[error("node `{node}` is a second {end} end of the same pair: rename it")]
-    SecondHalf {
-        /// Name of the second node.
-        node: String,
-        /// The end: `from` or `to`.
-        end: &'static str,
-    },
-    /// The name of a zip line or teleporter does not say which end the node is.
-    #[error("node `{node}` does not say which end it is: call it `{node}:from` or `{node}:to`")]
-    NoEnd {
-        /// Name of the node.
-        node: String,
-    },
     /// A property of a feature cannot be used.
     #[error("{of} has {key} {value}: {expected}")]
     Property {
@@ -281,9 +268,9 @@ pub enum ImportError {
         /// The node or the entry of the sidecar.
         what: String,
         /// Lowest corner of the level, in the level's coordinates.
-        low: Vec3,
+        low: DVec3,
         /// Highest corner of the level, in the level's coordinates.
-        high: Vec3,
+        high: DVec3,
     },
     /// The sidecar cannot be read.
     #[error("the sidecar cannot be read: {0}")]

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! header   magic 8 | format version u32 | payload length u64 | BLAKE3 of the payload 32
-//! payload  map hash 32 | description length u32 | description (postcard: spec, size, placed, movers, pieces)
+//! payload  map hash 32 | description length u32 | description (postcard: spec, size, placed, movers,
+//!          pieces, frame)
 //!          | vertex count u32 | triangle count u32
 //!          | vertices 3 x f32 | corners 3 x u32 for each triangle | surfaces u8 for each triangle
 //! ```
@@ -15,16 +16,18 @@ use std::collections::HashMap;
 use surefoot_world::Vec3;
 use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use surefoot_world::map::{
-    CollisionMap, Features, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec,
-    SpecError,
+    CollisionMap, Features, LevelFrame, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed,
+    RawMapSpec, SpecError,
 };
 use surefoot_world::mesh::{Surface, Triangle};
 
 /// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
-const VERSION: u32 = 5;
-/// The only other format that is read: release 0.2.0 (commit b43d94c) wrote it. Its specs have no kind, movers and
-/// choice of repair, and its maps neither movers nor pieces. No release wrote formats 2 to 4.
+const VERSION: u32 = 6;
+/// Without the frame of a level.
+const VERSION_WITHOUT_FRAME: u32 = 5;
+/// Release 0.2.0 (commit b43d94c) wrote it. Its specs have no kind, movers and choice of repair, and its maps neither
+/// movers nor pieces. No release wrote formats 2 to 4.
 const VERSION_OF_0_2: u32 = 1;
 const HEADER_LEN: usize = MAGIC.len() + 4 + 8 + blake3::OUT_LEN;
 const VERTEX_LEN: usize = 12;
@@ -142,7 +145,7 @@ pub enum FileError {
 /// Encodes a map; the same map gives the same bytes.
 pub fn encode(map: &Map) -> Vec<u8> {
     let (triangles, placed) = map.without_pieces();
-    let description = (map.spec(), map.size(), placed, map.movers(), map.pieces());
+    let description = (map.spec(), map.size(), placed, map.movers(), map.pieces(), map.frame());
     let description = postcard::to_stdvec(&description).expect("plain data");
     let (vertices, corners) = numbered(triangles.iter().flat_map(Triangle::corners));
     let geometry_len = vertices.len() * VERTEX_LEN + triangles.len() * (CORNERS_LEN + 1);
@@ -187,7 +190,7 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let mut payload = Reader(payload);
     let saved = MapHash(*payload.array()?);
     let description_len = payload.number()?;
-    let Description { spec, size, placed, movers, pieces } =
+    let Description { spec, size, placed, movers, pieces, frame } =
         read_description(payload.bytes(description_len as usize)?, version)?;
     let (vertex_count, triangle_count) = (payload.number()?, payload.number()?);
     let claimed = u64::from(vertex_count) * VERTEX_LEN as u64 + u64::from(triangle_count) * (CORNERS_LEN as u64 + 1);
@@ -198,7 +201,7 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let corners = payload.bytes(triangle_count as usize * CORNERS_LEN)?;
     let triangles = read_triangles(&vertices, corners, payload.0)?;
     check_load(size, &triangles, &placed)?;
-    let map = Map::new(CollisionMap::new(spec, size, triangles, placed)).with_movers(movers)?;
+    let map = Map::new(CollisionMap::new(spec, size, triangles, placed)).with_frame(frame).with_movers(movers)?;
     let map = if pieces.is_empty() { map } else { map.with_pieces(pieces)? };
     if map.hash() == saved { Ok(map) } else { Err(FileError::Hash { found: map.hash(), saved }) }
 }
@@ -213,7 +216,7 @@ fn checked_payload(bytes: &[u8]) -> Result<(u32, &[u8]), FileError> {
     let mut header = Reader(&bytes[MAGIC.len()..]);
     let too_short = |_| FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
     let found = header.number().map_err(too_short)?;
-    if ![VERSION_OF_0_2, VERSION].contains(&found) {
+    if ![VERSION_OF_0_2, VERSION_WITHOUT_FRAME, VERSION].contains(&found) {
         return Err(FileError::Version { found });
     }
     let payload_len = u64::from_le_bytes(*header.array().map_err(too_short)?);
@@ -236,21 +239,30 @@ struct Description {
     placed: Placed,
     movers: Vec<Mover>,
     pieces: Vec<Piece>,
+    frame: LevelFrame,
 }
 
 fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError> {
     type Of02 = (Option<(u64, MapSize, Features)>, MapSize, Placed);
-    type Present = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>);
+    type WithoutFrame = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>);
+    type Present = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>, LevelFrame);
     let complete = |((spec, size, placed), rest): (Of02, _)| -> (Present, _) {
         let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
-        ((spec, size, placed, Vec::new(), Vec::new()), rest)
+        ((spec, size, placed, Vec::new(), Vec::new(), LevelFrame::default()), rest)
+    };
+    let framed = |((spec, size, placed, movers, pieces), rest): (WithoutFrame, _)| -> (Present, _) {
+        ((spec, size, placed, movers, pieces, LevelFrame::default()), rest)
     };
     let read = match version {
         VERSION_OF_0_2 => postcard::take_from_bytes::<Of02>(bytes).map(complete),
+        VERSION_WITHOUT_FRAME => postcard::take_from_bytes::<WithoutFrame>(bytes).map(framed),
         _ => postcard::take_from_bytes::<Present>(bytes),
     };
-    let ((spec, size, placed, movers, pieces), rest) =
+    let ((spec, size, placed, movers, pieces, frame), rest) =
         read.map_err(|error| FileError::Description(error.to_string()))?;
+    if !(frame.origin.is_finite() && frame.scale > 0.0 && frame.scale.is_finite()) {
+        return Err(FileError::Description("the frame of its level is not finite".to_owned()));
+    }
     if !rest.is_empty() {
         return Err(FileError::Description(format!("{} bytes too long", rest.len())));
     }
@@ -262,7 +274,7 @@ fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError
         return Err(FileError::SpecSize);
     }
     check_placed(&placed)?;
-    Ok(Description { spec, size, placed, movers, pieces })
+    Ok(Description { spec, size, placed, movers, pieces, frame })
 }
 
 fn read_vertices(bytes: &[u8]) -> Result<Vec<Vec3>, FileError> {

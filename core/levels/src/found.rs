@@ -1,7 +1,11 @@
 //! The features of a level, from its nodes and its sidecar, before they are placed on the map.
 
-use crate::extras::property;
+use crate::extras::{Extras, property};
 use crate::faults::ImportError;
+use crate::meaning::{Kind, Meaning};
+use crate::moving::{self, Paths};
+use crate::pairs::{Half, Pairs};
+use crate::scene::{Node, node_label};
 use surefoot_world::map::spec::MAX_HEIGHT_M;
 use surefoot_world::map::{Device, DeviceKind, Liquid, MapSize, Mover, Outline, Placed, Pool, features};
 use surefoot_world::{Aabb, Vec3};
@@ -22,8 +26,8 @@ pub(super) struct Found {
     pub(super) pools: Vec<(String, FoundPool)>,
     pub(super) devices: Vec<(String, Device)>,
     pub(super) movers: Vec<Mover>,
-    /// Number of helpers, which are left out.
-    pub(super) helper_count: usize,
+    /// The box around the devices and movers that are nodes: parts of the level, unlike entries of the sidecar.
+    pub(super) reach: Option<Aabb>,
 }
 
 pub(super) struct FoundPool {
@@ -34,6 +38,63 @@ pub(super) struct FoundPool {
 }
 
 impl Found {
+    /// Adds the features that nodes stand for; `owners` are those of [`named::owners`](crate::named::owners).
+    pub(super) fn add_nodes(
+        &mut self,
+        nodes: &[Node],
+        meanings: &[Meaning],
+        owners: &[Option<usize>],
+        paths: &Paths,
+    ) -> Result<(), ImportError> {
+        let bounds = feature_bounds(nodes, owners);
+        let mut pairs = Pairs::default();
+        for (idx, (node, meaning)) in nodes.iter().zip(meanings).enumerate() {
+            let Some(kind) = meaning.kind.as_ref().filter(|_| owners[idx] == Some(idx)) else { continue };
+            let bounds = bounds[idx].unwrap_or(Aabb::at(node.origin));
+            let at = bounds.bottom();
+            let name = node_label(&node.name, node.file_idx);
+            let extras = Extras::new(node, &name)?;
+            match kind {
+                Kind::Pool(liquid) => {
+                    let pool = FoundPool { liquid: *liquid, bounds, radius: extras.radius()? };
+                    self.pools.push((name, pool));
+                }
+                Kind::Device(kind, end) => {
+                    self.extend(at);
+                    match end {
+                        Some((end, pair)) => {
+                            let two_way =
+                                *kind == DeviceKind::Teleporter && extras.flag("two_way")?.unwrap_or_default();
+                            pairs.add(pair.clone(), *end, Half { node, kind: *kind, at, two_way });
+                        }
+                        None => {
+                            let power = power(*kind, |key| extras.number(key), &name)?;
+                            self.devices.push((name, Device { power, ..Device::new(*kind, at) }));
+                        }
+                    }
+                }
+                Kind::Mover(kind) => {
+                    let own = nodes.iter().zip(owners).filter(|(_, owner)| **owner == Some(idx));
+                    let triangles = own.flat_map(|(node, _)| node.triangles.iter().copied()).collect();
+                    let Some(mut mover) = moving::from_node(*kind, node, &extras, paths, triangles)? else { continue };
+                    if node.animation.is_some() {
+                        mover.name = moving::distinct_name(&node.name, idx, &self.movers);
+                    }
+                    mover.triangles.iter().flatten().for_each(|corner| self.extend(*corner));
+                    self.movers.push(mover);
+                }
+                Kind::Path | Kind::Helper | Kind::LeftOut => {}
+            }
+        }
+        self.devices.extend(pairs.finish());
+        Ok(())
+    }
+
+    fn extend(&mut self, point: Vec3) {
+        let point = Aabb::at(point);
+        self.reach = Some(self.reach.map_or(point, |reach| reach.union(point)));
+    }
+
     /// Lowest and highest y of all pools, m; infinite if there are none.
     pub(super) fn pool_heights(&self) -> (f32, f32) {
         let heights = self.pools.iter().map(|(_, pool)| (pool.bounds.low.y, pool.bounds.high.y));
@@ -73,6 +134,17 @@ impl Found {
         }
         Ok(placed)
     }
+}
+
+/// The box around each feature node with what belongs to it; `None` if it has no triangles.
+fn feature_bounds(nodes: &[Node], owners: &[Option<usize>]) -> Vec<Option<Aabb>> {
+    let mut bounds: Vec<Option<Aabb>> = vec![None; nodes.len()];
+    for (node, owner) in nodes.iter().zip(owners) {
+        if let (Some(owner), Some(own)) = (*owner, Aabb::around(node.triangles.iter().flatten().copied())) {
+            bounds[owner] = Some(bounds[owner].map_or(own, |bounds| bounds.union(own)));
+        }
+    }
+    bounds
 }
 
 impl FoundPool {

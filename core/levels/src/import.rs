@@ -1,65 +1,92 @@
 //! Imports a level made in another tool as a [`Map`].
 //!
-//! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`), its features (`named`, `sidecar`), its place and
-//! size on the map, and the oddities of its geometry (`inspect`).
+//! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`); what the nodes stand for (`named`, `sidecar`) and
+//! what does not belong (`belongs`); features (`found`); sides (`sides`); the place on the map (`place`).
 
+use crate::belongs;
+use crate::container::Files;
 use crate::faults::{ImportError, Warning};
 use crate::file::{FileError, decode};
 use crate::found::Found;
 use crate::inspect::{self, EdgeCounts};
-use crate::load::{check_load, is_allowed};
+use crate::load::check_load;
+use crate::meaning::Meaning;
+use crate::moving::Paths;
 use crate::named;
-use crate::scene::{Frame, ImportOptions, Scene, node_label};
+use crate::place::Place;
+use crate::report::{GeometryCounts, NodeReport, Role};
+use crate::scene::{ImportOptions, Node, Scene, node_label};
 use crate::sidecar::Sidecar;
-use crate::sides::{self, Turned};
+use crate::sides;
+use crate::units::{self, Suggestion};
+use crate::zip::Zip;
 use crate::{gltf_in, obj_in};
-use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use surefoot_world::map::{Map, MapSize};
+use glam::DVec3;
+use surefoot_world::map::{LevelFrame, Map};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{Aabb, Vec3};
 
-/// Space left around a level, m.
-const MARGIN_M: f32 = 2.0;
-/// Height of a level's lowest point on the map, m: what falls below 0 has left the map.
-const LOWEST_M: f32 = 1.0;
-/// Space left above a level, m.
-const HEADROOM_M: f32 = 20.0;
-/// Excess of a level over a whole metre that counts as a rounding error, m.
-const ROUNDING_M: f32 = 0.001;
-/// Largest distance by which an exported map's triangles may stick out of its box if the map is to keep its size, m.
-const STICK_OUT_M: f32 = 5.0;
-
-/// Side of a level that is hardly one in metres, and a side that would be, m.
-const TINY_M: f32 = 4.0;
-const SMALL_M: f32 = 10.0;
+/// Distance from its origin up to which a level is read in its own coordinates, m; their 32 bits are 0.06 mm apart
+/// there. Levels that are farther away are read relative to a point among them.
+const NEAR_M: f64 = 1000.0;
+/// Triangles from which that point is chosen, at most.
+const SAMPLES: usize = 4096;
 
 /// A level as a map.
 #[derive(Debug)]
 pub struct Imported {
-    /// The map of the level.
+    /// The map of the level; its frame tells how the level's coordinates relate to the map's.
     pub map: Map,
-    /// Where the level's origin lies on the map, m.
-    pub origin: Vec3,
-    /// Oddities that a designer may want to correct.
+    /// What a designer may want to change.
     pub warnings: Vec<Warning>,
+    /// What became of each node, in the order of the file.
+    pub nodes: Vec<NodeReport>,
+    /// Counts that describe the geometry.
+    pub geometry: GeometryCounts,
 }
 
-/// Imports a level from glTF 2.0: a `.glb`, or a `.gltf` with embedded buffers. `sidecar` is the content of its
-/// `.surefoot.json`, which lists features in the level's own coordinates.
+impl Imported {
+    /// A saved map, of which no nodes are known.
+    pub fn saved(map: Map) -> Self {
+        Self { map, warnings: Vec::new(), nodes: Vec::new(), geometry: GeometryCounts::default() }
+    }
+}
+
+/// Imports a level from glTF 2.0: a `.glb` or a `.gltf`. `sidecar` is the content of its `.surefoot.json`, which lists
+/// features in the level's own coordinates; `files` has what a `.gltf` refers to.
 ///
 /// # Errors
 /// If the file is damaged, uses unsupported features, or does not describe a map; the error says what to change.
-pub fn import_gltf(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
-    import(gltf_in::read(bytes)?, sidecar, options)
+pub fn import_gltf(
+    bytes: &[u8],
+    sidecar: Option<&str>,
+    options: &ImportOptions,
+    files: &dyn Files,
+) -> Result<Imported, ImportError> {
+    import(gltf_in::read(bytes, options.all_scenes, files)?, sidecar, options)
 }
 
-/// Imports a level from Wavefront OBJ; each object or group is a node. Materials are ignored, and faces with more
-/// than four corners must be convex.
+/// Imports a level from Wavefront OBJ; each object or group is a node. Materials are ignored.
 ///
 /// # Errors
 /// Same as [`import_gltf`].
 pub fn import_obj(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
     import(obj_in::read(bytes)?, sidecar, options)
+}
+
+/// Imports a level from a `.zip` of a glTF or an OBJ and the files that it refers to. A sidecar in it counts if there
+/// is no other.
+///
+/// # Errors
+/// Same as [`import_gltf`], or if the archive cannot be read or does not hold one level.
+pub fn import_zip(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
+    let zip = Zip::open(bytes)?;
+    let level = zip.level()?;
+    let sidecar = match sidecar {
+        Some(sidecar) => Some(sidecar.to_owned()),
+        None => zip.sidecar()?,
+    };
+    import(scene(&level, options, &zip)?, sidecar.as_deref(), options)
 }
 
 /// Why bytes are no level.
@@ -73,58 +100,88 @@ pub enum LevelError {
     Model(#[from] ImportError),
 }
 
-/// Reads a level of any format that its first bytes tell: a saved map, a glTF, or else an OBJ. `sidecar` is as in
-/// [`import_gltf`]; saved maps need none.
+/// Reads a level of any format that its first bytes tell: a saved map, a `.zip` of a level and its files, a glTF, or
+/// else an OBJ. `sidecar` and `files` are as in [`import_gltf`]; saved maps need none, and a `.zip` has its own files.
 ///
 /// # Errors
 /// As [`decode`], [`import_gltf`] or [`import_obj`].
-pub fn read_level(bytes: &[u8], sidecar: Option<&str>) -> Result<Imported, LevelError> {
-    let options = ImportOptions::default();
-    let is_text_gltf = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+pub fn read_level(
+    bytes: &[u8],
+    sidecar: Option<&str>,
+    options: &ImportOptions,
+    files: &dyn Files,
+) -> Result<Imported, LevelError> {
     if bytes.starts_with(b"SFMAP") {
-        Ok(Imported { map: decode(bytes)?, origin: Vec3::ZERO, warnings: Vec::new() })
-    } else if bytes.starts_with(b"glTF") || is_text_gltf {
-        Ok(import_gltf(bytes, sidecar, &options)?)
-    } else {
-        Ok(import_obj(bytes, sidecar, &options)?)
+        return Ok(Imported::saved(decode(bytes)?));
     }
+    if bytes.starts_with(Zip::MAGIC) {
+        return Ok(import_zip(bytes, sidecar, options)?);
+    }
+    Ok(import(scene(bytes, options, files)?, sidecar, options)?)
 }
 
-fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
-    let frame = Frame::new(options)?;
-    convert(&mut scene, frame)?;
-    let mut found = Found::default();
+/// Reads a glTF or an OBJ.
+fn scene(bytes: &[u8], options: &ImportOptions, files: &dyn Files) -> Result<Scene, ImportError> {
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let is_json = text.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+    let is_gltf = is_json || bytes.starts_with(b"glTF");
+    if is_gltf { gltf_in::read(bytes, options.all_scenes, files) } else { obj_in::read(bytes) }
+}
+
+fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
     let sidecar = sidecar.map_or_else(|| Ok(Sidecar::default()), Sidecar::parse)?;
-    let is_solid = named::collect_from_nodes(&scene.nodes, &sidecar, frame, &mut found)?;
-    sidecar.collect(frame, &mut found)?;
+    let former = scene.former_size.filter(|_| options.is_unchanged());
+    let is_exported = scene.former_size.is_some();
+    let (mut scene, mut frame) = near(scene, options)?;
+    let mut warnings = Vec::new();
+    let paths = Paths::of(&scene, frame);
+    let ignore_names = options.ignore_names || sidecar.ignores_names();
+    let mut meanings = named::meanings(&scene, &sidecar, ignore_names, &paths, &mut warnings)?;
+    let mut owners = named::owners(&scene, &mut meanings, &mut warnings);
+    if !sidecar.colliders.is_empty() {
+        keep_colliders(&scene, &mut meanings, &mut owners);
+    }
+    let mut report = report(&scene, &meanings, &owners, &frame);
+    if !is_exported {
+        leave_out(&mut scene, (&owners, &meanings), &mut report, &mut warnings);
+    }
+    let mut nodes: Vec<Node> = scene.into_iter().map(|node| node.map(|point| point.as_vec3())).collect();
+    let mut found = Found::default();
+    found.add_nodes(&nodes, &meanings, &owners, &paths)?;
+    sidecar.collect(&frame, &mut found)?;
+    let is_solid: Vec<bool> = owners.iter().map(Option::is_none).collect();
+    let mut geometry = GeometryCounts {
+        points_and_lines: nodes.iter().map(|node| node.skipped_count).sum(),
+        ..GeometryCounts::default()
+    };
     let mut meshes: Vec<&mut Vec<[Vec3; 3]>> =
-        scene.nodes.iter_mut().zip(is_solid).filter(|(_, solid)| *solid).map(|(node, _)| &mut node.triangles).collect();
-    let former = scene.former_size.filter(|_| *options == ImportOptions::default());
-    let modelled = edges(&meshes);
+        nodes.iter_mut().zip(&is_solid).filter(|(_, solid)| **solid).map(|(node, _)| &mut node.triangles).collect();
+    let EdgeCounts { open, crowded, turned } = edges(&meshes);
+    (geometry.open_edges, geometry.crowded_edges, geometry.inconsistent_edges) = (open, crowded, turned);
     // What was exported from a map is as it should be.
-    let is_right = scene.former_size.is_some() || options.keep_sides;
-    let (turned, open) = if is_right { Default::default() } else { sides::turn(&mut meshes) };
+    let (turned, open) = if is_exported || options.keep_sides { Default::default() } else { sides::turn(&mut meshes) };
+    (geometry.turned_shells, geometry.turned_triangles) = (turned.shells, turned.triangles);
     let solids: Vec<[Vec3; 3]> = meshes.iter().flat_map(|triangles| triangles.iter()).copied().collect();
-    let place = Place::new(&solids, &found, former)?;
+    let bounds = bounds(&solids, &found)?;
+    let unit = if is_exported { None } else { other_unit(&solids, &nodes, options.scale) };
+    let place = Place::new(bounds, former).map_err(|span| too_large(span, &nodes, &is_solid, unit.clone()))?;
+    frame.origin += place.shift.as_dvec3();
     let moved = |corners: &[Vec3; 3]| Triangle::new(corners.map(|corner| corner + place.shift), Surface::Ground);
     let triangles: Vec<Triangle> = solids.iter().filter_map(moved).collect();
     if triangles.is_empty() {
         return Err(ImportError::Empty);
     }
-
-    let mut warnings = Vec::from_iter(tiny(place.high - place.low));
-    warnings.extend(geometry_warnings(scene.skipped_count, modelled, turned, solids.len() - triangles.len()));
-    if found.helper_count > 0 {
-        warnings.push(Warning::Helpers { count: found.helper_count });
-    }
+    (geometry.triangles, geometry.degenerate) = (triangles.len(), solids.len() - triangles.len());
+    // Turned triangles make edges consistent.
+    let inconsistent = if turned.triangles == 0 { geometry.inconsistent_edges } else { 0 };
+    warnings.extend((inconsistent > 0).then_some(Warning::InconsistentEdges { count: inconsistent }));
+    warnings.extend(unit);
     let flat_count = found.flat_pool_count();
-    if flat_count > 0 {
-        warnings.push(Warning::FlatPools { count: flat_count });
-    }
+    warnings.extend((flat_count > 0).then_some(Warning::FlatPools { count: flat_count }));
     warnings.extend(former.filter(|_| !place.is_former).map(|former| Warning::Outgrown { former }));
 
     let outside = |what: String| {
-        let (one, other) = (frame.to_level(place.low), frame.to_level(place.high));
+        let (one, other) = (frame.to_level(place.low + place.shift), frame.to_level(place.high + place.shift));
         ImportError::Outside { what, low: one.min(other), high: one.max(other) }
     };
     let movers = found.take_movers(place.shift);
@@ -137,13 +194,150 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
         let plates: Vec<Triangle> =
             backs.flat_map(|backs| backs.iter().filter_map(moved).collect::<Vec<_>>()).collect();
         if !plates.is_empty() {
-            warnings.push(Warning::Plates { count: plates.len() });
+            geometry.plates = plates.len();
             triangles.extend(plates);
             check_load(place.size, &triangles, &placed)?;
             map = Map::from_parts(place.size, triangles, placed);
         }
     }
-    Ok(Imported { map: map.with_movers(movers)?, origin: place.shift, warnings })
+    Ok(Imported { map: map.with_movers(movers)?.with_frame(frame), warnings, nodes: report, geometry })
+}
+
+/// Converts a scene to metres, y up, near the origin, and returns the frame in which it is then.
+fn near(scene: Scene, options: &ImportOptions) -> Result<(Vec<Node<DVec3>>, LevelFrame), ImportError> {
+    if !(options.scale > 0.0 && options.scale.is_finite()) {
+        return Err(ImportError::Scale(options.scale));
+    }
+    let mut frame = LevelFrame { origin: DVec3::ZERO, scale: options.scale, up: options.up };
+    let middle = frame.to_metres(middle(&scene.nodes));
+    if middle.abs().max_element() > NEAR_M {
+        frame.origin = -middle.round();
+    }
+    let converted = |node: Node<DVec3>| {
+        let label = node_label(&node.name, node.file_idx);
+        let node = node.map(|point| frame.to_metres(point) + frame.origin);
+        let is_finite = |point: &DVec3| point.as_vec3().is_finite();
+        let is_finite = node.triangles.iter().flatten().chain([&node.origin]).all(is_finite);
+        if is_finite { Ok(node) } else { Err(ImportError::NotFinite { node: label }) }
+    };
+    let nodes = scene.nodes.into_iter().map(converted).collect::<Result<_, _>>()?;
+    Ok((nodes, frame))
+}
+
+/// The median of some triangles' corners, along each axis: few triangles far away do not matter.
+fn middle(nodes: &[Node<DVec3>]) -> DVec3 {
+    let count: usize = nodes.iter().map(|node| node.triangles.len()).sum();
+    let step = count.div_ceil(SAMPLES).max(1);
+    let mut corners: Vec<DVec3> =
+        nodes.iter().flat_map(|node| &node.triangles).step_by(step).map(|corners| corners[0]).collect();
+    let mut median = DVec3::ZERO;
+    for axis in 0..3 {
+        let half = corners.len() / 2;
+        if half < corners.len() {
+            median[axis] = corners.select_nth_unstable_by(half, |one, other| one[axis].total_cmp(&other[axis])).1[axis];
+        }
+    }
+    median
+}
+
+/// Leaves all out but what the sidecar declares a collider, and what is below that.
+fn keep_colliders(nodes: &[Node<DVec3>], meanings: &mut [Meaning], owners: &mut [Option<usize>]) {
+    let mut is_collider: Vec<bool> = Vec::with_capacity(nodes.len());
+    for (idx, node) in nodes.iter().enumerate() {
+        let is_inside = node.parent.is_some_and(|parent| is_collider[parent]);
+        is_collider.push(meanings[idx].is_declared_solid || is_inside);
+        if owners[idx].is_none() && !is_collider[idx] {
+            owners[idx] = Some(idx);
+            meanings[idx] = Meaning::left_out("it is none of the sidecar's `colliders`");
+        }
+    }
+}
+
+/// Leaves out what does not belong to a level, and notes it.
+fn leave_out(
+    nodes: &mut [Node<DVec3>],
+    (owners, meanings): (&[Option<usize>], &[Meaning]),
+    report: &mut [NodeReport],
+    warnings: &mut Vec<Warning>,
+) {
+    let is_judged: Vec<bool> =
+        owners.iter().zip(meanings).map(|(owner, it)| owner.is_none() && !it.is_declared_solid).collect();
+    let findings = belongs::judge(nodes, &is_judged);
+    for finding in &findings {
+        let (node, report) = (&nodes[finding.node], &mut report[finding.node]);
+        report.reason = finding.reason();
+        if finding.is_whole() {
+            report.role = Role::LeftOut;
+        }
+        warnings.push(Warning::LeftOut { text: finding.text(&node_label(&node.name, node.file_idx)) });
+    }
+    belongs::apply(nodes, &findings);
+}
+
+/// The error about a level that is too large, for which another unit is asked about, or else a node named.
+fn too_large(span: Vec3, nodes: &[Node], is_solid: &[bool], unit: Option<Warning>) -> ImportError {
+    let advice = match (unit, belongs::largest(nodes, is_solid)) {
+        (Some(unit), _) => unit.to_string(),
+        (None, Some(idx)) => format!(
+            "{} makes it so large; if it is no part of the level, list it under `nodes` as `leave_out` in the sidecar, \
+             and if the level is in another unit than metres, use --scale",
+            node_label(&nodes[idx].name, nodes[idx].file_idx)
+        ),
+        (None, None) => {
+            "use --scale if it is in another unit than metres (0.01 for centimetres), or split it".to_owned()
+        }
+    };
+    ImportError::TooLarge { span, advice }
+}
+
+/// The warning about a level whose unit may not be the metre.
+fn other_unit(solids: &[[Vec3; 3]], nodes: &[Node], unit_m: f64) -> Option<Warning> {
+    let bounds = |node: &Node| Aabb::around(node.triangles.iter().flatten().copied());
+    let named: Vec<(&str, Aabb)> = nodes.iter().filter_map(|node| Some((node.name.as_str(), bounds(node)?))).collect();
+    let Suggestion { times, evidence } = units::suggest(solids, &named, unit_m)?;
+    Some(Warning::Unit { scale: unit_m * times, evidence })
+}
+
+/// What became of each node.
+fn report(
+    nodes: &[Node<DVec3>],
+    meanings: &[Meaning],
+    owners: &[Option<usize>],
+    frame: &LevelFrame,
+) -> Vec<NodeReport> {
+    let report = |(idx, node): (usize, &Node<DVec3>)| {
+        let own = Aabb::around(node.triangles.iter().flatten().map(|corner| corner.as_vec3()));
+        let corners = own.map(|own| [own.low, own.high].map(|corner| frame.to_level(corner)));
+        let (role, reason) = match owners[idx] {
+            Some(owner) if owner == idx => {
+                (meanings[idx].kind.as_ref().map_or(Role::LeftOut, |kind| kind.role()), meanings[idx].reason.clone())
+            }
+            _ if node.triangles.is_empty() => (Role::Empty, String::new()),
+            Some(owner) => {
+                let role = meanings[owner].kind.as_ref().map_or(Role::LeftOut, |kind| kind.role());
+                (role, format!("it belongs to {}", node_label(&nodes[owner].name, nodes[owner].file_idx)))
+            }
+            None => (Role::Solid, meanings[idx].reason.clone()),
+        };
+        NodeReport {
+            index: node.file_idx,
+            name: node.name.clone(),
+            role,
+            reason,
+            triangles: node.triangles.len(),
+            bounds: corners.map(|[one, other]| [one.min(other), one.max(other)]),
+        }
+    };
+    nodes.iter().enumerate().map(report).collect()
+}
+
+/// The box around what bodies stand on, swim in and use.
+fn bounds(solids: &[[Vec3; 3]], found: &Found) -> Result<Aabb, ImportError> {
+    let mut bounds = Aabb::around(solids.iter().flatten().copied()).ok_or(ImportError::Empty)?;
+    // The bottom of a pool may be the lowest point of the level; its sides are cut off.
+    let (pool_low, pool_high) = found.pool_heights();
+    (bounds.low.y, bounds.high.y) = (bounds.low.y.min(pool_low), bounds.high.y.max(pool_high));
+    Ok(found.reach.map_or(bounds, |reach| bounds.union(reach)))
 }
 
 /// The irregular edges of a level as it was modelled.
@@ -151,87 +345,4 @@ fn edges(meshes: &[&mut Vec<[Vec3; 3]>]) -> EdgeCounts {
     let triangles = meshes.iter().flat_map(|triangles| triangles.iter());
     let has_area = |corners: &[Vec3; 3]| Triangle::new(*corners, Surface::Ground).is_some();
     inspect::edges(&triangles.copied().filter(has_area).collect::<Vec<_>>())
-}
-
-fn geometry_warnings(skipped_count: usize, edges: EdgeCounts, turned: Turned, degenerate_count: usize) -> Vec<Warning> {
-    // Turned triangles make edges consistent.
-    let inconsistent_count = if turned.triangles == 0 { edges.turned } else { 0 };
-    let counted = [
-        (degenerate_count, Warning::DegenerateTriangles { count: degenerate_count }),
-        (skipped_count, Warning::NotTriangles { count: skipped_count }),
-        (turned.shells, Warning::TurnedShells { count: turned.shells }),
-        (turned.triangles, Warning::TurnedTriangles { count: turned.triangles }),
-        (edges.open, Warning::OpenEdges { count: edges.open }),
-        (edges.crowded, Warning::NonManifoldEdges { count: edges.crowded }),
-        (inconsistent_count, Warning::InconsistentEdges { count: inconsistent_count }),
-    ];
-    counted.into_iter().filter(|(count, _)| *count > 0).map(|(_, warning)| warning).collect()
-}
-
-/// The warning about a level that no character would fit into, which asks whether its unit is another.
-fn tiny(span: Vec3) -> Option<Warning> {
-    let side = span.x.max(span.z);
-    let times = [10.0, 100.0, 1000.0].into_iter().find(|times| side * times >= SMALL_M)?;
-    (side < TINY_M).then_some(Warning::Tiny { span, times })
-}
-
-/// Converts all coordinates to metres, y up.
-fn convert(scene: &mut Scene, frame: Frame) -> Result<(), ImportError> {
-    for (idx, node) in scene.nodes.iter_mut().enumerate() {
-        node.origin = frame.to_metres(node.origin);
-        let mut is_finite = node.origin.is_finite();
-        for corner in node.triangles.iter_mut().flatten() {
-            *corner = frame.to_metres(*corner);
-            is_finite &= corner.is_finite();
-        }
-        if !is_finite {
-            return Err(ImportError::NotFinite { node: node_label(&node.name, idx) });
-        }
-    }
-    Ok(())
-}
-
-/// Position of a level on its map.
-struct Place {
-    /// Translation from the level's coordinates, m, to the map's.
-    shift: Vec3,
-    size: MapSize,
-    /// Bounds of the level before the shift, m.
-    low: Vec3,
-    high: Vec3,
-    /// Whether the level keeps the position that it was exported from.
-    is_former: bool,
-}
-
-impl Place {
-    fn new(solids: &[[Vec3; 3]], found: &Found, former: Option<MapSize>) -> Result<Self, ImportError> {
-        let bounds = Aabb::around(solids.iter().flatten().copied()).ok_or(ImportError::Empty)?;
-        let Aabb { mut low, mut high } = bounds;
-        if let Some(size) = former.filter(|&size| is_allowed(size)) {
-            let extent = size.extent();
-            let slack = Vec3::splat(STICK_OUT_M);
-            if low.cmpge(-slack).all() && high.cmple(extent + slack).all() {
-                return Ok(Self { shift: Vec3::ZERO, size, low: Vec3::ZERO, high: extent, is_former: true });
-            }
-        }
-        // The bottom of a pool may be the lowest point of the level.
-        let (pool_low, pool_high) = found.pool_heights();
-        (low.y, high.y) = (low.y.min(pool_low), high.y.max(pool_high));
-        let span = high - low;
-        let (most_wide, most_high) = (MAX_SIDE_M as f32, MAX_HEIGHT_M as f32);
-        if span.x > most_wide || span.y + LOWEST_M > most_high || span.z > most_wide {
-            return Err(ImportError::TooLarge(span));
-        }
-        // The largest levels get smaller margins.
-        let margin = |span: f32| (0.5 * (most_wide - span)).min(MARGIN_M);
-        let (margin_x, margin_z) = (margin(span.x), margin(span.z));
-        let whole = |metres: f32, most: f32| (metres - ROUNDING_M).ceil().clamp(1.0, most) as u32;
-        let size = MapSize {
-            width: whole(span.x + 2.0 * margin_x, most_wide),
-            height: whole(LOWEST_M + span.y + HEADROOM_M, most_high),
-            depth: whole(span.z + 2.0 * margin_z, most_wide),
-        };
-        let shift = Vec3::new(margin_x, LOWEST_M, margin_z) - low;
-        Ok(Self { shift, size, low, high, is_former: false })
-    }
 }

@@ -1,21 +1,23 @@
-//! Finds the movers of a level by the names of its nodes, their extras, and in the sidecar.
+//! Makes movers of a level's nodes, by their names, extras and animations, and of the sidecar's entries.
 //!
 //! Nodes: `door*` opens; `lift*`, `elevator*` and `platform*` travel to the places of the nodes `NAME:path`
 //! (`NAME:path.001`, ...), in the order of their names; `vanish*` disappears on an order, or in turn; `conveyor*`
 //! carries what stands on it with the `velocity` of its extras; `pushable*` is a crate. What a node's animation says of
 //! its stops and times counts where names and extras say nothing, and a node of at most 30 m that is animated from
-//! place to place is a lift or platform whatever its name is. Names that only speak of a door (`door_frame`, `doorway`,
-//! `doorstep`) stay solid, like lifts and platforms without a path and conveyors without a velocity. An extra `mover`
-//! with the kind makes a mover of any node, and `mover: false` keeps it solid.
+//! place to place is a lift or platform whatever its name is. Lifts and platforms without a path stay solid, like
+//! conveyors without a velocity. An extra `mover` with the kind makes a mover of any node, and `mover: false` keeps it
+//! solid.
 
 use crate::animated::{Animation, Journey};
 use crate::extras::Extras;
 use crate::faults::ImportError;
 use crate::inspect;
-use crate::scene::{Frame, Node};
+use crate::scene::Node;
 use crate::sides;
+use glam::DVec3;
 use serde::Deserialize;
 use std::collections::HashMap;
+use surefoot_world::map::LevelFrame;
 use surefoot_world::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
 use surefoot_world::map::{Mover, MoverKind, MoverStop, mover};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -40,18 +42,6 @@ const LARGEST_M: f32 = 30.0;
 const MOST_TRIANGLES: usize = 2048;
 /// Longest part of a node's name that a mover has which is animated, bytes.
 const MOST_NAME_LEN: usize = 48;
-/// Parts of names that speak of what is around a door.
-const NOT_DOORS: [&str; 6] = ["frame", "way", "step", "arch", "sill", "handle"];
-
-/// What a name or an extra says about a node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Sign {
-    /// The node is a mover.
-    Mover(MoverKind),
-    /// The node marks a place on the path of a mover.
-    Path,
-}
-
 /// A node with everything below it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Whole {
@@ -69,53 +59,39 @@ impl Whole {
     }
 }
 
-/// Whether a node is a mover or belongs to one; `paths` are those of all nodes.
-pub(super) fn sign(
-    node: &Node,
-    extras: &Extras<'_>,
-    paths: &Paths,
-    whole: &Whole,
-) -> Result<Option<Sign>, ImportError> {
-    let name = node.name.to_lowercase();
-    if path_of(&name).is_some() {
-        return Ok(Some(Sign::Path));
-    }
-    if let Some(kind) = extras.text("mover") {
-        return Ok(Some(Sign::Mover(kind_named(extras, kind)?)));
-    }
-    if extras.flag("mover")? == Some(false) {
-        return Ok(None);
-    }
-    let starts = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
-    let journey = whole.bounds.and_then(|_| journey(node, paths.frame));
-    let has_path = extras.has("path") || paths.places.contains_key(&name) || journey.is_some();
-    Ok(match () {
-        () if starts(&["door"]) && !NOT_DOORS.iter().any(|part| name.contains(part)) => Some(MoverKind::Door),
-        () if starts(&["lift", "elevator"]) && has_path => Some(MoverKind::Lift),
-        () if starts(&["platform"]) && has_path => Some(MoverKind::Platform),
-        () if starts(&["vanish"]) => Some(MoverKind::Floor),
-        () if starts(&["pushable"]) => Some(MoverKind::Crate),
-        () if starts(&["conveyor"]) && extras.has("velocity") => Some(MoverKind::Conveyor),
-        () if whole.is_small() => {
-            journey.map(|journey| if journey.is_upright() { MoverKind::Lift } else { MoverKind::Platform })
-        }
-        () => None,
-    }
-    .map(Sign::Mover))
+/// The kind of mover that a node is by its name, which begins with a word for `kind`; `None` if the level does not say
+/// how it moves.
+pub(super) fn named_kind<P>(kind: MoverKind, node: &Node<P>, extras: &Extras<'_>, paths: &Paths) -> Option<MoverKind> {
+    let has_path = || {
+        let is_marked = paths.places.contains_key(&node.name.to_lowercase());
+        extras.has("path") || is_marked || journey(node, &paths.frame).is_some()
+    };
+    let moves = match kind {
+        MoverKind::Lift | MoverKind::Platform => has_path(),
+        MoverKind::Conveyor => extras.has("velocity"),
+        MoverKind::Door | MoverKind::Floor | MoverKind::Crate => true,
+    };
+    moves.then_some(kind)
+}
+
+/// The kind of mover that a node is only because it is animated.
+pub(super) fn animated_kind<P>(node: &Node<P>, paths: &Paths, whole: &Whole) -> Option<MoverKind> {
+    let journey = journey(node, &paths.frame).filter(|_| whole.is_small())?;
+    Some(if journey.is_upright() { MoverKind::Lift } else { MoverKind::Platform })
 }
 
 /// Where the animation of a node takes it.
-fn journey(node: &Node, frame: Frame) -> Option<Journey> {
-    node.animation.as_ref()?.journey(|shift| frame.to_metres(shift))
+fn journey<P>(node: &Node<P>, frame: &LevelFrame) -> Option<Journey> {
+    node.animation.as_ref()?.journey(|shift| frame.vector_to_map(shift.as_dvec3()))
 }
 
-fn kind_named(extras: &Extras<'_>, name: &str) -> Result<MoverKind, ImportError> {
+pub(super) fn kind_named(extras: &Extras<'_>, name: &str) -> Result<MoverKind, ImportError> {
     let found = MoverKind::ALL.iter().copied().find(|kind| kind.name() == name);
     found.ok_or_else(|| extras.refuse("mover", name, "must be door, lift, platform, floor, conveyor, crate or false"))
 }
 
 /// Splits `lift_2:path.001` into `lift_2` and 1.
-fn path_of(name: &str) -> Option<(String, u32)> {
+pub(super) fn path_of(name: &str) -> Option<(String, u32)> {
     let (stem, rest) = name.rsplit_once(":path")?;
     let digits = rest.trim_start_matches(['.', '_', '-']);
     let number = if digits.is_empty() { 0 } else { digits.parse().ok()? };
@@ -125,7 +101,7 @@ fn path_of(name: &str) -> Option<(String, u32)> {
 /// The paths that the nodes of a level mark.
 pub(super) struct Paths {
     /// The frame of the level, in which extras and animations are.
-    frame: Frame,
+    frame: LevelFrame,
     /// The places of each mover by its name, each with its number.
     places: HashMap<String, Vec<(u32, Place)>>,
 }
@@ -140,12 +116,13 @@ enum Place {
 }
 
 impl Paths {
-    pub(super) fn of(nodes: &[Node], frame: Frame) -> Self {
+    pub(super) fn of(nodes: &[Node<DVec3>], frame: LevelFrame) -> Self {
         let mut places: HashMap<String, Vec<(u32, Place)>> = HashMap::new();
         for node in nodes {
             if let Some((stem, number)) = path_of(&node.name.to_lowercase()) {
-                let bounds = Aabb::around(node.triangles.iter().flatten().copied());
-                let place = bounds.map_or(Place::Origin(node.origin), |bounds| Place::Bottom(bounds.bottom()));
+                let bounds = Aabb::around(node.triangles.iter().flatten().map(|corner| corner.as_vec3()));
+                let origin = node.origin.as_vec3();
+                let place = bounds.map_or(Place::Origin(origin), |bounds| Place::Bottom(bounds.bottom()));
                 places.entry(stem).or_default().push((number, place));
             }
         }
@@ -199,7 +176,7 @@ struct Animated {
 }
 
 impl Animated {
-    fn of(kind: MoverKind, node: &Node, frame: Frame, bounds: Aabb) -> Self {
+    fn of(kind: MoverKind, node: &Node, frame: &LevelFrame, bounds: Aabb) -> Self {
         let swing = node.animation.as_ref().and_then(Animation::swing);
         let journey = match (kind, swing) {
             (MoverKind::Door, Some((turn, seconds))) => {
@@ -228,9 +205,9 @@ pub(super) fn from_node(
     paths: &Paths,
     mut triangles: Vec<[Vec3; 3]>,
 ) -> Result<Option<Mover>, ImportError> {
-    let frame = paths.frame;
+    let frame = &paths.frame;
     let Some(bounds) = Aabb::around(triangles.iter().flatten().copied()) else { return Ok(None) };
-    let metres = |vector: Vec3| frame.to_metres(vector);
+    let metres = |vector: DVec3| frame.vector_to_map(vector);
     let mut path = extras.vectors("path")?.into_iter().map(metres).collect::<Vec<_>>();
     path.extend(extras.vector("slide")?.map(metres));
     path.extend(paths.offsets(node, bounds));
@@ -351,26 +328,26 @@ impl Leaf {
 pub(super) struct MoverEntry {
     name: String,
     kind: MoverKind,
-    min: [f32; 3],
-    max: [f32; 3],
+    min: [f64; 3],
+    max: [f64; 3],
     #[serde(default)]
-    path: Vec<[f32; 3]>,
+    path: Vec<[f64; 3]>,
     hinge: Option<f64>,
     seconds: Option<f64>,
     speed: Option<f64>,
     dwell: Option<f64>,
     #[serde(rename = "loop")]
     cycles: Option<bool>,
-    velocity: Option<[f32; 3]>,
+    velocity: Option<[f64; 3]>,
     #[serde(default)]
     open: bool,
 }
 
 impl MoverEntry {
     /// The mover in metres; `None` if its box has no volume.
-    pub(super) fn mover(self, frame: Frame) -> Option<Mover> {
-        let metres = |point: [f32; 3]| frame.to_metres(point.into());
-        let (one, other) = (metres(self.min), metres(self.max));
+    pub(super) fn mover(self, frame: &LevelFrame) -> Option<Mover> {
+        let metres = |vector: [f64; 3]| frame.vector_to_map(vector.into());
+        let (one, other) = (frame.to_map(self.min.into()), frame.to_map(self.max.into()));
         let bounds = Aabb::at(one).union(Aabb::at(other));
         // Also false for NaN.
         let has_volume = (bounds.high - bounds.low).min_element() > 0.0;

@@ -1,181 +1,262 @@
-//! Finds the pools and devices of a level by the names of its nodes.
+//! What the nodes of a level stand for: by the sidecar, by their properties, by their names, and by their animations,
+//! in this order.
 //!
-//! Nodes: `lava*` and `water*` fill their bounding box; `pad*` and `jetpack*` stand at the centre of the bottom of
-//! their bounding box; `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end
-//! (`_from` works like `:from`, for tools that do not allow colons). Case does not matter. Such nodes and their
-//! children are not solid.
+//! A name has a meaning only if it begins with a whole word, followed by its end, a digit or a separator: `water_01`
+//! and `Water2`, but not `Waterfront`. Case does not matter.
 //!
-//! Helpers are left out: `navmesh*`, `trigger*`, `occluder*`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot),
-//! and the simple colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves. A node
-//! whose extras say `solid: false` is left out as well, and one with `solid: true` is solid whatever its name says. The
-//! sidecar lists patterns of names: `leave_out`, and `colliders`, beside which nothing else is solid. What moves is
-//! found in `moving`. The position of a node without a mesh is its origin; if there are feature nodes below it, it is
-//! only a group.
+//! - `lava` and `water` fill their bounding box.
+//! - `pad` and `jetpack` stand at the centre of the bottom of their bounding box.
+//! - `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end (`_from` works like
+//!   `:from`, for tools that do not allow colons).
+//! - What moves is described in `moving`.
+//! - Helpers are left out: `navmesh`, `trigger`, `occluder`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot),
+//!   and the simple colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
+//!
+//! Features and their children are not solid. The position of a node without a mesh is its origin; with feature nodes
+//! below it, it is only a group.
 
 use crate::extras::Extras;
-use crate::faults::ImportError;
-use crate::found::{Found, FoundPool, power};
-use crate::moving::{self, Paths, Sign, Whole};
-use crate::pairs::{End, Half, Pairs, split_end};
-use crate::scene::{Frame, Node, node_label};
-use crate::sidecar::Sidecar;
+use crate::faults::{ImportError, Warning};
+use crate::meaning::{Kind, Meaning};
+use crate::moving::{self, Paths, Whole};
+use crate::pairs::split_end;
+use crate::scene::{Node, node_label};
+use crate::sidecar::{NodeAs, Sidecar};
+use glam::DVec3;
+use std::collections::HashMap;
 use surefoot_world::Aabb;
-use surefoot_world::map::{Device, DeviceKind, Liquid, MoverKind};
+use surefoot_world::map::{DeviceKind, Liquid, MoverKind};
 
-/// Kind of feature that a node's name stands for.
-#[derive(Debug, Clone, PartialEq, Eq)]
-enum Kind {
+/// Words with which the names of features and helpers begin.
+const WORDS: [(&str, Word); 16] = [
+    ("lava", Word::Pool(Liquid::Lava)),
+    ("water", Word::Pool(Liquid::Water)),
+    ("pad", Word::Device(DeviceKind::Pad)),
+    ("zip_line", Word::Device(DeviceKind::ZipLine)),
+    ("teleporter", Word::Device(DeviceKind::Teleporter)),
+    ("jetpack", Word::Device(DeviceKind::Jetpack)),
+    ("door", Word::Mover(MoverKind::Door)),
+    ("lift", Word::Mover(MoverKind::Lift)),
+    ("elevator", Word::Mover(MoverKind::Lift)),
+    ("platform", Word::Mover(MoverKind::Platform)),
+    ("vanish", Word::Mover(MoverKind::Floor)),
+    ("pushable", Word::Mover(MoverKind::Crate)),
+    ("conveyor", Word::Mover(MoverKind::Conveyor)),
+    ("navmesh", Word::Helper),
+    ("trigger", Word::Helper),
+    ("occluder", Word::Helper),
+];
+
+/// What a word at the beginning of a name stands for.
+#[derive(Debug, Clone, Copy)]
+enum Word {
     Pool(Liquid),
-    /// A device, with the end and the name of the pair for one end of a transport whose node says which end it is.
-    Device(DeviceKind, Option<(End, String)>),
-    /// A door, lift, platform, floor or conveyor.
+    Device(DeviceKind),
     Mover(MoverKind),
-    /// A place on the path of a mover.
-    Path,
-    /// No part of the level.
     Helper,
 }
 
+/// Words in the rest of a name that make it speak of something else: a door's frame, a water tower.
+const NOT_IT: [(&str, &[&str]); 5] = [
+    ("door", &["frame", "way", "step", "arch", "sill", "handle", "wall", "jamb", "mat", "knob"]),
+    ("water", &["tower", "tank", "pipe", "wheel", "mill", "pump", "cooler", "barrel", "bottle"]),
+    ("lava", &["lamp", "rock", "stone"]),
+    ("lift", &["shaft", "frame", "button"]),
+    ("elevator", &["shaft", "frame", "button"]),
+];
+
+/// Longest side of a device from above, m. What is larger only has its name, as landing pads do.
+const MAX_DEVICE_M: f32 = 8.0;
 /// How the names of helpers begin and end, in lower case.
-const HELPER_STARTS: [&str; 7] = ["navmesh", "trigger", "occluder", "ucx_", "ubx_", "ucp_", "usp_"];
+const HELPER_STARTS: [&str; 4] = ["ucx_", "ubx_", "ucp_", "usp_"];
 const HELPER_ENDS: [&str; 3] = ["-navmesh", "-noimp", "-occonly"];
 
-impl Kind {
-    fn of(name: &str) -> Option<Self> {
-        let name = name.to_lowercase();
-        if let Some(kind) = DeviceKind::ALL.iter().find(|kind| name.starts_with(kind.name())) {
-            return Some(Kind::Device(*kind, split_end(&name).filter(|_| kind.is_transport())));
-        }
-        Some(match () {
-            () if name.starts_with("lava") => Kind::Pool(Liquid::Lava),
-            () if name.starts_with("water") => Kind::Pool(Liquid::Water),
-            () if HELPER_STARTS.iter().any(|start| name.starts_with(start)) => Kind::Helper,
-            () if HELPER_ENDS.iter().any(|end| name.ends_with(end)) => Kind::Helper,
-            () => return None,
-        })
-    }
-
-    /// Whether the name lacks the end that its feature needs.
-    fn lacks_end(&self) -> bool {
-        matches!(self, Kind::Device(kind, None) if kind.is_transport())
-    }
-
-    fn has_end(&self) -> bool {
-        matches!(self, Kind::Device(_, Some(_)))
-    }
+/// What the beginning of a name says.
+enum Beginning {
+    /// It is this word.
+    Word(&'static str, Word),
+    /// It is this word with further letters.
+    Near(&'static str),
+    Nothing,
 }
 
-/// Adds the features among `nodes` to `found` and returns for each node whether it is solid.
-pub(super) fn collect_from_nodes(
-    nodes: &[Node],
+/// Reads the beginning of a name in lower case.
+fn beginning(name: &str) -> Beginning {
+    for (word, meaning) in WORDS {
+        let Some(rest) = name.strip_prefix(word) else { continue };
+        if rest.starts_with(char::is_alphabetic) {
+            return Beginning::Near(word);
+        }
+        let parts = rest.split(|letter: char| !letter.is_alphabetic());
+        let others = NOT_IT.iter().find(|(it, _)| *it == word).map_or(&[][..], |(_, others)| others);
+        let is_other = parts.into_iter().any(|part| others.contains(&part));
+        return if is_other { Beginning::Nothing } else { Beginning::Word(word, meaning) };
+    }
+    Beginning::Nothing
+}
+
+/// Finds what each node stands for. Incomplete pairs and near misses stay solid, with a warning.
+pub(super) fn meanings(
+    nodes: &[Node<DVec3>],
     sidecar: &Sidecar,
-    frame: Frame,
-    found: &mut Found,
-) -> Result<Vec<bool>, ImportError> {
-    let says = |(idx, node): (usize, &Node)| {
-        let extras = Extras::new(node, &node_label(&node.name, idx))?.flag("solid")?;
-        Ok(extras.or_else(|| sidecar.says_solid(&node.name)))
-    };
-    let says: Vec<Option<bool>> = nodes.iter().enumerate().map(says).collect::<Result<_, ImportError>>()?;
-    let paths = Paths::of(nodes, frame);
-    let kinds = kinds(nodes, &says, &paths)?;
-    let owners = feature_owners(nodes, &kinds);
-    add_features(nodes, kinds, &owners, &paths, found)?;
-    let mut is_solid: Vec<bool> = owners.iter().map(Option::is_none).collect();
-    if !sidecar.colliders.is_empty() {
-        let mut is_collider: Vec<bool> = Vec::with_capacity(nodes.len());
-        for (node, says) in nodes.iter().zip(says) {
-            is_collider.push(says == Some(true) || node.parent.is_some_and(|parent| is_collider[parent]));
-        }
-        for ((is_solid, is_collider), node) in is_solid.iter_mut().zip(is_collider).zip(nodes) {
-            found.helper_count += usize::from(*is_solid && !is_collider && !node.triangles.is_empty());
-            *is_solid &= is_collider;
-        }
-    }
-    Ok(is_solid)
-}
-
-/// What each node stands for; `says` is whether it was declared solid or not.
-fn kinds(nodes: &[Node], says: &[Option<bool>], paths: &Paths) -> Result<Vec<Option<Kind>>, ImportError> {
-    let whole = with_children(nodes);
-    let kind = |(idx, (node, says)): (usize, (&Node, &Option<bool>))| {
-        let label = node_label(&node.name, idx);
-        let moving = moving::sign(node, &Extras::new(node, &label)?, paths, &whole[idx])?;
-        Ok(match (says, Kind::of(&node.name), moving) {
-            (Some(false), ..) => Some(Kind::Helper),
-            (Some(true), Some(Kind::Helper), _) => None,
-            (_, None, Some(Sign::Mover(kind))) => Some(Kind::Mover(kind)),
-            (_, None, Some(Sign::Path)) => Some(Kind::Path),
-            (_, kind, _) => kind,
-        })
-    };
-    nodes.iter().zip(says).enumerate().map(kind).collect()
-}
-
-/// Adds the features that nodes stand for to `found`; `owners` are those of [`feature_owners`].
-fn add_features(
-    nodes: &[Node],
-    kinds: Vec<Option<Kind>>,
-    owners: &[Option<usize>],
+    ignore_names: bool,
     paths: &Paths,
-    found: &mut Found,
-) -> Result<(), ImportError> {
-    let bounds = feature_bounds(nodes, owners);
-    let mut pairs = Pairs::default();
-    for (idx, (node, kind)) in nodes.iter().zip(kinds).enumerate() {
-        let Some(kind) = kind.filter(|_| owners[idx] == Some(idx)) else { continue };
-        let bounds = bounds[idx].unwrap_or(Aabb::at(node.origin));
-        let at = bounds.bottom();
-        let name = node_label(&node.name, idx);
-        let extras = Extras::new(node, &name)?;
-        match kind {
-            Kind::Pool(liquid) => {
-                let pool = FoundPool { liquid, bounds, radius: extras.radius()? };
-                found.pools.push((name, pool));
-            }
-            Kind::Device(kind, Some((end, pair))) => {
-                let two_way = kind == DeviceKind::Teleporter && extras.flag("two_way")?.unwrap_or_default();
-                pairs.add(pair, end, Half { node, kind, at, two_way })?;
-            }
-            Kind::Device(kind, None) if kind.is_transport() => {
-                return Err(ImportError::NoEnd { node: node.name.clone() });
-            }
-            Kind::Device(kind, None) => {
-                let power = power(kind, |key| extras.number(key), &name)?;
-                found.devices.push((name, Device { power, ..Device::new(kind, at) }));
-            }
-            Kind::Mover(kind) => {
-                let own = nodes.iter().zip(owners).filter(|(_, owner)| **owner == Some(idx));
-                let triangles = own.flat_map(|(node, _)| node.triangles.iter().copied()).collect();
-                let mut mover = moving::from_node(kind, node, &extras, paths, triangles)?;
-                if let Some(mover) = mover.as_mut().filter(|_| node.animation.is_some()) {
-                    mover.name = moving::distinct_name(&node.name, idx, &found.movers);
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<Meaning>, ImportError> {
+    let whole = with_children(nodes);
+    let mut near_misses = Vec::new();
+    let mut meanings = Vec::with_capacity(nodes.len());
+    for (node, whole) in nodes.iter().zip(&whole) {
+        let label = node_label(&node.name, node.file_idx);
+        let extras = Extras::new(node, &label)?;
+        let declared = declared(node, sidecar, &extras)?;
+        meanings.push(match declared {
+            Some(meaning) => meaning,
+            None => {
+                let may_move = extras.flag("mover")? != Some(false);
+                let named = if ignore_names { None } else { named(node, &extras, paths, &mut near_misses) };
+                let named = named.filter(|it| may_move || !matches!(it.kind, Some(Kind::Mover(_))));
+                let side = whole.bounds.map_or(0.0, |Aabb { low, high }| (high.x - low.x).max(high.z - low.z));
+                if side > MAX_DEVICE_M && matches!(named, Some(Meaning { kind: Some(Kind::Device(..)), .. })) {
+                    warnings.push(Warning::LargeDevice { node: node.name.clone(), side });
+                    meanings.push(Meaning { reason: "it is too large for a device".to_owned(), ..Meaning::default() });
+                    continue;
                 }
-                found.movers.extend(mover);
+                let animated = || moving::animated_kind(node, paths, whole).filter(|_| may_move);
+                let animated = || animated().map(|kind| Meaning::new(Kind::Mover(kind), "its animation moves it"));
+                named.or_else(animated).unwrap_or_default()
             }
-            Kind::Path => {}
-            Kind::Helper => found.helper_count += 1,
-        }
+        });
     }
-    found.devices.extend(pairs.finish()?);
-    Ok(())
+    if let Some((name, word)) = near_misses.first() {
+        let (name, count) = (name.clone(), near_misses.len());
+        warnings.push(Warning::NearMiss { name, word, count });
+    }
+    drop_incomplete_pairs(nodes, &mut meanings, warnings);
+    Ok(meanings)
 }
 
-/// The box around each feature node with what belongs to it; `None` if it has no triangles.
-fn feature_bounds(nodes: &[Node], owners: &[Option<usize>]) -> Vec<Option<Aabb>> {
-    let mut bounds: Vec<Option<Aabb>> = vec![None; nodes.len()];
-    for (node, owner) in nodes.iter().zip(owners) {
-        if let (Some(owner), Some(own)) = (*owner, Aabb::around(node.triangles.iter().flatten().copied())) {
-            bounds[owner] = Some(bounds[owner].map_or(own, |bounds| bounds.union(own)));
+/// What the sidecar, the file and the node's properties say; `None` if they say nothing.
+fn declared(node: &Node<DVec3>, sidecar: &Sidecar, extras: &Extras<'_>) -> Result<Option<Meaning>, ImportError> {
+    if let Some(role) = sidecar.role(&node.name) {
+        const SIDECAR: &str = "the sidecar says so";
+        return Ok(Some(match role.kind() {
+            None if role == NodeAs::Solid => Meaning::solid(SIDECAR),
+            None => Meaning::new(Kind::LeftOut, SIDECAR),
+            Some(kind) => Meaning::new(kind, SIDECAR),
+        }));
+    }
+    if let Some(kind) = extras.text("mover") {
+        return Ok(Some(Meaning::new(Kind::Mover(moving::kind_named(extras, kind)?), "its property `mover` says so")));
+    }
+    let solid = extras.flag("solid")?;
+    Ok(match (solid, sidecar.says_solid(&node.name)) {
+        (Some(true), _) => Some(Meaning::solid("its property `solid` is true")),
+        (Some(false), _) => Some(Meaning::new(Kind::LeftOut, "its property `solid` is false")),
+        (None, Some(true)) => Some(Meaning::solid("it is one of the sidecar's `colliders`")),
+        (None, Some(false)) => Some(Meaning::new(Kind::LeftOut, "the sidecar leaves it out")),
+        (None, None) if node.is_hidden => Some(Meaning::new(Kind::LeftOut, "the file says that it is not visible")),
+        (None, None) => None,
+    })
+}
+
+/// What the name of a node says; `None` if it says nothing.
+fn named(
+    node: &Node<DVec3>,
+    extras: &Extras<'_>,
+    paths: &Paths,
+    near_misses: &mut Vec<(String, &'static str)>,
+) -> Option<Meaning> {
+    let name = node.name.to_lowercase();
+    if moving::path_of(&name).is_some() {
+        return Some(Meaning::new(Kind::Path, "its name ends with `path`"));
+    }
+    if let Some(start) = HELPER_STARTS.iter().find(|start| name.starts_with(*start)) {
+        return Some(Meaning::new(Kind::Helper, format!("its name begins with `{}`", start.to_uppercase())));
+    }
+    if let Some(end) = HELPER_ENDS.iter().find(|end| name.ends_with(*end)) {
+        return Some(Meaning::new(Kind::Helper, format!("its name ends with `{end}`")));
+    }
+    let (word, meaning) = match beginning(&name) {
+        Beginning::Word(word, meaning) => (word, meaning),
+        Beginning::Near(word) => {
+            if !node.triangles.is_empty() {
+                near_misses.push((node.name.clone(), word));
+            }
+            return None;
+        }
+        Beginning::Nothing => return None,
+    };
+    let kind = match meaning {
+        Word::Pool(liquid) => Kind::Pool(liquid),
+        Word::Device(kind) => Kind::Device(kind, split_end(&name).filter(|_| kind.is_transport())),
+        Word::Mover(kind) => Kind::Mover(moving::named_kind(kind, node, extras, paths)?),
+        Word::Helper => Kind::Helper,
+    };
+    Some(Meaning::new(kind, format!("its name begins with `{word}`")))
+}
+
+/// Leaves ends of zip lines and teleporters solid that have no other end, or whose end is taken already.
+fn drop_incomplete_pairs(nodes: &[Node<DVec3>], meanings: &mut [Meaning], warnings: &mut Vec<Warning>) {
+    let mut ends: HashMap<String, [Option<usize>; 2]> = HashMap::new();
+    for (idx, (node, meaning)) in nodes.iter().zip(&mut *meanings).enumerate() {
+        let Some(Kind::Device(_, Some((end, pair)))) = &meaning.kind else { continue };
+        let place = &mut ends.entry(pair.clone()).or_default()[*end as usize];
+        if place.is_some() {
+            warnings.push(Warning::SecondEnd { node: node.name.clone(), end: end.name() });
+            *meaning = Meaning { reason: "its pair has such an end already".to_owned(), ..Meaning::default() };
+        } else {
+            *place = Some(idx);
         }
     }
-    bounds
+    let mut single: Vec<usize> = ends.into_values().filter_map(|pair| pair[0].xor(pair[1])).collect();
+    single.sort_unstable();
+    for idx in single {
+        let name = nodes[idx].name.clone();
+        let Some(Kind::Device(_, Some((end, _)))) = &meanings[idx].kind else { continue };
+        warnings.push(Warning::NoOtherEnd { missing: end.name_of_other(&name), node: name });
+        meanings[idx] = Meaning { reason: "it has no other end".to_owned(), ..Meaning::default() };
+    }
+}
+
+/// For each node, the index of the feature node that it is or belongs to; `None` for solid nodes. Nodes that do not say
+/// which end they are become solid, with a warning, unless they belong to a feature.
+pub(super) fn owners(
+    nodes: &[Node<DVec3>],
+    meanings: &mut [Meaning],
+    warnings: &mut Vec<Warning>,
+) -> Vec<Option<usize>> {
+    let mut has_feature_below = vec![false; nodes.len()];
+    for (idx, node) in nodes.iter().enumerate().rev() {
+        if let Some(parent) = node.parent {
+            has_feature_below[parent] |= has_feature_below[idx] || meanings[idx].kind.is_some();
+        }
+    }
+    let mut owners: Vec<Option<usize>> = Vec::with_capacity(nodes.len());
+    for (idx, node) in nodes.iter().enumerate() {
+        let inherited = node.parent.and_then(|parent| owners[parent]).filter(|_| !meanings[idx].is_declared_solid);
+        let is_group = node.triangles.is_empty() && has_feature_below[idx];
+        owners.push(match &meanings[idx].kind {
+            None => inherited,
+            Some(kind) if is_group && !kind.has_end() && *kind != Kind::LeftOut => inherited,
+            Some(kind) if kind.lacks_end() => {
+                if inherited.is_none() {
+                    warnings.push(Warning::NoEnd { node: node.name.clone() });
+                    meanings[idx] =
+                        Meaning { reason: "it does not say which end it is".to_owned(), ..Meaning::default() };
+                }
+                inherited
+            }
+            Some(_) => Some(idx),
+        });
+    }
+    owners
 }
 
 /// Each node with everything below it.
-fn with_children(nodes: &[Node]) -> Vec<Whole> {
-    let own = |node: &Node| Whole {
-        bounds: Aabb::around(node.triangles.iter().flatten().copied()),
+fn with_children(nodes: &[Node<DVec3>]) -> Vec<Whole> {
+    let own = |node: &Node<DVec3>| Whole {
+        bounds: Aabb::around(node.triangles.iter().flatten().map(|corner| corner.as_vec3())),
         triangle_count: node.triangles.len(),
     };
     let mut whole: Vec<Whole> = nodes.iter().map(own).collect();
@@ -188,25 +269,4 @@ fn with_children(nodes: &[Node]) -> Vec<Whole> {
         above.triangle_count = above.triangle_count.saturating_add(triangle_count);
     }
     whole
-}
-
-/// For each node, the index of the feature node that it is or belongs to; `None` for solid nodes.
-fn feature_owners(nodes: &[Node], kinds: &[Option<Kind>]) -> Vec<Option<usize>> {
-    let mut has_feature_below = vec![false; nodes.len()];
-    for (idx, node) in nodes.iter().enumerate().rev() {
-        if let Some(parent) = node.parent {
-            has_feature_below[parent] |= has_feature_below[idx] || kinds[idx].is_some();
-        }
-    }
-    let mut owners: Vec<Option<usize>> = Vec::with_capacity(nodes.len());
-    for (idx, node) in nodes.iter().enumerate() {
-        let inherited = node.parent.and_then(|parent| owners[parent]);
-        owners.push(match &kinds[idx] {
-            None => inherited,
-            Some(kind) if node.triangles.is_empty() && has_feature_below[idx] && !kind.has_end() => inherited,
-            Some(kind) if kind.lacks_end() && inherited.is_some() => inherited,
-            Some(_) => Some(idx),
-        });
-    }
-    owners
 }

@@ -1,6 +1,5 @@
 //! Pairs the nodes at the two ends of zip lines and teleporters by their names.
 
-use crate::faults::ImportError;
 use crate::scene::Node;
 use std::collections::HashMap;
 use surefoot_world::Vec3;
@@ -14,11 +13,19 @@ pub(super) enum End {
 }
 
 impl End {
-    fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             End::From => "from",
             End::To => "to",
         }
+    }
+
+    /// The name that the node at the other end should have, of one at this end.
+    pub(super) fn name_of_other(self, name: &str) -> String {
+        // The end is ASCII and comes last, except for the number of a copy.
+        let at = name.to_ascii_lowercase().rfind(self.name()).unwrap_or(name.len());
+        let (stem, rest) = name.split_at(at);
+        format!("{stem}{}{}", self.other().name(), rest.get(self.name().len()..).unwrap_or_default())
     }
 
     fn other(self) -> Self {
@@ -61,37 +68,22 @@ pub(super) struct Half<'a> {
 }
 
 impl<'a> Pairs<'a> {
-    pub(super) fn add(&mut self, name: String, end: End, half: Half<'a>) -> Result<(), ImportError> {
+    /// Adds one end of a pair, of which there is only one.
+    pub(super) fn add(&mut self, name: String, end: End, half: Half<'a>) {
         let idx = *self.numbers.entry(name).or_insert_with(|| {
             self.pairs.push([None; 2]);
             self.pairs.len() - 1
         });
-        match self.pairs[idx][end as usize].replace(half) {
-            None => Ok(()),
-            Some(_) => Err(ImportError::SecondHalf { node: half.node.name.clone(), end: end.name() }),
-        }
+        self.pairs[idx][end as usize] = Some(half);
     }
 
     /// The devices that the pairs are, each with its name for messages.
-    pub(super) fn finish(self) -> Result<Vec<(String, Device)>, ImportError> {
-        let whole = self.pairs.into_iter().filter_map(|pair| match pair {
-            [Some(from), Some(to)] => {
-                let name = format!("node `{}` or `{}`", from.node.name, to.node.name);
-                let two_way = from.two_way || to.two_way;
-                Some(Ok((name, Device { to: Some(to.at), two_way, ..Device::new(from.kind, from.at) })))
-            }
-            [Some(from), None] => Some(Err(missing_half(from.node, End::From))),
-            [None, Some(to)] => Some(Err(missing_half(to.node, End::To))),
-            [None, None] => None,
-        });
-        whole.collect()
+    pub(super) fn finish(self) -> impl Iterator<Item = (String, Device)> {
+        self.pairs.into_iter().filter_map(|[from, to]| {
+            let (from, to) = from.zip(to)?;
+            let name = format!("node `{}` or `{}`", from.node.name, to.node.name);
+            let two_way = from.two_way || to.two_way;
+            Some((name, Device { to: Some(to.at), two_way, ..Device::new(from.kind, from.at) }))
+        })
     }
-}
-
-fn missing_half(node: &Node, end: End) -> ImportError {
-    // The end is ASCII and comes last, except for the number of a copy.
-    let at = node.name.to_ascii_lowercase().rfind(end.name()).unwrap_or(node.name.len());
-    let (stem, rest) = node.name.split_at(at);
-    let missing = format!("{stem}{}{}", end.other().name(), rest.get(end.name().len()..).unwrap_or_default());
-    ImportError::MissingHalf { node: node.name.clone(), missing }
 }

@@ -2,16 +2,22 @@
 
 use crate::faults::ImportError;
 use crate::found::{Found, FoundPool, power};
+use crate::meaning::Kind;
 use crate::moving::MoverEntry;
-use crate::scene::Frame;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use surefoot_world::Aabb;
-use surefoot_world::map::{Device, DeviceKind, Liquid};
+use surefoot_world::map::{Device, DeviceKind, LevelFrame, Liquid, MoverKind};
 
 /// Content of `level.surefoot.json`: features in the level's own coordinates, and what of the level is solid.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Sidecar {
+    /// What nodes are, by their names or patterns of them, whatever their names say.
+    #[serde(default)]
+    nodes: BTreeMap<String, NodeAs>,
+    /// Whether names of nodes have a meaning.
+    names: Option<bool>,
     /// Patterns of the names of nodes that are no part of the level.
     #[serde(default)]
     leave_out: Vec<String>,
@@ -32,13 +38,50 @@ pub(super) struct Sidecar {
     movers: Vec<MoverEntry>,
 }
 
+/// What a node is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum NodeAs {
+    Solid,
+    LeaveOut,
+    Water,
+    Lava,
+    Pad,
+    Jetpack,
+    Door,
+    Lift,
+    Platform,
+    Floor,
+    Conveyor,
+    Crate,
+}
+
+impl NodeAs {
+    /// What it stands for; `None` for what is solid or left out.
+    pub(super) fn kind(self) -> Option<Kind> {
+        Some(match self {
+            Self::Solid | Self::LeaveOut => return None,
+            Self::Water => Kind::Pool(Liquid::Water),
+            Self::Lava => Kind::Pool(Liquid::Lava),
+            Self::Pad => Kind::Device(DeviceKind::Pad, None),
+            Self::Jetpack => Kind::Device(DeviceKind::Jetpack, None),
+            Self::Door => Kind::Mover(MoverKind::Door),
+            Self::Lift => Kind::Mover(MoverKind::Lift),
+            Self::Platform => Kind::Mover(MoverKind::Platform),
+            Self::Floor => Kind::Mover(MoverKind::Floor),
+            Self::Conveyor => Kind::Mover(MoverKind::Conveyor),
+            Self::Crate => Kind::Mover(MoverKind::Crate),
+        })
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PoolEntry {
     #[serde(with = "LiquidName")]
     liquid: Liquid,
-    min: [f32; 3],
-    max: [f32; 3],
+    min: [f64; 3],
+    max: [f64; 3],
 }
 
 #[derive(Deserialize)]
@@ -51,22 +94,22 @@ enum LiquidName {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PadEntry {
-    at: [f32; 3],
+    at: [f64; 3],
     height: Option<f64>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ZipLineEntry {
-    from: [f32; 3],
-    to: [f32; 3],
+    from: [f64; 3],
+    to: [f64; 3],
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TeleporterEntry {
-    from: [f32; 3],
-    to: [f32; 3],
+    from: [f64; 3],
+    to: [f64; 3],
     #[serde(default)]
     two_way: bool,
 }
@@ -74,13 +117,29 @@ struct TeleporterEntry {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct JetpackEntry {
-    at: [f32; 3],
+    at: [f64; 3],
     fuel: Option<f64>,
 }
 
 impl Sidecar {
     pub(super) fn parse(json: &str) -> Result<Self, ImportError> {
         serde_json::from_str(json).map_err(|error| ImportError::Sidecar(error.to_string()))
+    }
+
+    /// Whether names of nodes have no meaning.
+    pub(super) fn ignores_names(&self) -> bool {
+        self.names == Some(false)
+    }
+
+    /// What a node of this name is; `None` if it does not say. The name itself comes before patterns of it.
+    pub(super) fn role(&self, name: &str) -> Option<NodeAs> {
+        if self.nodes.is_empty() {
+            return None;
+        }
+        let lower = name.to_lowercase();
+        let exact = self.nodes.iter().find(|(pattern, _)| pattern.to_lowercase() == lower);
+        let found = exact.or_else(|| self.nodes.iter().find(|(pattern, _)| matches(pattern, &lower)));
+        found.map(|(_, role)| *role)
     }
 
     /// Whether a node of this name is solid; `None` if it does not say.
@@ -95,9 +154,9 @@ impl Sidecar {
     }
 
     /// Adds the features that it lists to `found`.
-    pub(super) fn collect(self, frame: Frame, found: &mut Found) -> Result<(), ImportError> {
-        let metres = |name: &str, point: [f32; 3]| {
-            let point = frame.to_metres(point.into());
+    pub(super) fn collect(self, frame: &LevelFrame, found: &mut Found) -> Result<(), ImportError> {
+        let metres = |name: &str, point: [f64; 3]| {
+            let point = frame.to_map(point.into());
             if point.is_finite() { Ok(point) } else { Err(ImportError::NotFinite { node: name.to_owned() }) }
         };
         for (name, PoolEntry { liquid, min, max }) in labelled("pools", self.pools) {

@@ -6,7 +6,8 @@ use crate::grid::PointGrid;
 use crate::ids::VertexId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use surefoot_world::{Ability, Vec3};
+use surefoot_world::map::LevelFrame;
+use surefoot_world::{Ability, DVec3, Vec3};
 
 /// Greatest distance at which vertices of two versions count as the same place, m.
 const SAME_M: f32 = 8.0;
@@ -20,6 +21,9 @@ pub struct Island {
     pub vertices: usize,
     /// Position of one of its vertices, m.
     pub at: Vec3,
+    /// The same in the level's own coordinates, if they are not those of the map and were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_in_level: Option<DVec3>,
     /// Whether a path leads here from the largest island.
     pub entered: bool,
     /// Whether a path leads from here to the largest island.
@@ -48,6 +52,15 @@ pub struct Connection {
     pub lost_without: BTreeMap<String, f64>,
 }
 
+impl Connection {
+    /// Adds the places in the coordinates of a level with this frame.
+    #[must_use]
+    pub fn in_level(mut self, frame: &LevelFrame) -> Self {
+        self.islands.iter_mut().for_each(|island| island.at_in_level = frame.other_place(island.at));
+        self
+    }
+}
+
 /// Describes the connectivity of `graph`.
 pub fn describe(graph: &NavGraph) -> Connection {
     let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
@@ -65,6 +78,7 @@ pub fn describe(graph: &NavGraph) -> Connection {
             id: *id,
             vertices: members.len(),
             at: graph.position(members[0]),
+            at_in_level: None,
             entered: from_main[members[0].idx()],
             left: to_main[members[0].idx()],
         })
@@ -116,30 +130,53 @@ pub struct Difference {
     pub lost: Vec<Vec3>,
     /// Positions that the largest island reaches now and did not reach before, m.
     pub gained: Vec<Vec3>,
+    /// The lost positions in the level's own coordinates, if they are not those of the map.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lost_in_level: Vec<DVec3>,
+    /// The gained positions in the level's own coordinates, if they are not those of the map.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gained_in_level: Vec<DVec3>,
     /// Number of islands before and after.
     pub islands: (usize, usize),
 }
 
-/// Compares two versions of a level. A position counts as reached in a version if a reached vertex is at most 8 m
-/// away.
+/// Compares two versions of a level whose maps have the same frame, see [`compare_levels`].
 pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
+    compare_levels((before, &LevelFrame::default()), (after, &LevelFrame::default()))
+}
+
+/// Compares two versions of a level by their graphs and the frames of their maps: an import of a larger version may put
+/// the level elsewhere on its map. A position counts as reached in a version if a reached vertex is at most 8 m away.
+/// Positions that were lost are on the map before, those that were gained on the map after.
+pub fn compare_levels(
+    (before, frame_before): (&NavGraph, &LevelFrame),
+    (after, frame_after): (&NavGraph, &LevelFrame),
+) -> Difference {
     let reached = |graph: &NavGraph| -> Vec<Vec3> {
         let reached = graph.vertices().zip(reached_from_main(graph)).filter(|(_, reached)| *reached);
         reached.map(|(vertex, _)| graph.position(vertex)).collect()
     };
     let (old, new) = (reached(before), reached(after));
-    let only = |here: &[Vec3], there: &[Vec3]| -> Vec<Vec3> {
+    let is_moved = frame_before != frame_after;
+    let to_before = |&at: &Vec3| if is_moved { frame_before.to_map(frame_after.to_level(at)) } else { at };
+    let new_before: Vec<Vec3> = new.iter().map(to_before).collect();
+    // The indices of places `here` that are not `there`.
+    let only = |here: &[Vec3], there: &[Vec3]| -> Vec<usize> {
         let grid = PointGrid::new(there, SAME_M);
         let is_same = |at: Vec3, other: u32| there[other as usize].distance_squared(at) <= SAME_M * SAME_M;
         // A little more, because columns are computed with rounding.
         let is_reached = |at: &Vec3| grid.within(*at, SAME_M + 0.1).any(|other| is_same(*at, other));
-        here.iter().copied().filter(|at| !is_reached(at)).collect()
+        (0..here.len()).filter(|&idx| !is_reached(&here[idx])).collect()
     };
+    let lost: Vec<Vec3> = only(&old, &new_before).into_iter().map(|idx| old[idx]).collect();
+    let gained: Vec<Vec3> = only(&new_before, &old).into_iter().map(|idx| new[idx]).collect();
     Difference {
         connected_before: before.connected_share(),
         connected_after: after.connected_share(),
-        lost: only(&old, &new),
-        gained: only(&new, &old),
+        lost_in_level: lost.iter().filter_map(|&at| frame_before.other_place(at)).collect(),
+        gained_in_level: gained.iter().filter_map(|&at| frame_after.other_place(at)).collect(),
+        lost,
+        gained,
         islands: (before.island_count() as usize, after.island_count() as usize),
     }
 }
@@ -214,5 +251,16 @@ mod tests {
             prop_assert_eq!(difference.lost, only(&before, &after));
             prop_assert_eq!(difference.gained, only(&after, &before));
         }
+    }
+
+    #[test]
+    fn a_level_that_the_import_puts_elsewhere_on_its_map_has_lost_nothing() {
+        let walks = [(0, 1, Ability::Walk), (1, 0, Ability::Walk)];
+        let (before, after) = (graph(&[(5, 5), (15, 5)], &walks), graph(&[(45, 5), (55, 5)], &walks));
+        let frame = |x: f64| LevelFrame { origin: DVec3::new(x, 0.0, 0.0), ..LevelFrame::default() };
+        let difference = compare_levels((&before, &frame(2.0)), (&after, &frame(42.0)));
+        assert_eq!((difference.lost, difference.gained), (Vec::new(), Vec::new()));
+        let apart = compare(&before, &after);
+        assert_eq!((apart.lost.len(), apart.gained), (2, vec![Vec3::new(45.0, 0.0, 5.0), Vec3::new(55.0, 0.0, 5.0)]));
     }
 }

@@ -5,7 +5,8 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use surefoot_planner::EdgeKey;
 use surefoot_planner::assets::{AssetFormat, Axes, Connected, Leap, Link, LinkSet, Passage};
-use surefoot_world::{Ability, Vec3};
+use surefoot_world::map::{LevelFrame, UpAxis};
+use surefoot_world::{Ability, DVec3, Vec3};
 
 /// A double jump up a ledge, and a drop down with a walk over ground that no NavMesh has.
 fn tiny() -> LinkSet {
@@ -40,7 +41,7 @@ fn tiny() -> LinkSet {
         radius: 0.25,
         speed: 10.0,
         connected: Connected { without: 0.25, with: 1.0 },
-        origin: Some(Vec3::new(2.0, 1.0, 3.5)),
+        frame: Some(LevelFrame { origin: DVec3::new(2.0, 1.0, 3.5), ..LevelFrame::default() }),
     }
 }
 
@@ -187,6 +188,24 @@ fn formats_stay_what_they_are() {
     let changed: Vec<String> =
         changed.map(|(format, _)| format!("=== {}\n{}", format.name(), format.write(&tiny()))).collect();
     assert!(changed.is_empty(), "these formats have changed:\n{}===", changed.join(""));
+}
+
+#[test]
+fn files_say_where_a_level_lies_that_is_far_from_its_origin() {
+    let frame = LevelFrame { origin: DVec3::new(-512_345.25, 2.0, 5_400_123.5), scale: 0.01, up: UpAxis::Z };
+    let set = LinkSet { frame: Some(frame), ..tiny() };
+    let document = |format: AssetFormat| serde_json::from_str::<Value>(&format.write(&set)).unwrap();
+    for format in [AssetFormat::Links, AssetFormat::Landmass, AssetFormat::Detour] {
+        let document = document(format);
+        assert_eq!(document["origin"], serde_json::json!([-512_345.25, 2.0, 5_400_123.5]), "{}", format.name());
+        assert_eq!(document["scale"], 0.01, "{}", format.name());
+        assert_eq!(document["up"], "z", "{}", format.name());
+    }
+    assert_eq!(document(AssetFormat::Unity)["origin"]["z"], 5_400_123.5);
+    assert_eq!(document(AssetFormat::Unreal)["origin"]["Y"], 540_012_350.0);
+    let scene = nodes(&AssetFormat::Godot.write(&set));
+    assert_eq!(scene[1].1["metadata/origin"], "Vector3(-512345.25, 2, 5400123.5)");
+    assert_eq!((scene[1].1["metadata/scale"].as_str(), scene[1].1["metadata/up"].as_str()), ("0.01", "\"z\""));
 }
 
 proptest! {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use surefoot_planner::Progress;
 use surefoot_planner::edits::{Edit, Layer, LayerError, MapTerrain, UnappliedReason, apply_layers};
-use surefoot_planner::export::{About, Format, body_of, export, export_about, import_json};
+use surefoot_planner::export::{About, Format, body_of, export, export_about, frame_of, import_json};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::links::{NavMesh, expected_seconds};
 use surefoot_planner::reachability::{compare, describe};
@@ -14,9 +14,9 @@ use surefoot_planner::{BuildSettings, EdgeKey, NavGraph, Probing, VertexId};
 use surefoot_policy::Policy;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs::{self, build};
-use surefoot_world::map::Placed;
+use surefoot_world::map::{LevelFrame, Placed, UpAxis};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3};
+use surefoot_world::{CharacterProfile, DVec3, Map, MapSpec, Vec3};
 
 fn context(map: Map) -> ProbeContext {
     ProbeContext { map: Arc::new(map), profile: CharacterProfile::default(), policy: Policy::shipped().unwrap() }
@@ -201,10 +201,16 @@ fn json_comes_back_and_other_forms_hold_every_edge() {
     let back = import_json(&export(&graph, Format::Json)).unwrap();
     assert_eq!(back.to_data(), graph.to_data());
     let body = CharacterProfile::default().with(|body| body.max_slope = 0.7).unwrap();
-    let with_body = export_about(&graph, Format::Json, About { origin: None, body: Some(body.clone()) });
-    assert_eq!(body_of(&with_body), Some(body));
+    let with_body = export_about(&graph, Format::Json, About { frame: None, body: Some(body.clone()) });
+    assert_eq!((body_of(&with_body), frame_of(&with_body)), (Some(body), None));
     assert_eq!(import_json(&with_body).unwrap().to_data(), back.to_data());
     assert_eq!(body_of(&export(&graph, Format::Json)), None);
+    let far = LevelFrame { origin: DVec3::new(-512_345.25, 2.0, 5_400_123.5), scale: 0.01, up: UpAxis::Z };
+    for frame in [LevelFrame::default(), far] {
+        let with_frame = export_about(&graph, Format::Json, About { frame: Some(frame), body: None });
+        assert_eq!(frame_of(&with_frame), Some(frame));
+        assert_eq!(import_json(&with_frame).unwrap().to_data(), back.to_data());
+    }
     let count = |format, needle: &str| export(&graph, format).matches(needle).count();
     assert_eq!((count(Format::GraphMl, "<edge "), count(Format::GraphMl, "<node ")), (graph.edge_count(), 40));
     assert!(import_json("{}").is_err());

@@ -44,7 +44,7 @@ pub use ability::{Ability, AbilitySet};
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use crates::CrateState;
 pub use editing::Enclosed;
-pub use glam::Vec3;
+pub use glam::{DVec3, Vec3};
 pub use map::{Map, MapHash, MapSpec, RawMapSpec, SpecError};
 pub use movers::{MoverOrder, MoverState, PACE_RANGE};
 pub use npc::{NPC_STATE_VERSION, Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};

@@ -3,7 +3,7 @@
 
 use crate::stage::{FORWARD, NPC, STAND, feet, run};
 use std::sync::Arc;
-use surefoot_levels::ImportOptions;
+use surefoot_levels::{ImportOptions, NoFiles};
 use surefoot_world::character::{Body, Support};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
@@ -337,6 +337,7 @@ fn names_of_nodes_and_the_sidecar_make_movers() {
     let imported =
         surefoot_levels::import_obj(text.as_bytes(), Some(sidecar), &ImportOptions::default()).expect("a level");
     let map = imported.map;
+    let origin = map.frame().origin.as_vec3();
     let found: Vec<_> = map.movers().iter().map(|it| (it.name.as_str(), it.kind, it.stops.len(), it.start.0)).collect();
     assert_eq!(
         found,
@@ -354,7 +355,7 @@ fn names_of_nodes_and_the_sidecar_make_movers() {
     assert_eq!((belt.belt, gate.travel_s), (Vec3::Z * 2.0, 2.0));
     // What is around a door, and a lift that goes nowhere, are solid; the path is not.
     let above = |x: f32, z: f32| {
-        let from = Vec3::new(x, 10.0, z) + imported.origin;
+        let from = Vec3::new(x, 10.0, z) + origin;
         let hit = map.mesh().cast_ray(from, Vec3::new(0.000_31, -0.999_999_9, 0.000_23), 30.0).expect("the floor");
         10.0 - hit.distance
     };
@@ -362,7 +363,7 @@ fn names_of_nodes_and_the_sidecar_make_movers() {
     assert!((above(8.5, 8.5) - 0.2).abs() < 0.01);
     assert!(above(-7.0, -7.0).abs() < 0.01 && above(0.6, 5.05).abs() < 0.01);
     let (low, _) = lift.bounds_at(0);
-    assert!((low - imported.origin - Vec3::new(-8.0, 0.0, -8.0)).length() < 1.0e-3, "{low}");
+    assert!((low - origin - Vec3::new(-8.0, 0.0, -8.0)).length() < 1.0e-3, "{low}");
 }
 
 #[test]
@@ -416,8 +417,9 @@ fn an_exported_map_is_imported_with_the_same_movers() {
     (0..).zip(&mut movers).for_each(|(idx, mover): (u8, _)| mover.name = format!("it {idx}"));
     let map = world(movers).map().clone();
     let glb = surefoot_levels::export_glb(&map);
-    let imported = surefoot_levels::import_gltf(&glb, None, &ImportOptions::default()).expect("what was just exported");
-    assert_eq!((imported.origin, imported.map.movers().len()), (Vec3::ZERO, map.movers().len()));
+    let imported =
+        surefoot_levels::import_gltf(&glb, None, &ImportOptions::default(), &NoFiles).expect("what was just exported");
+    assert_eq!((imported.map.frame().origin.as_vec3(), imported.map.movers().len()), (Vec3::ZERO, map.movers().len()));
     for (one, other) in map.movers().iter().zip(imported.map.movers()) {
         assert_eq!(
             (&one.name, one.kind, one.stops.len(), one.start, one.travel_s, one.dwell_s, one.cycles, one.belt),

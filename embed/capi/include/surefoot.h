@@ -5,7 +5,9 @@
  *
  * Units and frames. Metres, seconds, radians; right-handed, y up. A body with yaw 0 faces +z, and yaw grows
  * counter-clockwise seen from above: +x lies to its left. Its feet are the lowest point of its capsule. A decision
- * lasts 1/6 s (SF_TICKS_PER_DECISION ticks of 1/60 s), during which the action is held.
+ * lasts 1/6 s (SF_TICKS_PER_DECISION ticks of 1/60 s), during which the action is held. Maps begin at 0 along each
+ * axis, so a level may lie elsewhere on its map: sf_graph_set_coordinates makes a graph take and give places as they
+ * are in the level's file, and sf_frame_to_map and sf_frame_to_level convert others.
  *
  * Errors. Functions return SF_OK or another sf_status. After an error only outputs have changed, unless the function
  * says otherwise. If `error` is not NULL, it gets an English text that names the argument and says what to change.
@@ -114,6 +116,14 @@ enum {
     SF_JETPACK_BIT = 1 << SF_JETPACK
 };
 
+/* Coordinates of places. */
+enum {
+    /* Those of the map: metres, y up, from 0 along each axis. */
+    SF_COORDINATES_MAP = 0,
+    /* Those of the level's file, in its unit and with its axes. */
+    SF_COORDINATES_LEVEL = 1
+};
+
 /* ------------------------------------------------------------ structs */
 
 typedef struct sf_policy sf_policy;
@@ -136,6 +146,23 @@ typedef struct sf_vec3 {
     float y;
     float z;
 } sf_vec3;
+
+/* A place of a level in the coordinates of its file, in double precision: levels may lie far from their origin. */
+typedef struct sf_place {
+    double x;
+    double y;
+    double z;
+} sf_place;
+
+/* How the coordinates of a level's file relate to the map's. */
+typedef struct sf_frame {
+    /* Position of the level's origin on the map, m. */
+    sf_place origin;
+    /* Metres per unit of the level, above 0. */
+    double scale;
+    /* 1 if z is up in the level: its (x, y, z) is (x, z, -y) on the map. 0 if y is up. */
+    int32_t z_up;
+} sf_frame;
 
 typedef struct sf_ray {
     sf_vec3 origin;
@@ -536,6 +563,11 @@ sf_status sf_graph_describe(const sf_graph* graph, sf_graph_info* info, sf_error
 sf_status sf_graph_vertices(const sf_graph* graph, sf_vec3* vertices, size_t capacity, size_t* count, sf_error* error);
 /* Copies all edges with their current costs. */
 sf_status sf_graph_edges(const sf_graph* graph, sf_edge* edges, size_t capacity, size_t* count, sf_error* error);
+/* How the coordinates of the level relate to the map's. SF_NOT_FOUND if the file does not say. */
+sf_status sf_graph_frame(const sf_graph* graph, sf_frame* frame, sf_error* error);
+/* Sets the coordinates of all places that the graph takes and gives: in queries, plans, vertices and edits. Initially
+ * SF_COORDINATES_MAP. SF_NOT_FOUND for SF_COORDINATES_LEVEL if the file does not say where the level lies. */
+sf_status sf_graph_set_coordinates(sf_graph* graph, int32_t coordinates, sf_error* error);
 /* Closes an edge or opens it again, with immediate effect: a door, a bridge, a lift. SF_NOT_FOUND. */
 sf_status sf_graph_set_edge_open(sf_graph* graph, uint32_t from, uint32_t to, int32_t is_open, sf_error* error);
 /* Multiplies the proved cost of an edge by a factor, 0.1 to 1000, with immediate effect; 1 undoes it. With factors
@@ -563,8 +595,10 @@ sf_status sf_graph_find_alternatives(const sf_graph* graph, const sf_query* quer
  * after 50 decisions without progress it takes another plan without the legs that failed. It neither senses nor
  * moves anything. */
 
-/* Begins an attempt at a goal, without a plan. */
+/* Begins an attempt at a goal, without a plan. All places of the follower are on the map. */
 sf_status sf_follower_create(sf_vec3 goal, sf_follower** follower, sf_error* error);
+/* The same with all places of the follower in the coordinates that the graph has now. */
+sf_status sf_follower_create_on(const sf_graph* graph, sf_vec3 goal, sf_follower** follower, sf_error* error);
 void sf_follower_destroy(sf_follower* follower);
 /* Reports, once for every decision, the position of the feet and whether they came within SF_REACHED_WITHIN of the
  * waypoint. The caller checks whether the goal is reached: at the last waypoint, unless the plan leads near. */
@@ -593,6 +627,12 @@ sf_status sf_map_load_memory(const void* bytes, size_t size, sf_map** map, sf_er
 void sf_map_destroy(sf_map* map);
 /* The map's extent along each axis, from 0, and the level's own origin on the map. */
 sf_status sf_map_extent(const sf_map* map, sf_vec3* extent, sf_vec3* origin, sf_error* error);
+/* How the coordinates of the level relate to the map's. */
+sf_status sf_map_frame(const sf_map* map, sf_frame* frame, sf_error* error);
+/* A place of the level on the map, m. */
+sf_status sf_frame_to_map(const sf_frame* frame, sf_place place, sf_vec3* on_map, sf_error* error);
+/* A place of the map, m, in the coordinates of the level. */
+sf_status sf_frame_to_level(const sf_frame* frame, sf_vec3 place, sf_place* in_level, sf_error* error);
 /* Copies the devices of the level, for sf_agents_set_devices. */
 sf_status sf_map_devices(const sf_map* map, sf_device* devices, size_t capacity, size_t* count, sf_error* error);
 /* A world without NPCs on the map, for bodies like `body`; NULL for the default body. */

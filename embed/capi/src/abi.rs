@@ -6,6 +6,7 @@
 
 use std::ffi::{c_char, c_void};
 use surefoot_world as world;
+use surefoot_world::map::{LevelFrame, UpAxis};
 use surefoot_world::mesh::Surface;
 
 /// Version of the binary interface: when it changes, programs must be compiled again.
@@ -20,6 +21,10 @@ pub const MAX_OTHERS: usize = 64;
 pub const STOP_START: u32 = u32::MAX;
 /// Goal of a query, as the end of a leg.
 pub const STOP_GOAL: u32 = u32::MAX - 1;
+/// Coordinates of the map.
+pub const COORDINATES_MAP: i32 = 0;
+/// Coordinates of the level.
+pub const COORDINATES_LEVEL: i32 = 1;
 
 /// `sf_error`: why a call failed.
 #[repr(C)]
@@ -36,6 +41,24 @@ pub struct Vec3 {
     pub x: f32,
     pub y: f32,
     pub z: f32,
+}
+
+/// `sf_place`: a place of a level, in its own coordinates.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Place {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+}
+
+/// `sf_frame`: how a level's own coordinates relate to the map's.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Frame {
+    pub origin: Place,
+    pub scale: f64,
+    pub z_up: i32,
 }
 
 /// `sf_ray`.
@@ -275,6 +298,18 @@ growing!(
 impl From<world::Vec3> for Vec3 {
     fn from(world::Vec3 { x, y, z }: world::Vec3) -> Self {
         Self { x, y, z }
+    }
+}
+
+impl From<world::DVec3> for Place {
+    fn from(world::DVec3 { x, y, z }: world::DVec3) -> Self {
+        Self { x, y, z }
+    }
+}
+
+impl From<&LevelFrame> for Frame {
+    fn from(LevelFrame { origin, scale, up }: &LevelFrame) -> Self {
+        Self { origin: (*origin).into(), scale: *scale, z_up: (*up == UpAxis::Z).into() }
     }
 }
 

@@ -1,8 +1,9 @@
 //! Checks arguments: numbers become values of the simulation, or errors that name them.
 
-use crate::abi::{Action, Body, Vec3};
+use crate::abi::{Action, Body, Frame, Place, Vec3};
 use crate::error::Fault;
 use surefoot_world as world;
+use surefoot_world::map::{LevelFrame, UpAxis};
 use surefoot_world::mesh::Surface;
 
 /// Largest coordinate, m, or speed, m/s.
@@ -16,6 +17,40 @@ impl Vec3 {
             return Ok(world::Vec3::new(x, y, z));
         }
         Err(Fault::argument(format!("{name} is ({x}, {y}, {z}): all three must be finite, and at most a million")))
+    }
+
+    /// The place on the map, m, checked. With a `frame`, this place is in the coordinates of a level, else of the map.
+    pub fn on_map(self, frame: Option<&LevelFrame>, name: impl std::fmt::Display) -> Result<world::Vec3, Fault> {
+        let Some(frame) = frame else { return self.checked(name) };
+        let Self { x, y, z } = self;
+        Self::from(frame.to_map(world::Vec3::new(x, y, z).as_dvec3())).checked(name)
+    }
+
+    /// A place of the map, m, in these coordinates.
+    pub fn of_map(place: world::Vec3, frame: Option<&LevelFrame>) -> Self {
+        frame.map_or(place, |frame| frame.to_level(place).as_vec3()).into()
+    }
+}
+
+impl Place {
+    /// The place, if all values are finite; `name` names it in errors.
+    pub fn checked(self, name: impl std::fmt::Display) -> Result<world::DVec3, Fault> {
+        let Self { x, y, z } = self;
+        let place = world::DVec3::new(x, y, z);
+        let message = || format!("{name} is ({x}, {y}, {z}): all three must be finite");
+        if place.is_finite() { Ok(place) } else { Err(Fault::argument(message())) }
+    }
+}
+
+impl Frame {
+    /// The frame, if all values are in range.
+    pub fn checked(self) -> Result<LevelFrame, Fault> {
+        let Self { origin, scale, z_up } = self;
+        if !(scale > 0.0 && scale.is_finite()) {
+            return Err(Fault::argument(format!("frame.scale is {scale}, but must be above 0")));
+        }
+        let up = if z_up == 0 { UpAxis::Y } else { UpAxis::Z };
+        Ok(LevelFrame { origin: origin.checked("frame.origin")?, scale, up })
     }
 }
 

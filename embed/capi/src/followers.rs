@@ -7,12 +7,15 @@ use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::{AbilitySet, Caution, Plan, Query};
 use surefoot_rollout::follow::Step;
 use surefoot_rollout::{FollowConfig, Follower as Rules};
-use surefoot_world::{End, Vec3};
+use surefoot_world::End;
+use surefoot_world::map::LevelFrame;
 
 /// `sf_follower`: an attempt at a goal.
 #[derive(Debug)]
 pub struct Follower {
     rules: Rules,
+    /// The level in whose coordinates the caller's places are; `None`: in those of the map.
+    frame: Option<LevelFrame>,
     /// The plan that is followed.
     plan: Option<Plan>,
     /// Traversals that the caller has not taken.
@@ -22,16 +25,18 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// Begins an attempt at `goal`, m.
-    pub fn new(goal: Vec3) -> Self {
+    /// Begins an attempt at `goal`. Without a frame, all places are on the map.
+    pub fn new(goal: abi::Vec3, frame: Option<LevelFrame>) -> Result<Self, Fault> {
         let config = FollowConfig { composes: false, ..FollowConfig::default() };
-        Self { rules: Rules::new(goal, config), plan: None, traversals: Vec::new(), end: None }
+        let rules = Rules::new(goal.on_map(frame.as_ref(), "goal")?, config);
+        Ok(Self { rules, frame, plan: None, traversals: Vec::new(), end: None })
     }
 
-    /// Records a decision: where the feet are, m, and whether the NPC reached its waypoint.
-    pub fn advance(&mut self, feet: Vec3, reached: bool) -> abi::Step {
+    /// Records a decision: where the feet are, and whether the NPC reached its waypoint.
+    pub fn advance(&mut self, feet: abi::Vec3, reached: bool) -> Result<abi::Step, Fault> {
+        let feet = feet.on_map(self.frame.as_ref(), "feet")?;
         if let Some(end) = self.end {
-            return self.step(Step::End(end));
+            return Ok(self.step(Step::End(end)));
         }
         let step = self.rules.record_decision(feet, reached.then_some(End::Reached));
         self.collect();
@@ -41,17 +46,18 @@ impl Follower {
             Step::End(end) => self.end = Some(end),
             Step::Plan => self.plan = None,
         }
-        self.step(step)
+        Ok(self.step(step))
     }
 
-    /// Plans from `feet`, m, and follows that plan.
+    /// Plans from `feet`, and follows that plan.
     pub fn plan(
         &mut self,
         graph: &Graph,
-        feet: Vec3,
+        feet: abi::Vec3,
         caution: Caution,
         without: AbilitySet,
     ) -> Result<abi::Step, Fault> {
+        let feet = feet.on_map(self.frame.as_ref(), "feet")?;
         if let Some(end) = self.end {
             return Ok(self.step(Step::End(end)));
         }
@@ -79,7 +85,8 @@ impl Follower {
     /// The legs of the plan that is followed.
     pub fn legs(&self) -> Result<Vec<abi::Leg>, Fault> {
         let missing = || Fault::new(Status::BadState, "the follower has no plan: call sf_follower_plan first");
-        self.plan.as_ref().map(|plan| graphs::legs(plan).collect()).ok_or_else(missing)
+        let legs = |plan| graphs::legs(plan, self.frame.as_ref()).collect();
+        self.plan.as_ref().map(legs).ok_or_else(missing)
     }
 
     /// Traversals since the last call of [`forget_traversals`](Self::forget_traversals).
@@ -112,10 +119,11 @@ impl Follower {
             Step::End(End::Unreachable) => 4,
             Step::End(_) => 3,
         };
+        let waypoint = |at| abi::Vec3::of_map(at, self.frame.as_ref());
         abi::Step {
             struct_size: 0,
             kind,
-            waypoint: self.rules.waypoint().unwrap_or_default().into(),
+            waypoint: self.rules.waypoint().map(waypoint).unwrap_or_default(),
             leg: self.plan.as_ref().map_or(0, |_| self.rules.leg_idx() as u32),
             leg_count: self.plan.as_ref().map_or(0, |plan| plan.legs.len() as u32),
             plans: self.rules.plans(),

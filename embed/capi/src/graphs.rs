@@ -3,20 +3,21 @@
 //! Three things change the costs of a proved graph. Closed and priced edges, and reported traversals, take effect at
 //! once. Designers' edits prepare the graph again.
 
-use crate::abi::{self, STOP_GOAL, STOP_START};
+use crate::abi::{self, COORDINATES_LEVEL, COORDINATES_MAP, STOP_GOAL, STOP_START};
 use crate::error::{Fault, Status};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 use surefoot_planner::candidates::Candidate;
 use surefoot_planner::edits::{Edit, FACTORS, Layer, Terrain, apply_layers};
 use surefoot_planner::evidence::{Evidence, TryEnd};
-use surefoot_planner::export::import_json;
+use surefoot_planner::export::{frame_of, import_json};
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::price::{EdgeCost, EdgeCosts, price};
 use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{
     AbilitySet, Caution, EdgeKey, Leg, LegKey, NavGraph, NoPath, Plan, Query, Router, Stop, VertexId,
 };
+use surefoot_world::map::LevelFrame;
 use surefoot_world::{Ability, Decisions, Vec3};
 
 /// Name under which the game reports.
@@ -41,6 +42,10 @@ pub struct Graph {
     forbidden: BTreeSet<EdgeKey>,
     /// The graph without closed edges, which shows what is reachable; made when there is no path.
     open: OnceLock<Router>,
+    /// How the level's own coordinates relate to the map's, if the file says so.
+    frame: Option<LevelFrame>,
+    /// Whether the caller's places are in the level's own coordinates; there is a frame then.
+    is_in_level: bool,
 }
 
 impl Graph {
@@ -58,7 +63,30 @@ impl Graph {
             repriced: EdgeCosts::new(),
             forbidden: BTreeSet::new(),
             open: OnceLock::new(),
+            frame: frame_of(text),
+            is_in_level: false,
         })
+    }
+
+    /// How the level's own coordinates relate to the map's.
+    pub fn frame(&self) -> Result<&LevelFrame, Fault> {
+        let missing = "the file of the graph does not say where its level lies: export it again from the level";
+        self.frame.as_ref().ok_or_else(|| Fault::new(Status::NotFound, missing))
+    }
+
+    /// Sets the coordinates of the caller's places.
+    pub fn set_coordinates(&mut self, coordinates: i32) -> Result<(), Fault> {
+        self.is_in_level = match coordinates {
+            COORDINATES_MAP => false,
+            COORDINATES_LEVEL => self.frame().map(|_| true)?,
+            _ => return Err(Fault::argument(format!("coordinates is {coordinates}, but must be 0 or 1"))),
+        };
+        Ok(())
+    }
+
+    /// The frame of the caller's places; `None` if they are in the coordinates of the map.
+    pub fn frame_of_places(&self) -> Option<&LevelFrame> {
+        self.frame.as_ref().filter(|_| self.is_in_level)
     }
 
     /// The graph with edits, but without closed edges, prices and reports.
@@ -159,13 +187,14 @@ impl Graph {
 
     /// Replaces all designers' edits, and resets closed edges, prices and reports.
     pub fn edit(&mut self, edits: &[abi::Edit]) -> Result<(), Fault> {
-        let edits = edits.iter().enumerate().map(|(idx, edit)| read_edit(idx, edit)).collect::<Result<_, _>>()?;
+        let edits = edits.iter().enumerate().map(|(idx, edit)| self.read_edit(idx, edit)).collect::<Result<_, _>>()?;
         let layer = Layer { name: REPORTER.to_owned(), edits };
         layer.validate().map_err(|error| Fault::argument(error.to_string()))?;
         let edited = apply_layers(&self.proved, std::slice::from_ref(&layer), 0.0, &NoTerrain);
         let edited = edited.expect("edits of edges take no probes");
         if let Some(first) = edited.unapplied.first() {
-            return Err(Fault::new(Status::NotFound, format!("edit {}: {}", first.index, first.reason)));
+            let reason = first.reason.describe(&self.frame_of_places().copied().unwrap_or_default());
+            return Err(Fault::new(Status::NotFound, format!("edit {}: {reason}", first.index)));
         }
         self.router = Router::new(edited.graph, DEFAULT_LABEL_LIMIT, 1);
         self.forbidden = edited.forbidden;
@@ -174,6 +203,30 @@ impl Graph {
         self.open = OnceLock::new();
         self.forbid();
         Ok(())
+    }
+
+    fn read_edit(&self, idx: usize, edit: &abi::Edit) -> Result<Edit, Fault> {
+        let frame = self.frame_of_places();
+        let from = edit.from.on_map(frame, format_args!("edits[{idx}].from"))?;
+        let to = || edit.to.on_map(frame, format_args!("edits[{idx}].to"));
+        match edit.kind {
+            1 => Ok(Edit::ForbidEdge { from, to: to()? }),
+            2 => Ok(Edit::ForceEdge { from, to: to()?, seconds: (edit.value >= 0.0).then_some(edit.value) }),
+            3 => Ok(Edit::PriceEdge { from, to: to()?, factor: edit.value }),
+            4 => Ok(Edit::RemoveVertex { at: from }),
+            kind => {
+                Err(Fault::argument(format!("edits[{idx}].kind is {kind}: it must be one of sf_edit_kind, 1 to 4")))
+            }
+        }
+    }
+
+    /// The query of a caller, with the legs to avoid.
+    pub fn query(&self, query: &abi::Query, avoid: &[abi::LegKey]) -> Result<Query, Fault> {
+        let frame = self.frame_of_places();
+        let (start, goal) = (query.start.on_map(frame, "query.start")?, query.goal.on_map(frame, "query.goal")?);
+        let avoid = avoid.iter().map(|key| LegKey { from: stop(key.from), to: stop(key.to) }).collect();
+        let (without, caution) = (abilities(query.without)?, caution(query.caution)?);
+        Ok(Query { avoid, without, caution, ..Query::new(start, goal) })
     }
 
     /// Finds the cheapest plan.
@@ -235,18 +288,6 @@ impl Terrain for NoTerrain {
     }
 }
 
-fn read_edit(idx: usize, edit: &abi::Edit) -> Result<Edit, Fault> {
-    let from = edit.from.checked(format_args!("edits[{idx}].from"))?;
-    let to = || edit.to.checked(format_args!("edits[{idx}].to"));
-    match edit.kind {
-        1 => Ok(Edit::ForbidEdge { from, to: to()? }),
-        2 => Ok(Edit::ForceEdge { from, to: to()?, seconds: (edit.value >= 0.0).then_some(edit.value) }),
-        3 => Ok(Edit::PriceEdge { from, to: to()?, factor: edit.value }),
-        4 => Ok(Edit::RemoveVertex { at: from }),
-        kind => Err(Fault::argument(format!("edits[{idx}].kind is {kind}: it must be one of sf_edit_kind, 1 to 4"))),
-    }
-}
-
 /// The stop with this number.
 fn stop(number: u32) -> Stop {
     match number {
@@ -280,18 +321,10 @@ pub fn caution(number: f32) -> Result<Caution, Fault> {
     Caution::new(number).ok_or_else(|| Fault::argument(format!("caution is {number}, but must be 0 to 1")))
 }
 
-/// The query of a caller, with the legs to avoid.
-pub fn query(query: &abi::Query, avoid: &[abi::LegKey]) -> Result<Query, Fault> {
-    let (start, goal) = (query.start.checked("query.start")?, query.goal.checked("query.goal")?);
-    let avoid = avoid.iter().map(|key| LegKey { from: stop(key.from), to: stop(key.to) }).collect();
-    let (without, caution) = (abilities(query.without)?, caution(query.caution)?);
-    Ok(Query { avoid, without, caution, ..Query::new(start, goal) })
-}
-
-/// The legs of a plan.
-pub fn legs(plan: &Plan) -> impl Iterator<Item = abi::Leg> {
-    plan.legs.iter().zip(&plan.waypoints).map(|(leg, waypoint)| abi::Leg {
-        waypoint: (*waypoint).into(),
+/// The legs of a plan, with places in the coordinates of a level with this frame, or else of the map.
+pub fn legs(plan: &Plan, frame: Option<&LevelFrame>) -> impl Iterator<Item = abi::Leg> {
+    plan.legs.iter().zip(&plan.waypoints).map(move |(leg, waypoint)| abi::Leg {
+        waypoint: abi::Vec3::of_map(*waypoint, frame),
         key: abi::LegKey { from: stop_number(leg.key.from), to: stop_number(leg.key.to) },
         ability: leg.ability as i32,
         seconds: leg.seconds.0,

@@ -3,7 +3,8 @@
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::error::{Fault, Status, chain};
 use std::sync::Arc;
-use surefoot_world::map::Device;
+use surefoot_levels::{ImportOptions, NoFiles};
+use surefoot_world::map::{Device, LevelFrame};
 use surefoot_world::sense::{RAY_RANGE_M, RayCone, observation_len};
 use surefoot_world::{Action, CharacterProfile, End, Npc, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, WorldState};
 
@@ -14,15 +15,15 @@ const MAX_NPCS: usize = 65_536;
 #[derive(Debug)]
 pub struct Map {
     map: Arc<surefoot_world::Map>,
-    /// The level's origin on the map, m.
-    pub origin: Vec3,
 }
 
 impl Map {
-    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, or an OBJ, by its first bytes.
+    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, an OBJ, or a `.zip` of a level and its
+    /// files, by its first bytes.
     pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
-        let imported = surefoot_levels::read_level(bytes, None).map_err(|error| Fault::file(chain(&error)))?;
-        Ok(Self { map: Arc::new(imported.map), origin: imported.origin })
+        let imported = surefoot_levels::read_level(bytes, None, &ImportOptions::default(), &NoFiles);
+        let imported = imported.map_err(|error| Fault::file(chain(&error)))?;
+        Ok(Self { map: Arc::new(imported.map) })
     }
 
     /// Devices of the level.
@@ -39,6 +40,11 @@ impl Map {
     /// The map's extent, m.
     pub fn extent(&self) -> Vec3 {
         self.map.extent()
+    }
+
+    /// How the level's own coordinates relate to the map's.
+    pub fn frame(&self) -> &LevelFrame {
+        self.map.frame()
     }
 }
 

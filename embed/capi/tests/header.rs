@@ -157,6 +157,8 @@ fn structs_and_constants_are_those_of_the_source() {
     let mut program = String::from("#include \"surefoot.h\"\n");
     compare!(program, "sf_error", Error { code, message });
     compare!(program, "sf_vec3", Vec3 { x, y, z });
+    compare!(program, "sf_place", Place { x, y, z });
+    compare!(program, "sf_frame", Frame { origin, scale, z_up });
     compare!(program, "sf_ray", Ray { origin, direction });
     compare!(program, "sf_hit", Hit { distance, body_distance, surface });
     compare!(program, "sf_action", Action { forward, strafe, turn, jump });
@@ -213,6 +215,8 @@ fn structs_and_constants_are_those_of_the_source() {
         ("SF_MAX_OTHERS", abi::MAX_OTHERS),
         ("SF_STOP_START", abi::STOP_START as usize),
         ("SF_STOP_GOAL", abi::STOP_GOAL as usize),
+        ("SF_COORDINATES_MAP", abi::COORDINATES_MAP as usize),
+        ("SF_COORDINATES_LEVEL", abi::COORDINATES_LEVEL as usize),
         ("SF_TICKS_PER_DECISION", surefoot_world::TICKS_PER_DECISION as usize),
         ("SF_TICKS_PER_SECOND", surefoot_world::TICKS_PER_SECOND as usize),
         ("SF_GROUNDED", abi::GROUNDED as usize),

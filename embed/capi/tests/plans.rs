@@ -1,11 +1,13 @@
 //! Plans and followers through the C functions, on a graph with two ways.
 #![expect(unsafe_code, reason = "calls C functions")]
 
-use crate::stage::{at, fails, graph, graph_text, handle, ok, query, step};
+use crate::stage::{at, fails, graph, graph_text, graph_text_of, handle, load_graph, ok, query, step};
 use std::ptr::{null, null_mut};
-use surefoot::abi::{self, Leg, LegKey, Plan, Query, STOP_GOAL, STOP_START};
+use surefoot::abi::{self, Leg, LegKey, Plan, Query, STOP_GOAL, STOP_START, Vec3};
 use surefoot::exports::*;
 use surefoot::{Follower, Graph};
+use surefoot_world::DVec3;
+use surefoot_world::map::{LevelFrame, UpAxis};
 
 /// The plan, and the vertices that it passes.
 fn find(graph: *const Shared<Graph>, query: &Query) -> (Plan, Vec<u32>) {
@@ -188,6 +190,59 @@ fn a_follower_goes_on_to_the_next_waypoint_plans_anew_and_reports() {
     unsafe {
         sf_follower_destroy(follower);
         sf_graph_destroy(graph);
+    }
+}
+
+#[test]
+fn a_graph_takes_and_gives_places_of_the_levels_file() {
+    // In centimetres with z up: (x, y, z) of the level is (x + 20, z + 1, 10 - y) on the map, in metres.
+    let frame = LevelFrame { origin: DVec3::new(20.0, 1.0, 10.0), scale: 0.01, up: UpAxis::Z };
+    let graph = load_graph(&graph_text_of(Some(frame)));
+    let mut found = abi::Frame::default();
+    ok(|error| unsafe { sf_graph_frame(graph, &mut found, error) });
+    assert_eq!(found, abi::Frame { origin: abi::Place { x: 20.0, y: 1.0, z: 10.0 }, scale: 0.01, z_up: 1 });
+    // A place of the map as the level's file has it.
+    let in_level = |place: Vec3| {
+        let mut found_place = abi::Place::default();
+        ok(|error| unsafe { sf_frame_to_level(&found, place, &mut found_place, error) });
+        Vec3 { x: found_place.x as f32, y: found_place.y as f32, z: found_place.z as f32 }
+    };
+    assert_eq!(in_level(at(90.0, 40.0)), Vec3 { x: 7000.0, y: -3000.0, z: -100.0 });
+    let (place, mut on_map) = (abi::Place { x: 7000.0, y: -3000.0, z: -100.0 }, Vec3::default());
+    ok(|error| unsafe { sf_frame_to_map(&found, place, &mut on_map, error) });
+    assert_eq!(on_map, at(90.0, 40.0));
+
+    let (on_map, _) = find(graph, &across());
+    ok(|error| unsafe { sf_graph_set_coordinates(graph, 1, error) });
+    let (start, goal) = (in_level(at(0.2, 0.2)), in_level(at(90.0, 0.2)));
+    let (plan, passed) = find(graph, &query(start, goal));
+    assert_eq!((passed, plan.leg_count), (SHORT.to_vec(), on_map.leg_count));
+    assert!((plan.seconds - on_map.seconds).abs() < 1.0e-3, "durations are not in units of the level");
+    let (mut vertices, mut count) = ([Vec3::default(); 8], 0);
+    ok(|error| unsafe { sf_graph_vertices(graph, vertices.as_mut_ptr(), 8, &mut count, error) });
+    assert_eq!((vertices[0], vertices[7]), (in_level(at(0.0, 0.0)), in_level(at(90.0, 40.0))));
+    let forbid = abi::Edit { kind: 1, value: 0.0, from: vertices[1], to: vertices[2] };
+    ok(|error| unsafe { sf_graph_edit(graph, &forbid, 1, error) });
+    assert_eq!(find(graph, &query(start, goal)).1, LONG);
+
+    let follower: *mut Handle<Follower> =
+        handle(|out, error| unsafe { sf_follower_create_on(graph, goal, out, error) });
+    let mut next = step();
+    ok(|error| unsafe { sf_follower_plan(follower, graph, start, 1.0, 0, &mut next, error) });
+    assert_eq!((next.kind, next.waypoint), (1, vertices[0]));
+    ok(|error| unsafe { sf_follower_advance(follower, start, 1, &mut next, error) });
+    assert_eq!((next.kind, next.waypoint), (1, vertices[4]));
+
+    let silent = load_graph(&graph_text());
+    fails(3, "where its level lies", |error| unsafe { sf_graph_set_coordinates(silent, 1, error) });
+    fails(3, "where its level lies", |error| unsafe { sf_graph_frame(silent, &mut found, error) });
+    fails(1, "coordinates is 2", |error| unsafe { sf_graph_set_coordinates(graph, 2, error) });
+    let flat = abi::Frame { scale: 0.0, ..found };
+    fails(1, "frame.scale is 0", |error| unsafe { sf_frame_to_map(&flat, place, &mut Vec3::default(), error) });
+    unsafe {
+        sf_follower_destroy(follower);
+        sf_graph_destroy(graph);
+        sf_graph_destroy(silent);
     }
 }
 

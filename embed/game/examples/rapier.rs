@@ -21,7 +21,7 @@ use surefoot_game::{
     Ability, AbilitySet, Action, BodyState, CharacterProfile, Command, End, GameWorld, Hit, Level, Surface,
     TICK_SECONDS, Vec3,
 };
-use surefoot_levels::{ImportOptions, UpAxis};
+use surefoot_levels::{ImportOptions, NoFiles};
 use surefoot_world::map::Liquid;
 use surefoot_world::sense::RAY_COUNT;
 use surefoot_world::{Map, navigable};
@@ -49,9 +49,9 @@ fn main() -> anyhow::Result<()> {
 
 fn load(path: &Path) -> anyhow::Result<Map> {
     let bytes = std::fs::read(path)?;
-    let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
+    let options = ImportOptions::default();
     Ok(match path.extension().and_then(|extension| extension.to_str()) {
-        Some("glb" | "gltf") => surefoot_levels::import_gltf(&bytes, None, &options)?.map,
+        Some("glb" | "gltf") => surefoot_levels::import_gltf(&bytes, None, &options, &NoFiles)?.map,
         Some("obj") => surefoot_levels::import_obj(&bytes, None, &options)?.map,
         _ => surefoot_levels::decode(&bytes)?,
     })

@@ -11,7 +11,7 @@ use surefoot_game::{
     Action, BodyState, Bridge, CharacterProfile, Command, GameWorld, Hit, Level, Vec3, is_batch_address,
 };
 use surefoot_game_client::{Game, Level as Geometry};
-use surefoot_levels::{ImportOptions, UpAxis};
+use surefoot_levels::ImportOptions;
 use surefoot_net::client::Credentials;
 use surefoot_rollout::Goal;
 use surefoot_world::sense::RAY_COUNT;
@@ -53,7 +53,7 @@ impl Level for Nowhere {
 fn main() -> anyhow::Result<()> {
     let mut args = std::env::args().skip(1);
     let Some(level) = args.next() else { bail!("usage: speed LEVEL.obj [ADDRESS]...") };
-    let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
+    let options = ImportOptions::default();
     let map = surefoot_levels::import_obj(&std::fs::read(&level)?, None, &options).context("cannot use the level")?.map;
     let geometry = Geometry { map: Arc::new(map), body: CharacterProfile::default(), solid_npcs: false };
     let own = SocketAddr::from(OWN);

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use surefoot_game::{Action, Bridge, BridgeError, CharacterProfile, End, Vec3};
 use surefoot_game_client::{Game, GameEnv, GameError, Level};
-use surefoot_levels::{ImportOptions, UpAxis};
+use surefoot_levels::ImportOptions;
 use surefoot_net::client::Credentials;
 use surefoot_rollout::Goal;
 use surefoot_rollout::env::Route;
@@ -134,7 +134,7 @@ fn decide(body: &[u8], feet: &mut [[f32; 3]]) -> Vec<u8> {
 
 fn level() -> Level {
     let bytes = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/boxes.obj")).expect("the level");
-    let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
+    let options = ImportOptions::default();
     let map: Map = surefoot_levels::import_obj(&bytes, None, &options).expect("a level").map;
     Level { map: Arc::new(map), body: CharacterProfile::default(), solid_npcs: false }
 }

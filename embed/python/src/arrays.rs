@@ -1,8 +1,11 @@
-//! The caller's numpy arrays, borrowed for the duration of a call.
+//! The caller's numpy arrays, borrowed for the duration of a call, and new ones.
 
 use crate::environments::Outputs;
 use crate::error::value;
-use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods};
+use numpy::{
+    Element, IntoPyArray, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use surefoot_world::character::ACTION_LEN;
 
@@ -34,6 +37,16 @@ fn check<T>(array: &Bound<'_, PyArrayDyn<T>>, shape: &[usize], name: &str) -> Py
         return Err(value(format!("{name} must be contiguous, in C order")));
     }
     Ok(())
+}
+
+/// Makes an array with a row for each place.
+pub fn rows<'py, T: Element>(
+    py: Python<'py>,
+    places: impl Iterator<Item = [T; 3]>,
+) -> PyResult<Bound<'py, PyArray2<T>>> {
+    let values: Vec<T> = places.flatten().collect();
+    let count = values.len() / 3;
+    values.into_pyarray(py).reshape([count, 3])
 }
 
 /// The arrays of a step.

@@ -1,6 +1,6 @@
 //! `Worlds` for Python: borrows the caller's arrays and releases the interpreter's lock while environments run.
 
-use crate::arrays::{StepArrays, readable, writable};
+use crate::arrays::{StepArrays, readable, rows, writable};
 use crate::body;
 use crate::environments::{Autoreset, EnvError, Environments, Finished, Setup};
 use crate::error::{state, value};
@@ -104,9 +104,7 @@ fn ends<'py>(py: Python<'py>, ended: Vec<Finished>, observation_len: usize) -> P
 
 /// Points as an array of three columns.
 pub fn points<'py>(py: Python<'py>, points: impl Iterator<Item = Vec3>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let values: Vec<f32> = points.flat_map(|point| point.to_array()).collect();
-    let count = values.len() / 3;
-    values.into_pyarray(py).reshape([count, 3])
+    rows(py, points.map(|point| point.to_array()))
 }
 
 /// A place on a level, m.

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
-use surefoot_planner::export::{Format, export, import_json};
+use surefoot_planner::export::{About, Format, export_about, frame_of, import_json};
 use surefoot_planner::reachability;
 use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{
@@ -22,7 +22,8 @@ use surefoot_planner::{
 };
 use surefoot_report::render::View;
 use surefoot_rollout::{ProbeContext, graphs};
-use surefoot_world::{Ability, DECISION_SECONDS, Map};
+use surefoot_world::map::LevelFrame;
+use surefoot_world::{Ability, DECISION_SECONDS, DVec3, Map};
 
 /// Interval at which a build checks for an interrupt.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -33,6 +34,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 pub struct Graph {
     router: Router,
     map: Option<Arc<Map>>,
+    /// How the level's own coordinates relate to the map's, if that is known.
+    frame: Option<LevelFrame>,
 }
 
 /// Builds a graph, and calls `progress` with the numbers of finished and of known probes.
@@ -61,8 +64,21 @@ fn build(
 }
 
 impl Graph {
-    fn of(graph: NavGraph, map: Option<Arc<Map>>, threads: usize) -> Self {
-        Self { router: Router::new(graph, DEFAULT_LABEL_LIMIT, threads), map }
+    fn of(graph: NavGraph, map: Option<Arc<Map>>, frame: Option<LevelFrame>, threads: usize) -> Self {
+        let frame = map.as_ref().map(|map| *map.frame()).or(frame);
+        Self { router: Router::new(graph, DEFAULT_LABEL_LIMIT, threads), map, frame }
+    }
+
+    /// The frame of a query with this keyword; `None` for the coordinates of the map.
+    fn frame_of(&self, coordinates: &str) -> PyResult<Option<LevelFrame>> {
+        match coordinates {
+            "map" => Ok(None),
+            "level" => match self.frame {
+                Some(frame) => Ok(Some(frame)),
+                None => Err(value("the graph does not say where its level lies: pass the level to Graph.load")),
+            },
+            other => Err(value(format!("coordinates is {other}, but must be map or level"))),
+        }
     }
 
     fn graph(&self) -> &NavGraph {
@@ -101,7 +117,7 @@ impl Graph {
         let map = level.get().map.clone();
         let context = ProbeContext { map: map.clone(), profile: body.profile(py)?, policy };
         let built = build(py, &context, &settings, threads, progress)?;
-        Ok(py.detach(|| Self::of(built.graph, Some(map), threads)))
+        Ok(py.detach(|| Self::of(built.graph, Some(map), None, threads)))
     }
 
     #[staticmethod]
@@ -113,23 +129,30 @@ impl Graph {
         })?;
         let graph = import_json(&text).map_err(|error| value(format!("{}: {}", path.display(), chain(&error))))?;
         let map = level.map(|level| level.get().map.clone());
-        Ok(py.detach(|| Self::of(graph, map, 1)))
+        Ok(py.detach(|| Self::of(graph, map, frame_of(&text), 1)))
     }
 
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let written = py.detach(|| std::fs::write(&path, export(self.graph(), Format::Json)));
+        let about = About { frame: self.frame, body: None };
+        let written = py.detach(|| std::fs::write(&path, export_about(self.graph(), Format::Json, about)));
         written.map_err(|error| file(&path, &error))
     }
 
-    #[pyo3(signature = (start, goal, *, without = Vec::new(), caution = 1.0))]
+    #[pyo3(signature = (start, goal, *, without = Vec::new(), caution = 1.0, coordinates = "map"))]
     fn plan(
         &self,
         py: Python<'_>,
-        start: [f32; 3],
-        goal: [f32; 3],
+        start: [f64; 3],
+        goal: [f64; 3],
         without: Vec<String>,
         caution: f32,
+        coordinates: &str,
     ) -> PyResult<Plan> {
+        let frame = self.frame_of(coordinates)?;
+        let on_map = |name: &str, at: [f64; 3]| {
+            let at = DVec3::from_array(at);
+            place(name, frame.map_or(at.as_vec3(), |frame| frame.to_map(at)).to_array())
+        };
         let ability = |name: &String| {
             name.parse().ok().filter(|ability| *ability != Ability::Walk).ok_or_else(|| {
                 let names: Vec<&str> = Ability::ALL[1..].iter().map(|ability| ability.name()).collect();
@@ -139,9 +162,9 @@ impl Graph {
         let query = Query {
             without: without.iter().map(ability).collect::<PyResult<AbilitySet>>()?,
             caution: Caution::new(caution).ok_or_else(|| value(format!("caution is {caution}, but must be 0 to 1")))?,
-            ..Query::new(place("start", start)?, place("goal", goal)?)
+            ..Query::new(on_map("start", start)?, on_map("goal", goal)?)
         };
-        Ok(Plan::of(&py.detach(|| self.router.find_path(&query))))
+        Ok(Plan::of(&py.detach(|| self.router.find_path(&query)), frame))
     }
 
     /// Positions of the vertices, m.
@@ -188,7 +211,8 @@ impl Graph {
     }
 
     fn reach<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let described = py.detach(|| reachability::describe(self.graph()));
+        let frame = self.frame.unwrap_or_default();
+        let described = py.detach(|| reachability::describe(self.graph()).in_level(&frame));
         let text = serde_json::to_string(&described).map_err(value)?;
         py.import("json")?.call_method1("loads", (text,))
     }

@@ -1,5 +1,6 @@
 //! Levels: generated maps, and levels from files.
 
+use crate::arrays::rows;
 use crate::error::{chain, file, value};
 use crate::picture;
 use pyo3::prelude::*;
@@ -7,10 +8,11 @@ use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use surefoot_levels::Imported;
+use surefoot_levels::{ImportOptions, Imported, NoFiles, NodeReport};
+use surefoot_net::levels::folder::LevelFolder;
 use surefoot_report::render::View;
-use surefoot_world::map::{DeviceKind, Features, MapKind, MapSize, MoverDensities};
-use surefoot_world::{Map, MapSpec, RawMapSpec};
+use surefoot_world::map::{DeviceKind, Features, MapKind, MapSize, MoverDensities, UpAxis};
+use surefoot_world::{DVec3, Map, MapSpec, RawMapSpec};
 
 /// A level; it never changes.
 #[pyclass(frozen, module = "surefoot")]
@@ -18,16 +20,17 @@ use surefoot_world::{Map, MapSpec, RawMapSpec};
 pub struct Level {
     pub map: Arc<Map>,
     warnings: Vec<String>,
+    nodes: Vec<NodeReport>,
 }
 
 impl Level {
-    fn of(Imported { map, warnings, .. }: Imported) -> Self {
-        Self { map: Arc::new(map), warnings: warnings.iter().map(ToString::to_string).collect() }
+    fn of(Imported { map, warnings, nodes, .. }: Imported) -> Self {
+        Self { map: Arc::new(map), warnings: warnings.iter().map(ToString::to_string).collect(), nodes }
     }
 }
 
 /// Loads a level from a file, with its sidecar if there is one.
-fn load(path: &Path) -> PyResult<Level> {
+fn load(path: &Path, options: &ImportOptions) -> PyResult<Level> {
     let bytes = std::fs::read(path).map_err(|error| file(path, &error))?;
     let beside = path.with_extension("surefoot.json");
     let sidecar = if beside.exists() {
@@ -35,7 +38,7 @@ fn load(path: &Path) -> PyResult<Level> {
     } else {
         None
     };
-    let level = surefoot_levels::read_level(&bytes, sidecar.as_deref());
+    let level = surefoot_levels::read_level(&bytes, sidecar.as_deref(), options, &LevelFolder::of(path));
     level.map(Level::of).map_err(|error| value(format!("{}: {}", path.display(), chain(&error))))
 }
 
@@ -68,6 +71,24 @@ impl Densities {
     }
 }
 
+/// One place, or several.
+#[derive(FromPyObject)]
+enum Places {
+    One([f64; 3]),
+    Many(Vec<[f64; 3]>),
+}
+
+impl Places {
+    /// The places in other coordinates, as a tuple or as an array with a row for each.
+    fn changed<'py>(self, py: Python<'py>, change: impl Fn(DVec3) -> DVec3) -> PyResult<Bound<'py, PyAny>> {
+        let change = |place: [f64; 3]| change(DVec3::from_array(place)).to_array();
+        match self {
+            Self::One(place) => Ok(<(f64, f64, f64)>::from(change(place)).into_pyobject(py)?.into_any()),
+            Self::Many(places) => Ok(rows(py, places.into_iter().map(change))?.into_any()),
+        }
+    }
+}
+
 #[pymethods]
 impl Level {
     #[staticmethod]
@@ -95,17 +116,32 @@ impl Level {
         };
         let spec = MapSpec::try_from(raw).map_err(value)?;
         let map = py.detach(|| surefoot_generate::generate(&spec));
-        Ok(Self { map: Arc::new(map), warnings: Vec::new() })
+        Ok(Self::of(Imported::saved(map)))
     }
 
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        py.detach(|| load(&path))
+    #[pyo3(signature = (path, *, scale = 1.0, up = "y", keep_sides = false, names = true, all_scenes = false))]
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        scale: f64,
+        up: &str,
+        keep_sides: bool,
+        names: bool,
+        all_scenes: bool,
+    ) -> PyResult<Self> {
+        let up = match up {
+            "y" => UpAxis::Y,
+            "z" => UpAxis::Z,
+            other => return Err(value(format!("up is `{other}`, but must be \"y\" or \"z\""))),
+        };
+        let options = ImportOptions { scale, up, keep_sides, ignore_names: !names, all_scenes };
+        py.detach(|| load(&path, &options))
     }
 
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let level = py.detach(|| surefoot_levels::read_level(data, None));
+        let level = py.detach(|| surefoot_levels::read_level(data, None, &ImportOptions::default(), &NoFiles));
         level.map(Self::of).map_err(|error| value(chain(&error)))
     }
 
@@ -129,6 +165,32 @@ impl Level {
     }
 
     #[getter]
+    fn origin(&self) -> (f64, f64, f64) {
+        self.map.frame().origin.into()
+    }
+
+    #[getter]
+    fn scale(&self) -> f64 {
+        self.map.frame().scale
+    }
+
+    #[getter]
+    fn up(&self) -> &'static str {
+        match self.map.frame().up {
+            UpAxis::Y => "y",
+            UpAxis::Z => "z",
+        }
+    }
+
+    fn to_map<'py>(&self, py: Python<'py>, place: Places) -> PyResult<Bound<'py, PyAny>> {
+        place.changed(py, |place| self.map.frame().to_map(place).as_dvec3())
+    }
+
+    fn to_level<'py>(&self, py: Python<'py>, place: Places) -> PyResult<Bound<'py, PyAny>> {
+        place.changed(py, |place| self.map.frame().to_level(place.as_vec3()))
+    }
+
+    #[getter]
     fn seed(&self) -> Option<u64> {
         self.map.spec().map(|spec| spec.seed)
     }
@@ -141,6 +203,21 @@ impl Level {
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.warnings.clone()
+    }
+
+    #[getter]
+    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let dict = |node: &NodeReport| {
+            let dict = PyDict::new(py);
+            dict.set_item("index", node.index)?;
+            dict.set_item("name", &node.name)?;
+            dict.set_item("role", node.role.to_string())?;
+            dict.set_item("reason", &node.reason)?;
+            dict.set_item("triangles", node.triangles)?;
+            dict.set_item("bounds", node.bounds.map(|bounds| bounds.map(<(f64, f64, f64)>::from)))?;
+            Ok(dict)
+        };
+        self.nodes.iter().map(dict).collect()
     }
 
     #[getter]

@@ -1,10 +1,10 @@
 //! Plans as Python sees them.
 
-use crate::envs::points;
-use numpy::PyArray2;
+use crate::arrays::rows;
 use pyo3::prelude::*;
 use surefoot_planner::{NoPath, Plan as Inner, Stop};
 use surefoot_world::Vec3;
+use surefoot_world::map::LevelFrame;
 
 /// One leg of a plan.
 #[pyclass(frozen, get_all, module = "surefoot")]
@@ -35,6 +35,8 @@ impl Leg {
 #[derive(Debug)]
 pub struct Plan {
     waypoints: Vec<Vec3>,
+    /// The level in whose coordinates the query was asked; `None`: in those of the map.
+    frame: Option<LevelFrame>,
     #[pyo3(get)]
     legs: Vec<Leg>,
     #[pyo3(get)]
@@ -49,7 +51,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    pub fn of(plan: &Inner) -> Self {
+    /// A plan for a query in the coordinates of a level with this frame, or in those of the map.
+    pub fn of(plan: &Inner, frame: Option<LevelFrame>) -> Self {
         let vertex = |stop: Stop| match stop {
             Stop::Vertex(vertex) => Some(vertex.0),
             Stop::Start | Stop::Goal => None,
@@ -71,6 +74,7 @@ impl Plan {
         let arrives = plan.no_path.is_none();
         Self {
             waypoints: plan.waypoints.clone(),
+            frame,
             legs: plan.legs.iter().map(leg).collect(),
             seconds: plan.seconds().0.into(),
             chance: if arrives { plan.arrival_chance().get() } else { 0.0 },
@@ -87,10 +91,14 @@ impl Plan {
         self.no_path.is_none()
     }
 
-    /// Waypoints in order, m.
+    /// Waypoints in order: of the map as 32-bit numbers, of a level as 64-bit numbers.
     #[getter]
-    fn waypoints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        points(py, self.waypoints.iter().copied())
+    fn waypoints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let waypoints = self.waypoints.iter();
+        Ok(match &self.frame {
+            None => rows(py, waypoints.map(Vec3::to_array))?.into_any(),
+            Some(frame) => rows(py, waypoints.map(|&waypoint| frame.to_level(waypoint).to_array()))?.into_any(),
+        })
     }
 
     fn __bool__(&self) -> bool {

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
-from typing import Any, Literal, TypeAlias, final
+from typing import Any, Literal, TypeAlias, final, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,8 @@ import numpy.typing as npt
 _Floats: TypeAlias = npt.NDArray[np.float32]
 _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Ends: TypeAlias = tuple[npt.NDArray[np.int64], list[str], _Floats]
-_Point: TypeAlias = Sequence[float] | _Floats
+_Places: TypeAlias = npt.NDArray[np.floating[Any]]
+_Point: TypeAlias = Sequence[float] | _Places
 _Densities: TypeAlias = str | Mapping[str, float]
 
 VERSION: str
@@ -44,9 +45,22 @@ class Level:
         """
 
     @staticmethod
-    def load(path: str | PathLike[str]) -> Level:
-        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`), with its `.surefoot.json` if there
-        is one."""
+    def load(
+        path: str | PathLike[str],
+        *,
+        scale: float = 1.0,
+        up: Literal["y", "z"] = "y",
+        keep_sides: bool = False,
+        names: bool = True,
+        all_scenes: bool = False,
+    ) -> Level:
+        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`, `.zip`), with its `.surefoot.json`
+        and the buffers beside it.
+
+        `scale` is in metres per unit of the level, `up` its upright axis. `keep_sides` leaves fronts and backs as they
+        were modelled. Without `names`, names of nodes have no meaning. `all_scenes` imports all scenes of a glTF. Saved
+        maps ignore these.
+        """
 
     @staticmethod
     def from_bytes(data: bytes) -> Level:
@@ -65,6 +79,30 @@ class Level:
     @property
     def size(self) -> tuple[int, int, int]:
         """Width (x), height (y) and depth (z), m."""
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Position of the level's own origin on the map, m; zeros for generated maps."""
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the level's file."""
+
+    @property
+    def up(self) -> Literal["y", "z"]:
+        """Upright axis of the level's file; on the map it is y."""
+
+    @overload
+    def to_map(self, place: Sequence[float]) -> tuple[float, float, float]: ...
+    @overload
+    def to_map(self, place: _Places | Sequence[Sequence[float]]) -> Any:
+        """A place of the level's file on the map, m; or an array of places, a row for each."""
+
+    @overload
+    def to_level(self, place: Sequence[float]) -> tuple[float, float, float]: ...
+    @overload
+    def to_level(self, place: _Places | Sequence[Sequence[float]]) -> Any:
+        """A place of the map, m, in the coordinates of the level's file; or an array of places, a row for each."""
 
     @property
     def seed(self) -> int | None:
@@ -104,6 +142,11 @@ class Worlds:
         threads: int,
         server: Server | None,
     ) -> None: ...
+    @property
+    def nodes(self) -> list[dict[str, Any]]:
+        """What became of each node of an imported level: `index`, `name`, `role`, `reason`, `triangles`, and `bounds`,
+        the lowest and highest corner in the level's own coordinates, or `None`. Empty for maps."""
+
     @property
     def observation_len(self) -> int: ...
     def reseed(self, seed: int, observations: _Floats) -> None: ...
@@ -149,16 +192,26 @@ class Graph:
     def load(path: str | PathLike[str], level: Level | None = None) -> Graph:
         """Loads a file of `save` or of `surefoot graph export --format json`.
 
-        With its level, the graph can be drawn.
+        With its level, the graph can be drawn, and asked in the level's own coordinates even if the file does not say
+        where the level lies.
         """
 
     def save(self, path: str | PathLike[str]) -> None:
         """Saves the graph as JSON of nodes and links."""
 
     def plan(
-        self, start: _Point, goal: _Point, *, without: Sequence[str] = (), caution: float = 1.0
+        self,
+        start: _Point,
+        goal: _Point,
+        *,
+        without: Sequence[str] = (),
+        caution: float = 1.0,
+        coordinates: Literal["map", "level"] = "map",
     ) -> Plan:
-        """Finds the cheapest plan from one place to another, m.
+        """Finds the cheapest plan from one place to another.
+
+        `coordinates` are those of the places and of the plan: of the map, in m, or of the level's file, as in the tool
+        that made it.
 
         `without` names abilities that the plan must not use (jump, double_jump, pad, zip_line, teleporter, jetpack).
         `caution` is 0 to 1: with 0 dying costs no more than any failure.
@@ -232,8 +285,9 @@ class Plan:
         """Why there is no path."""
 
     @property
-    def waypoints(self) -> _Floats:
-        """Waypoints in order, m. The last one is the goal, or the reachable place nearest to it."""
+    def waypoints(self) -> _Places:
+        """Waypoints in order, in the coordinates of the query (float64 in those of the level). The last one is the
+        goal, or the reachable place nearest to it."""
 
     @property
     def legs(self) -> list[Leg]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,43 @@ def test_graphs_survive_files(graph: surefoot.Graph, level: surefoot.Level, tmp_
     assert drawn is not None and drawn.startswith(b"\x89PNG")
     with pytest.raises(ValueError, match="has no level"):
         other.png()
+
+
+def test_queries_are_asked_in_the_coordinates_of_the_level(tmp_path: Path) -> None:
+    # In centimetres, with z up.
+    corners = [(-27500, 7000), (-23500, 7000), (-23500, 11000), (-27500, 11000)]
+    vertices = "".join(f"v {x} {y} -1200\n" for x, y in corners)
+    (tmp_path / "floor.obj").write_text(f"o floor\n{vertices}f 1 2 3 4\n")
+    level = surefoot.Level.load(tmp_path / "floor.obj", scale=0.01, up="z")
+    assert (level.scale, level.up) == (0.01, "z")
+    red, blue = (-26500.0, 8000.0, -1200.0), (-24500.0, 10000.0, -1200.0)
+    np.testing.assert_allclose(level.to_map(red), np.add([-265, -12, -80], level.origin), atol=1e-4)
+    np.testing.assert_allclose(level.to_level(level.to_map(red)), red, atol=0.01)
+    both = np.array([level.to_map(red), level.to_map(blue)], np.float32)
+    np.testing.assert_allclose(level.to_level(both), [red, blue], atol=0.01)
+
+    graph = surefoot.Graph.build(level, vertices=30)
+    plan = graph.plan(red, blue, coordinates="level")
+    assert plan and plan.waypoints.dtype == np.float64
+    np.testing.assert_allclose(plan.waypoints[-1], blue, atol=0.01)
+    on_map = graph.plan(*both)
+    assert on_map.waypoints.dtype == np.float32
+    np.testing.assert_allclose(plan.waypoints, level.to_level(on_map.waypoints), atol=0.01)
+    graph.save(tmp_path / "graph.json")
+    assert json.loads((tmp_path / "graph.json").read_text())["graph"]["origin"] == list(level.origin)
+    again = surefoot.Graph.load(tmp_path / "graph.json").plan(red, blue, coordinates="level")
+    np.testing.assert_array_equal(again.waypoints, plan.waypoints)
+    with pytest.raises(ValueError, match="up is `x`"):
+        surefoot.Level.load(tmp_path / "floor.obj", up="x")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="coordinates is world"):
+        graph.plan(red, blue, coordinates="world")  # type: ignore[arg-type]
+
+
+def test_a_generated_map_is_its_own_level(graph: surefoot.Graph, level: surefoot.Level) -> None:
+    start, goal = graph.vertices[0], graph.vertices[1]
+    assert level.origin == (0, 0, 0) and level.to_map((1, 2, 3)) == (1, 2, 3)
+    plans = [graph.plan(start, goal, coordinates=name) for name in ("map", "level")]  # type: ignore[arg-type]
+    np.testing.assert_array_equal(plans[0].waypoints, plans[1].waypoints)
 
 
 def test_networkx_finds_what_the_planner_finds(graph: surefoot.Graph) -> None:

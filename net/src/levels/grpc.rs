@@ -1,7 +1,8 @@
 //! `MapService`: decode, call, encode.
 
 use super::file::LevelFile;
-use super::store::{BaseMap, Level, LevelError, LevelFormat, LevelStore, MapSource, PARSE_FACTOR, Read, read};
+use super::report;
+use super::store::{BaseMap, Level, LevelError, LevelFormat, LevelStore, MapSource, PARSE_FACTOR, read};
 use super::uploads::UploadError;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::paging::{PageSize, page};
@@ -10,7 +11,7 @@ use crate::serving::Caller;
 use crate::status::{self, Answer};
 use std::sync::Arc;
 use std::time::Duration;
-use surefoot_levels::{ImportOptions, UpAxis};
+use surefoot_levels::{ImportOptions, Imported, UpAxis, unpacked_bytes};
 use surefoot_proto::convert;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
@@ -32,7 +33,7 @@ impl From<LevelError> for Status {
         let message = error.to_string();
         match error {
             LevelError::Memory(error) => error.into(),
-            LevelError::OtherName(_) => status::failure(Reason::NotOwner, message),
+            LevelError::OtherName(_) | LevelError::OtherFrame(_) => status::failure(Reason::NotOwner, message),
             LevelError::Full(_) => status::quota(Reason::TooManyMaps, "server", message),
             LevelError::Unknown(map_hash) => status::not_found(Reason::MapNotFound, "map", map_hash, message),
             LevelError::File(_) => status::invalid("file", message),
@@ -108,10 +109,16 @@ fn import_options(request: &wire::ImportMapRequest) -> Result<ImportOptions, Sta
     };
     let scale = match request.scale {
         0.0 => 1.0,
-        // The import refuses invalid scales.
-        scale => scale,
+        // The import refuses invalid scales. 0.01 is meant as 0.01, not as the nearest number of 32 bits.
+        scale => scale.to_string().parse().unwrap_or(f64::from(scale)),
     };
-    Ok(ImportOptions { scale, up, keep_sides: request.keep_sides })
+    Ok(ImportOptions {
+        scale,
+        up,
+        keep_sides: request.keep_sides,
+        ignore_names: request.ignore_names,
+        all_scenes: request.all_scenes,
+    })
 }
 
 /// The chunks of a file for one reader.
@@ -169,19 +176,23 @@ impl MapService for LevelStore {
             // The caller may disconnect; turn and memory are released when the work is done.
             let _held = (turn, memory);
             let sidecar = (!sidecar.is_empty()).then_some(sidecar.as_str());
-            let Read { map, origin, warnings } = read(format, &file, sidecar, &options)?;
+            let unpacked = unpacked_bytes(&file).map_err(|error| LevelError::File(error.to_string()))?;
+            let _unpacked = levels.memory().reserve(&caller.name, PARSE_FACTOR.saturating_mul(unpacked))?;
+            let Imported { map, warnings, nodes, geometry } = read(format, &file, sidecar, &options)?;
             drop(file);
+            let origin = map.frame().origin;
             let level = levels.put(&caller, name, Arc::new(map))?;
             levels.archive(&level)?;
-            Ok::<_, LevelError>((level, origin, warnings))
+            Ok::<_, LevelError>(wire::ImportMapResponse {
+                map: Some(level_to_wire(&level)),
+                warnings: warnings.iter().map(ToString::to_string).collect(),
+                origin: Some(report::point(origin)),
+                nodes: nodes.into_iter().map(report::node).collect(),
+                geometry: Some(report::geometry(&geometry)),
+            })
         });
         let failed = |error| status::failure(Reason::Internal, format!("the import failed: {error}"));
-        let (level, origin, warnings) = task.await.map_err(failed)??;
-        Ok(Response::new(wire::ImportMapResponse {
-            map: Some(level_to_wire(&level)),
-            warnings,
-            origin: Some(convert::to_wire(origin)),
-        }))
+        Ok(Response::new(task.await.map_err(failed)??))
     }
 
     async fn upload_chunk(&self, request: Request<wire::UploadChunkRequest>) -> Answer<wire::UploadChunkResponse> {

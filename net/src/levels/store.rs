@@ -11,7 +11,8 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
-use surefoot_levels::ImportOptions;
+use surefoot_levels::{ImportOptions, Imported, NoFiles};
+use surefoot_world::map::LevelFrame;
 use surefoot_world::map::piece::{self, Piece, PieceError};
 use surefoot_world::{Map, MapHash, MapSpec, Vec3};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -61,6 +62,14 @@ impl BaseMap {
         match self {
             Self::Spec(spec) => spec.size.extent(),
             Self::Level(level) => level.map.extent(),
+        }
+    }
+
+    /// How the coordinates of the level relate to the map's.
+    pub fn frame(&self) -> LevelFrame {
+        match self {
+            Self::Spec(_) => LevelFrame::default(),
+            Self::Level(level) => *level.map.frame(),
         }
     }
 }
@@ -126,6 +135,11 @@ pub enum LevelError {
     Memory(#[from] MemoryError),
     #[error("another client imported this map as level `{0}`: use that name, or ask its owner to rename the level")]
     OtherName(String),
+    #[error(
+        "another client imported this map as level `{0}`, with its origin, scale or upright axis elsewhere: \
+         import it as that client did, or ask it to import the level again"
+    )]
+    OtherFrame(String),
     #[error("map {0} is not kept here: call ImportMap first")]
     Unknown(String),
     /// The file has no valid map; holds the reason.
@@ -286,7 +300,7 @@ impl LevelStore {
 
     /// Adds a level. If there is no room, it replaces levels that are not in use: first those of the client with the
     /// most levels, the least recently used first. A client with fewer levels loses only levels that were not used for
-    /// ten minutes.
+    /// ten minutes. The same map of a level whose origin, scale or upright axis has changed replaces the kept one.
     pub fn put(&self, caller: &Caller, name: String, map: Arc<Map>) -> Result<Arc<Level>, LevelError> {
         self.retain(&caller.name, |owner| caller.may_change(owner), name, map)
     }
@@ -301,12 +315,14 @@ impl LevelStore {
         let mut kept = self.kept.lock();
         let (now, hash) = (Instant::now(), map.hash().to_hex());
         if let Some((used, level)) = kept.levels.get_mut(&hash) {
-            if level.name == name {
+            let (is_named_so, is_framed_so) = (level.name == name, level.map.frame() == map.frame());
+            if is_named_so && is_framed_so {
                 *used = now;
                 return Ok(level.clone());
             }
             if !may_change(&level.owner) {
-                return Err(LevelError::OtherName(level.name.clone()));
+                let other = if is_named_so { LevelError::OtherFrame } else { LevelError::OtherName };
+                return Err(other(level.name.clone()));
             }
         } else if kept.levels.len() >= self.limit {
             kept.evict_one(owner, 1, |_| 1).ok_or(LevelError::Full(self.limit))?;
@@ -331,6 +347,13 @@ impl LevelStore {
             level.clone()
         });
         found.ok_or_else(|| LevelError::Unknown(map_hash.to_owned()))
+    }
+
+    /// The frame of a level. A later import of the same map decides, because graphs are named by their maps alone.
+    pub fn frame_of(&self, base: &BaseMap) -> LevelFrame {
+        let kept = self.kept.lock();
+        let latest = kept.levels.get(&base.key()).map(|(_, level)| *level.map.frame());
+        latest.unwrap_or_else(|| base.frame())
     }
 
     /// Returns all levels, ordered by hash of the map.
@@ -385,31 +408,22 @@ pub(super) enum LevelFormat {
     Obj,
 }
 
-/// A parsed level.
-pub(super) struct Read {
-    pub map: Map,
-    /// Position of the level's origin on the map, m.
-    pub origin: Vec3,
-    /// Problems that a designer may want to fix.
-    pub warnings: Vec<String>,
-}
-
-/// Parses the map in a file.
+/// Parses the map in a file, which is sent alone or as a `.zip` with all that it refers to.
 pub(super) fn read(
     format: LevelFormat,
     file: &[u8],
     sidecar: Option<&str>,
     options: &ImportOptions,
-) -> Result<Read, LevelError> {
+) -> Result<Imported, LevelError> {
+    let is_packed = file.starts_with(b"PK");
     let imported = match format {
         LevelFormat::Saved => {
             let map = surefoot_levels::decode(file).map_err(|error| LevelError::File(error.to_string()))?;
-            return Ok(Read { map, origin: Vec3::ZERO, warnings: Vec::new() });
+            return Ok(Imported::saved(map));
         }
-        LevelFormat::Gltf => surefoot_levels::import_gltf(file, sidecar, options),
-        LevelFormat::Obj => surefoot_levels::import_obj(file, sidecar, options),
+        LevelFormat::Gltf if !is_packed => surefoot_levels::import_gltf(file, sidecar, options, &NoFiles),
+        LevelFormat::Obj if !is_packed => surefoot_levels::import_obj(file, sidecar, options),
+        LevelFormat::Gltf | LevelFormat::Obj => surefoot_levels::import_zip(file, sidecar, options),
     };
-    let imported = imported.map_err(|error| LevelError::File(error.to_string()))?;
-    let warnings = imported.warnings.iter().map(ToString::to_string).collect();
-    Ok(Read { map: imported.map, origin: imported.origin, warnings })
+    imported.map_err(|error| LevelError::File(error.to_string()))
 }

@@ -27,6 +27,7 @@ use surefoot_planner::live::Reporter;
 use surefoot_planner::store::Call;
 use surefoot_planner::{Query, VertexId};
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::coordinates::{CallFrame, Coordinates};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::PlannerService;
 use surefoot_proto::plans::{plan_to_wire, query, traversal};
@@ -50,6 +51,20 @@ impl PlannerApi {
     /// Streams messages to a reader until the service stops.
     fn stream<S: Source>(&self, source: S) -> ReaderStream<S::Message> {
         reader::stream(source, DEFAULT_PATIENCE, Some(self.planner.shutdown()))
+    }
+
+    /// The frame of a call about a graph with the field `coordinates`.
+    fn frame_on(&self, hosted: &Hosted, coordinates: i32) -> Result<CallFrame, FieldError> {
+        CallFrame::of(coordinates, || Ok(self.planner.frame_of(hosted)))
+    }
+
+    /// The same for a call that has not found its graph yet.
+    async fn frame(&self, graph_id: &str, coordinates: i32) -> Result<CallFrame, Status> {
+        if Coordinates::read(coordinates)? == Coordinates::Map {
+            return Ok(CallFrame::default());
+        }
+        let hosted = self.planner.get_or_load(graph_id).await?;
+        Ok(self.frame_on(&hosted, coordinates)?)
     }
 
     /// Converts a query, and checks that it lies in or near the map of the graph.
@@ -126,8 +141,10 @@ impl PlannerService for PlannerApi {
     }
 
     async fn get_graph(&self, request: Request<wire::GetGraphRequest>) -> Answer<wire::GetGraphResponse> {
-        let hosted = self.planner.get_usable(&request.into_inner().graph_id).await?;
-        let encoded = tokio::task::spawn_blocking(move || graph_to_wire(&hosted)).await;
+        let wire::GetGraphRequest { graph_id, coordinates } = request.into_inner();
+        let hosted = self.planner.get_usable(&graph_id).await?;
+        let frame = self.frame_on(&hosted, coordinates)?;
+        let encoded = tokio::task::spawn_blocking(move || frame.to_level(graph_to_wire(&hosted))).await;
         Ok(Response::new(encoded.map_err(PlannerError::lost("the encoding"))?))
     }
 
@@ -147,15 +164,16 @@ impl PlannerService for PlannerApi {
     }
 
     async fn probe_edge(&self, request: Request<wire::ProbeEdgeRequest>) -> Answer<wire::ProbeEdgeResponse> {
-        let wire::ProbeEdgeRequest { graph_id, from, to, seed } = request.into_inner();
+        let wire::ProbeEdgeRequest { graph_id, from, to, seed, coordinates } = request.into_inner();
         let hosted = self.planner.get_usable(&graph_id).await?;
+        let frame = self.frame_on(&hosted, coordinates)?;
         let (outcome, track) = self.planner.probe(hosted, VertexId(from), VertexId(to), Seed(seed)).await?;
-        Ok(Response::new(wire::ProbeEdgeResponse {
+        Ok(Response::new(frame.to_level(wire::ProbeEdgeResponse {
             reached: outcome.reached,
             decisions: outcome.decisions,
             ability: convert::ability_to_wire(outcome.ability).into(),
             track: convert::pack(track.iter().flat_map(|place| place.to_array())),
-        }))
+        })))
     }
 
     async fn compare_graphs(
@@ -165,17 +183,23 @@ impl PlannerService for PlannerApi {
         let request = request.into_inner();
         let (before, after) =
             (self.planner.get_usable(&request.before).await?, self.planner.get_usable(&request.after).await?);
-        Ok(Response::new(difference_to_wire(self.planner.compare(before, after).await?)))
+        let frame_before = self.frame_on(&before, request.coordinates)?;
+        let frame_after = self.frame_on(&after, request.coordinates)?;
+        let mut difference = difference_to_wire(self.planner.compare(before, after).await?);
+        difference.lost = frame_before.to_level(difference.lost);
+        difference.gained = frame_after.to_level(difference.gained);
+        Ok(Response::new(difference))
     }
 
     async fn find_path(&self, request: Request<wire::FindPathRequest>) -> Answer<wire::FindPathResponse> {
         let request = request.into_inner();
         let hosted = self.planner.get_usable(&request.graph_id).await?;
-        let query = Self::query(&hosted, &request.query.ok_or(FieldError::Missing("query"))?)?;
+        let frame = self.frame_on(&hosted, request.coordinates)?;
+        let query = Self::query(&hosted, &frame.to_map(request.query.ok_or(FieldError::Missing("query"))?))?;
         let (planner, interim) = (self.planner.clone(), hosted.is_interim());
         let plan = tokio::task::spawn_blocking(move || plan_to_wire(&planner.plan(&hosted, &query))).await;
         let plan = Some(plan.map_err(PlannerError::lost("the search"))?);
-        Ok(Response::new(wire::FindPathResponse { plan, interim }))
+        Ok(Response::new(frame.to_level(wire::FindPathResponse { plan, interim })))
     }
 
     async fn find_paths(&self, request: Request<wire::FindPathsRequest>) -> Answer<wire::FindPathsResponse> {
@@ -187,6 +211,8 @@ impl PlannerService for PlannerApi {
                 format!("{count} queries are too many: at most {limit} are allowed in one batch (--max-queries)");
             return Err(status::too_large("queries", message));
         }
+        let frame = self.frame_on(&hosted, request.coordinates)?;
+        let request = frame.to_map(request);
         let queries = request.queries.iter().map(|query| Self::query(&hosted, query)).collect::<Result<Vec<_>, _>>()?;
         let traffic = request.traffic.as_ref().map(traffic_of).transpose()?;
         let planner = self.planner.clone();
@@ -200,7 +226,7 @@ impl PlannerService for PlannerApi {
             plans.iter().map(plan_to_wire).collect()
         });
         let plans = plans.await.map_err(PlannerError::lost("the search"))?;
-        Ok(Response::new(wire::FindPathsResponse { plans, revision, interim }))
+        Ok(Response::new(frame.to_level(wire::FindPathsResponse { plans, revision, interim })))
     }
 
     async fn report_traversals(
@@ -240,17 +266,22 @@ impl PlannerService for PlannerApi {
     }
 
     async fn get_layers(&self, request: Request<wire::GetLayersRequest>) -> Answer<wire::GetLayersResponse> {
-        let (layers, unapplied) = self.planner.get_usable(&request.into_inner().graph_id).await?.layers();
+        let wire::GetLayersRequest { graph_id, coordinates } = request.into_inner();
+        let hosted = self.planner.get_usable(&graph_id).await?;
+        let frame = self.frame_on(&hosted, coordinates)?;
+        let (layers, unapplied) = hosted.layers();
         let revision = revision_to_wire(Revision::of(&layers));
         let layers = layers.iter().map(layer_to_wire).collect();
-        Ok(Response::new(wire::GetLayersResponse { layers, unapplied: unapplied_to_wire(&unapplied), revision }))
+        let unapplied = unapplied_to_wire(&unapplied, &hosted.frame());
+        Ok(Response::new(frame.to_level(wire::GetLayersResponse { layers, unapplied, revision })))
     }
 
     async fn put_layer(&self, request: Request<wire::PutLayerRequest>) -> Answer<wire::PutLayerResponse> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let call = call_of(&caller, &request.request_id, &request)?;
-        let change = LayerChange::Put(layer_from_wire(request.layer.as_ref())?);
+        let frame = self.frame(&request.graph_id, request.coordinates).await?;
+        let change = LayerChange::Put(layer_from_wire(frame.to_map(request.layer).as_ref())?);
         self.change_layers(&request.graph_id, request.if_revision, change, call).await
     }
 
@@ -258,7 +289,8 @@ impl PlannerService for PlannerApi {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let call = call_of(&caller, &request.request_id, &request)?;
-        let change = LayerChange::Append(request.layer, edits_from_wire(&request.edits)?);
+        let frame = self.frame(&request.graph_id, request.coordinates).await?;
+        let change = LayerChange::Append(request.layer, edits_from_wire(&frame.to_map(request.edits))?);
         self.change_layers(&request.graph_id, request.if_revision, change, call).await
     }
 

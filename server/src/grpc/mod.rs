@@ -15,13 +15,15 @@ pub mod redirect;
 mod work;
 mod worlds;
 
-use crate::ids::NpcId;
-use crate::worlds::Worlds;
+use crate::ids::{NpcId, WorldId};
+use crate::worlds::{WorldHandle, Worlds};
 use std::sync::Arc;
 use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::reader::{self, ReaderStream, Source};
 use surefoot_net::serving::Caller;
 use surefoot_net::status::Answer;
+use surefoot_proto::convert::FieldError;
+use surefoot_proto::coordinates::{CallFrame, Places};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
 use tokio::sync::Semaphore;
@@ -61,6 +63,36 @@ impl WorldApi {
     /// Streams messages to a reader until the server stops.
     fn stream<S: Source>(&self, source: S) -> ReaderStream<S::Message> {
         reader::stream(source, self.worlds.config().reader_patience, Some(self.worlds.shutdown()))
+    }
+
+    /// Streams messages whose places are in the coordinates of the call.
+    fn stream_in<S: Source<Message: Places>>(&self, frame: CallFrame, source: S) -> ReaderStream<S::Message> {
+        self.stream(InFrame { source, frame })
+    }
+
+    /// The frame of a call about a world with the field `coordinates`.
+    fn frame(&self, coordinates: i32, world: u64) -> Reply<CallFrame> {
+        CallFrame::of(coordinates, || Ok(*self.worlds.handle(WorldId(world))?.shown.get().frame()))
+    }
+}
+
+/// The frame of a call about a running world with the field `coordinates`. Edits of its map do not change it.
+fn frame_on(handle: &WorldHandle, coordinates: i32) -> Result<CallFrame, FieldError> {
+    CallFrame::of(coordinates, || Ok(*handle.shown.get().frame()))
+}
+
+/// A source whose messages have places in the coordinates of a call.
+struct InFrame<S> {
+    source: S,
+    frame: CallFrame,
+}
+
+impl<S: Source<Message: Places>> Source for InFrame<S> {
+    type Message = S::Message;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        let messages = self.source.next().await?;
+        Some(messages.map(|messages| self.frame.to_level(messages)))
     }
 }
 

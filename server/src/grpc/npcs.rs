@@ -1,7 +1,7 @@
 //! The calls about NPCs. In a batch, each item has its own result.
 
-use super::{Call, Reply, WorldApi};
-use crate::hosted::{HostedWorld, SpawnOrder};
+use super::{Call, Reply, WorldApi, frame_on};
+use crate::hosted::{HostedWorld, NpcError, NpcState, SpawnOrder};
 use crate::ids::{NpcId, WorldId};
 use crate::wire::{finite, npc_to_wire, region as convert_region};
 use crate::worlds::{NpcAccess, WorldsError};
@@ -10,9 +10,10 @@ use surefoot_net::idempotency::Repeatable;
 use surefoot_net::paging::{PageSize, page_by_id};
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::coordinates::{Coordinates, Place};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
-use surefoot_world::Vec3;
+use surefoot_world::map::LevelFrame;
 use tonic::Status;
 
 /// Most items in a batch.
@@ -38,8 +39,8 @@ impl From<FieldError> for WorldsError {
 pub async fn spawn_npc(api: &WorldApi, call: Call<wire::SpawnNpcRequest>) -> Reply<wire::SpawnNpcResponse> {
     let (caller, request) = call;
     let world = WorldId(request.world_id);
-    api.worlds.handle(world)?;
-    let wire::SpawnNpcRequest { position, yaw, body, .. } = request.clone();
+    let frame = frame_on(&api.worlds.handle(world)?, request.coordinates)?;
+    let wire::SpawnNpcRequest { position, yaw, body, .. } = frame.to_map(request.clone());
     let order = spawn_order(&wire::Spawn { position, yaw, goal: None, body })?;
     let (worlds, owner) = (api.worlds.clone(), caller.clone());
     let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
@@ -55,7 +56,8 @@ pub async fn batch_spawn_npcs(
     let (caller, request) = call;
     let count = request.spawns.len();
     check_count(count, "spawns")?;
-    let orders = request.spawns.iter().map(|spawn| Ok(spawn_order(spawn)?)).collect();
+    let frame = api.frame(request.coordinates, request.world_id)?;
+    let orders = request.spawns.iter().map(|spawn| Ok(spawn_order(&frame.to_map(spawn.clone()))?)).collect();
     let (worlds, owner, world) = (api.worlds.clone(), caller.clone(), WorldId(request.world_id));
     // The call that spawns also answers with the messages of errors, which are too large to be kept.
     let full = Arc::new(OnceLock::new());
@@ -95,7 +97,7 @@ pub async fn batch_despawn_npcs(
 pub async fn set_goal(api: &WorldApi, call: Call<wire::SetGoalRequest>) -> Reply<wire::SetGoalResponse> {
     let (caller, request) = call;
     let (npc, goal) = goal_of(&request)?;
-    let set = move |world: &mut HostedWorld| world.set_goal(npc, goal);
+    let set = move |world: &mut HostedWorld| set_goal_on(world, npc, goal);
     Ok(wire::SetGoalResponse { attempt: api.worlds.with_npc(&caller, NpcAccess::Change, npc, set).await? })
 }
 
@@ -107,7 +109,7 @@ pub async fn batch_set_goals(
     let (caller, wire::BatchSetGoalsRequest { goals }) = call;
     check_count(goals.len(), "goals")?;
     let items = goals.iter().map(|goal| Ok(goal_of(goal)?)).collect();
-    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, HostedWorld::set_goal).await;
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, set_goal_on).await;
     let results = results.into_iter().map(|result| wire::SetGoalResult {
         result: Some(result.map_or_else(|error| Kind::Error(item_error(error)), Kind::Attempt)),
     });
@@ -116,8 +118,8 @@ pub async fn batch_set_goals(
 
 pub async fn teleport_npc(api: &WorldApi, call: Call<wire::TeleportNpcRequest>) -> Reply<wire::TeleportNpcResponse> {
     let (caller, request) = call;
-    let (npc, (position, yaw)) = teleport_of(&request)?;
-    api.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| world.teleport(npc, position, yaw)).await?;
+    let (npc, place) = teleport_of(&request)?;
+    api.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| teleport_on(world, npc, place)).await?;
     Ok(wire::TeleportNpcResponse {})
 }
 
@@ -128,16 +130,16 @@ pub async fn batch_teleport_npcs(
     let (caller, wire::BatchTeleportNpcsRequest { teleports }) = call;
     check_count(teleports.len(), "teleports")?;
     let items = teleports.iter().map(|teleport| Ok(teleport_of(teleport)?)).collect();
-    let teleport = |world: &mut HostedWorld, npc, (position, yaw)| world.teleport(npc, position, yaw);
-    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, teleport).await;
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, teleport_on).await;
     Ok(wire::BatchTeleportNpcsResponse { results: results.into_iter().map(item_result).collect() })
 }
 
 pub async fn get_npc(api: &WorldApi, call: Call<wire::GetNpcRequest>) -> Reply<wire::GetNpcResponse> {
-    let (caller, wire::GetNpcRequest { npc_id }) = call;
-    let npc = NpcId(npc_id);
-    let state = api.worlds.with_npc(&caller, NpcAccess::Read, npc, move |world| world.npc(npc)).await?;
-    Ok(wire::GetNpcResponse { npc: Some(npc_to_wire(&state)) })
+    let (caller, wire::GetNpcRequest { npc_id, coordinates }) = call;
+    let (npc, coordinates) = (NpcId(npc_id), Coordinates::read(coordinates)?);
+    let get = move |world: &mut HostedWorld| npc_on(world, npc, ());
+    let (state, frame) = api.worlds.with_npc(&caller, NpcAccess::Read, npc, get).await?;
+    Ok(coordinates.on(&frame).to_level(wire::GetNpcResponse { npc: Some(npc_to_wire(&state)) }))
 }
 
 pub async fn batch_get_npcs(
@@ -145,25 +147,26 @@ pub async fn batch_get_npcs(
     call: Call<wire::BatchGetNpcsRequest>,
 ) -> Reply<wire::BatchGetNpcsResponse> {
     use wire::get_npc_result::Result as Kind;
-    let (caller, wire::BatchGetNpcsRequest { npc_ids }) = call;
-    let items = ids("npc_ids", npc_ids)?;
-    let get = |world: &mut HostedWorld, npc, ()| world.npc(npc);
-    let results = api.worlds.with_npcs(&caller, NpcAccess::Read, items, get).await;
+    let (caller, wire::BatchGetNpcsRequest { npc_ids, coordinates }) = call;
+    let (items, coordinates) = (ids("npc_ids", npc_ids)?, Coordinates::read(coordinates)?);
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Read, items, npc_on).await;
+    let npc = |(npc, frame): (NpcState, LevelFrame)| Kind::Npc(coordinates.on(&frame).to_level(npc_to_wire(&npc)));
     let results = results.into_iter().map(|result| wire::GetNpcResult {
-        result: Some(result.map_or_else(|error| Kind::Error(item_error(error)), |npc| Kind::Npc(npc_to_wire(&npc)))),
+        result: Some(result.map_or_else(|error| Kind::Error(item_error(error)), npc)),
     });
     Ok(wire::BatchGetNpcsResponse { results: results.collect() })
 }
 
 pub async fn list_npcs(api: &WorldApi, call: Call<wire::ListNpcsRequest>) -> Reply<wire::ListNpcsResponse> {
-    let (caller, wire::ListNpcsRequest { world_id, region, page_size, page_token }) = call;
+    let (caller, wire::ListNpcsRequest { world_id, region, page_size, page_token, coordinates }) = call;
     let handle = api.worlds.handle_for(&caller, WorldId(world_id))?;
-    let region = convert_region(region.as_ref())?;
+    let frame = frame_on(&handle, coordinates)?;
+    let region = convert_region(frame.to_map(region).as_ref())?;
     let (tick, npcs) = handle.sim.call(|state| (state.world.tick(), state.world.npcs().collect::<Vec<_>>())).await?;
     let npcs = npcs.into_iter().filter(|npc| region.is_none_or(|region| region.holds(npc.position)));
     let page = page_by_id(npcs, |npc| npc.id.0, NPC_PAGE, page_size, &page_token)?;
     let npcs = page.items.iter().map(npc_to_wire).collect();
-    Ok(wire::ListNpcsResponse { npcs, next_page_token: page.next_token, tick: tick.0 })
+    Ok(frame.to_level(wire::ListNpcsResponse { npcs, next_page_token: page.next_token, tick: tick.0 }))
 }
 
 /// An item of a batch that consists of ids.
@@ -185,15 +188,32 @@ fn spawn_order(spawn: &wire::Spawn) -> Result<SpawnOrder, FieldError> {
     })
 }
 
-/// The NPC and its goal, m.
-fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, Vec3), FieldError> {
-    Ok((NpcId(request.npc_id), convert::point(request.goal.as_ref(), "goal")?))
+/// The NPC and its goal.
+fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, Place), FieldError> {
+    Ok((NpcId(request.npc_id), Place::read(request.goal.as_ref(), request.coordinates, "goal")?))
 }
 
-/// The NPC, its position, m, and its heading, rad.
-fn teleport_of(request: &wire::TeleportNpcRequest) -> Result<(NpcId, (Vec3, f32)), FieldError> {
-    let position = convert::point(request.position.as_ref(), "position")?;
+/// The NPC, its position, and its heading, rad.
+fn teleport_of(request: &wire::TeleportNpcRequest) -> Result<(NpcId, (Place, f32)), FieldError> {
+    let position = Place::read(request.position.as_ref(), request.coordinates, "position")?;
     Ok((NpcId(request.npc_id), (position, finite(request.yaw, "yaw")?)))
+}
+
+// Only the world of an NPC knows the frame of its map.
+
+fn set_goal_on(world: &mut HostedWorld, npc: NpcId, goal: Place) -> Result<u32, NpcError> {
+    let goal = goal.on_map(world.map().frame());
+    world.set_goal(npc, goal)
+}
+
+fn teleport_on(world: &mut HostedWorld, npc: NpcId, (position, yaw): (Place, f32)) -> Result<(), NpcError> {
+    let position = position.on_map(world.map().frame());
+    world.teleport(npc, position, yaw)
+}
+
+/// The state of an NPC, and the frame of its map.
+pub(super) fn npc_on(world: &mut HostedWorld, npc: NpcId, (): ()) -> Result<(NpcState, LevelFrame), NpcError> {
+    Ok((world.npc(npc)?, *world.map().frame()))
 }
 
 /// Converts the error of an item: code, reason and message are those of the single call.

@@ -3,8 +3,8 @@
 //! A slow reader gets the latest snapshot, and at most one message waits for it; a reader that does not read at all is
 //! cut off.
 
-use super::npcs::check_count;
-use super::{Call, Reply, WorldApi};
+use super::npcs::{check_count, npc_on};
+use super::{Call, Reply, WorldApi, frame_on};
 use crate::geometry::Tiles;
 use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcEvent, NpcPlan, NpcState, Snapshot};
 use crate::ids::{NpcId, WorldId};
@@ -21,6 +21,7 @@ use std::time::{Duration, SystemTime};
 use surefoot_net::reader::{ReaderStream, Source};
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::coordinates::{CallFrame, Coordinates};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::sense::Sight;
@@ -61,11 +62,11 @@ pub async fn watch_world(
     api: &WorldApi,
     call: Call<wire::WatchWorldRequest>,
 ) -> Reply<ReaderStream<wire::WatchWorldResponse>> {
-    let (caller, wire::WatchWorldRequest { world_id, rate_hz, region, delta }) = call;
+    let (caller, wire::WatchWorldRequest { world_id, rate_hz, region, delta, coordinates }) = call;
     let world = WorldId(world_id);
     let handle = api.worlds.handle_for(&caller, world)?;
-    let pause = pause_of(rate_hz)?;
-    let view = View::new(convert_region(region.as_ref())?, delta);
+    let (pause, frame) = (pause_of(rate_hz)?, frame_on(&handle, coordinates)?);
+    let view = View::new(convert_region(frame.to_map(region).as_ref())?, delta);
     let subscribed = handle.sim.call(|state| {
         let receiver = state.snapshots.subscribe();
         state.show_snapshot();
@@ -73,7 +74,7 @@ pub async fn watch_world(
     });
     let mut snapshots = subscribed.await?;
     snapshots.mark_changed();
-    Ok(api.stream(Snapshots { world, snapshots, view, due: every(pause) }))
+    Ok(api.stream_in(frame, Snapshots { world, snapshots, view, due: every(pause) }))
 }
 
 struct Snapshots {
@@ -101,10 +102,11 @@ pub async fn watch_events(
     api: &WorldApi,
     call: Call<wire::WatchEventsRequest>,
 ) -> Reply<ReaderStream<wire::WatchEventsResponse>> {
-    let (caller, wire::WatchEventsRequest { world_id, after, npc_ids }) = call;
+    let (caller, wire::WatchEventsRequest { world_id, after, npc_ids, coordinates }) = call;
     check_count(npc_ids.len(), "npc_ids")?;
     let (world, epoch) = (WorldId(world_id), api.worlds.epoch_of(WorldId(world_id)));
     let handle = api.worlds.handle_for(&caller, world)?;
+    let frame = frame_on(&handle, coordinates)?;
     if let Some(after) = after.filter(|after| after.epoch != epoch && after.sequence != 0) {
         let message = format!("after.epoch is {}, the epoch is {epoch}: the server has restarted since", after.epoch);
         return Err(status::failure(Reason::EventsLost, message));
@@ -125,7 +127,7 @@ pub async fn watch_events(
     };
     let npcs = npc_ids.into_iter().map(NpcId).collect();
     let (sim, begin) = (handle.sim, Some(begin));
-    Ok(api.stream(Events { begin, epoch, world, npcs, sim, batches, after, is_behind: true }))
+    Ok(api.stream_in(frame, Events { begin, epoch, world, npcs, sim, batches, after, is_behind: true }))
 }
 
 /// Takes events from the batches that a world publishes each tick, and from the world's log while the reader is behind
@@ -250,17 +252,19 @@ impl Source for Stats {
 
 /// Streams the tiles of a map. Each is built when its turn comes, which a semaphore limits for all readers.
 pub async fn get_mesh(api: &WorldApi, call: Call<wire::GetMeshRequest>) -> Reply<ReaderStream<wire::GetMeshResponse>> {
-    let (_, wire::GetMeshRequest { world_id, region, cell_m }) = call;
-    let map = api.worlds.handle(WorldId(world_id))?.shown.get();
-    let region = convert_region(region.as_ref())?;
+    let (_, wire::GetMeshRequest { world_id, region, cell_m, coordinates }) = call;
+    let handle = api.worlds.handle(WorldId(world_id))?;
+    let (map, frame) = (handle.shown.get(), frame_on(&handle, coordinates)?);
+    let region = convert_region(frame.to_map(region).as_ref())?;
     if cell_m != 0.0 {
         convert::in_range(f64::from(cell_m), 0.5, 16.0, "cell_m")?;
     }
-    Ok(api.stream(Mesh { map, region, cell_m, tiles: None, tile_idx: 0, turns: api.meshing.clone() }))
+    Ok(api.stream(Mesh { map, frame, region, cell_m, tiles: None, tile_idx: 0, turns: api.meshing.clone() }))
 }
 
 struct Mesh {
     map: Arc<Map>,
+    frame: CallFrame,
     region: Option<Region>,
     cell_m: f32,
     /// None until the first message.
@@ -298,9 +302,10 @@ impl Mesh {
         if self.tile_idx == tiles.count() {
             return Ok(None);
         }
-        let (map, tile_idx) = (self.map.clone(), self.tile_idx);
+        let (map, frame, tile_idx) = (self.map.clone(), self.frame, self.tile_idx);
         self.tile_idx += 1;
-        self.in_turn(move || tile_to_wire(&tiles.mesh(&map, tile_idx), tiles.count())).await.map(Some)
+        let tile = move || frame.to_level(tile_to_wire(&tiles.mesh(&map, tile_idx), tiles.count()));
+        self.in_turn(tile).await.map(Some)
     }
 }
 
@@ -317,14 +322,15 @@ pub async fn follow_npc(
     api: &WorldApi,
     call: Call<wire::FollowNpcRequest>,
 ) -> Reply<ReaderStream<wire::FollowNpcResponse>> {
-    let (caller, wire::FollowNpcRequest { npc_id, rate_hz, rays }) = call;
-    let npc = NpcId(npc_id);
+    let (caller, wire::FollowNpcRequest { npc_id, rate_hz, rays, coordinates }) = call;
+    let (npc, coordinates) = (NpcId(npc_id), Coordinates::read(coordinates)?);
     let wanted = pause_of(rate_hz)?;
     // Rays are cast on the world's own thread.
     let pause = if rays { wanted.max(pause_of(0.0)?) } else { wanted };
-    api.worlds.with_npc(&caller, NpcAccess::Read, npc, move |world| world.npc(npc)).await?;
+    let find = move |world: &mut HostedWorld| npc_on(world, npc, ());
+    let (_, frame) = api.worlds.with_npc(&caller, NpcAccess::Read, npc, find).await?;
     let sim = api.worlds.handle_for(&caller, npc.world())?.sim;
-    Ok(api.stream(FollowedNpc { npc, sim, rays, due: every(pause), sent: None }))
+    Ok(api.stream_in(coordinates.on(&frame), FollowedNpc { npc, sim, rays, due: every(pause), sent: None }))
 }
 
 struct FollowedNpc {

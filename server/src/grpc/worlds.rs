@@ -1,6 +1,6 @@
 //! The calls about worlds and their maps.
 
-use super::{Call, Reply, WorldApi};
+use super::{Call, Reply, WorldApi, frame_on};
 use crate::hosted::TimeMode;
 use crate::ids::WorldId;
 use crate::wire::map::{MAX_CUT_OFF, MAX_SURVEYED, features_to_wire, survey_to_wire};
@@ -8,9 +8,10 @@ use crate::wire::world_to_wire;
 use crate::worlds::WorldSettings;
 use std::time::{Duration, SystemTime};
 use surefoot_net::idempotency::Repeatable;
-use surefoot_net::levels::grpc as levels;
+use surefoot_net::levels::{BaseMap, grpc as levels};
 use surefoot_net::paging::{PageSize, page_by_id};
-use surefoot_proto::convert;
+use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::coordinates::CallFrame;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::character::bodies::BODIES;
 use surefoot_world::sense::OBSERVATION_VERSION;
@@ -40,7 +41,8 @@ pub async fn get_server(api: &WorldApi, _: Call<wire::GetServerRequest>) -> Repl
 pub async fn create_world(api: &WorldApi, call: Call<wire::CreateWorldRequest>) -> Reply<wire::CreateWorldResponse> {
     let (caller, request) = call;
     let base = levels::source(api.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
-    let source = levels::with_pieces(base, &request.pieces)?;
+    let frame = frame_on_base(&base, request.coordinates)?;
+    let source = levels::with_pieces(base, &frame.to_map(request.pieces.clone()))?;
     let mode = convert::enum_or(request.mode, TimeMode::Realtime, "mode")?;
     let settings = WorldSettings {
         mode,
@@ -81,28 +83,36 @@ pub async fn drop_world(api: &WorldApi, call: Call<wire::DropWorldRequest>) -> R
 }
 
 pub async fn sample_ground(api: &WorldApi, call: Call<wire::SampleGroundRequest>) -> Reply<wire::SampleGroundResponse> {
-    let (caller, wire::SampleGroundRequest { world_id, count, seed, body }) = call;
+    let (caller, wire::SampleGroundRequest { world_id, count, seed, body, coordinates }) = call;
     // An unknown world is reported before a bad count.
-    api.worlds.handle(WorldId(world_id))?;
+    let frame = frame_on(&api.worlds.handle(WorldId(world_id))?, coordinates)?;
     convert::in_range(f64::from(count), 1.0, 10_000.0, "count")?;
     let body = body.map(|body| convert::body(Some(&body))).transpose()?;
     let points = api.worlds.sample_ground(&caller, WorldId(world_id), body, count as usize, Seed(seed)).await?;
-    Ok(wire::SampleGroundResponse { points: points.into_iter().map(convert::to_wire).collect() })
+    let points = points.into_iter().map(convert::to_wire).collect();
+    Ok(frame.to_level(wire::SampleGroundResponse { points }))
 }
 
 pub async fn survey_map(api: &WorldApi, call: Call<wire::SurveyMapRequest>) -> Reply<wire::SurveyMapResponse> {
-    let (caller, wire::SurveyMapRequest { map, map_hash, bodies, max_cut_off, pieces }) = call;
+    let (caller, wire::SurveyMapRequest { map, map_hash, bodies, max_cut_off, pieces, coordinates }) = call;
     let base = levels::source(api.worlds.levels(), map.as_ref(), &map_hash)?;
-    let source = levels::with_pieces(base, &pieces)?;
+    let frame = frame_on_base(&base, coordinates)?;
+    let source = levels::with_pieces(base, &frame.to_map(pieces))?;
     convert::in_range(bodies.len() as f64, 0.0, MAX_SURVEYED, "the number of bodies")?;
     convert::in_range(f64::from(max_cut_off), 0.0, MAX_CUT_OFF, "max_cut_off")?;
     let bodies: Vec<_> = bodies.iter().map(|body| convert::body(Some(body))).collect::<Result<_, _>>()?;
     let bodies = if bodies.is_empty() { vec![CharacterProfile::default()] } else { bodies };
     let surveys = api.worlds.survey(&caller, source, bodies, max_cut_off as usize).await?;
-    Ok(wire::SurveyMapResponse { surveys: surveys.iter().map(survey_to_wire).collect() })
+    Ok(frame.to_level(wire::SurveyMapResponse { surveys: surveys.iter().map(survey_to_wire).collect() }))
 }
 
 pub async fn get_features(api: &WorldApi, call: Call<wire::GetFeaturesRequest>) -> Reply<wire::GetFeaturesResponse> {
-    let (_, wire::GetFeaturesRequest { world_id }) = call;
-    Ok(features_to_wire(&api.worlds.handle(WorldId(world_id))?.shown.get()))
+    let (_, wire::GetFeaturesRequest { world_id, coordinates }) = call;
+    let handle = api.worlds.handle(WorldId(world_id))?;
+    Ok(frame_on(&handle, coordinates)?.to_level(features_to_wire(&handle.shown.get())))
+}
+
+/// The frame of a call about a map without a world.
+fn frame_on_base(base: &BaseMap, coordinates: i32) -> Result<CallFrame, FieldError> {
+    CallFrame::of(coordinates, || Ok(base.frame()))
 }

@@ -27,8 +27,8 @@ pub enum NpcError {
     OutOfNumbers(WorldId),
     #[error("world {0} has NPCs of {MAX_BODIES} bodies, the most allowed: create another world")]
     TooManyBodies(WorldId),
-    #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
-    Outside { field: &'static str, extent: [f32; 3] },
+    #[error("{field} lies outside the map, which spans {span}")]
+    Outside { field: &'static str, span: String },
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
     #[error("npc {0} belongs to another client")]
@@ -52,6 +52,11 @@ pub struct SpawnOrder {
     /// Body of the NPC; `None`: the default body of the world.
     pub body: Option<CharacterProfile>,
 }
+
+/// Distance between two goals of an NPC up to which they are one target that moves: in metres, and as a share of the
+/// NPC's distance from the first. A plan to a goal that is farther away is of more use elsewhere too.
+const SAME_TARGET_M: f32 = 4.0;
+const SAME_TARGET_SHARE: f32 = 0.25;
 
 impl HostedWorld {
     /// Adds an NPC and sets its goal, if there is one. On an error, no NPC is added.
@@ -110,12 +115,16 @@ impl HostedWorld {
         Ok(())
     }
 
-    /// Sends an NPC to a goal, m; returns the number of the attempt that begins.
+    /// Sends an NPC to a goal, m; returns the number of the attempt that begins, or of the attempt under way if its
+    /// goal merely moves.
     pub fn set_goal(&mut self, id: NpcId, goal: Vec3) -> Result<u32, NpcError> {
         self.check_inside(goal, "goal")?;
         let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
         if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
             return Err(NpcError::Down(id));
+        }
+        if let Some(attempt) = self.move_goal(id, goal) {
+            return Ok(attempt);
         }
         self.log_replaced_attempt(id);
         let tick = self.tick();
@@ -128,6 +137,22 @@ impl HostedWorld {
         self.world.set_waypoint(record.slot, goal);
         self.log_event(id, EventKind::AttemptBegan { attempt, goal });
         Ok(attempt)
+    }
+
+    /// Moves the goal of the attempt under way and returns its number, if the new goal is near the present one. The
+    /// NPC keeps its plan, so that clients may follow a moving target with one call in each of their frames.
+    fn move_goal(&mut self, id: NpcId, goal: Vec3) -> Option<u32> {
+        let record = self.records.get_mut(&id)?;
+        let former = record.goal?;
+        let feet = self.world.npc(record.slot)?.body.feet;
+        if former.distance(goal) > SAME_TARGET_M.max(SAME_TARGET_SHARE * feet.distance(former)) {
+            return None;
+        }
+        record.goal = Some(goal);
+        if record.waypoint.is_none() {
+            self.world.set_waypoint(record.slot, goal);
+        }
+        Some(record.attempts)
     }
 
     /// Places an NPC at `position` (m) with heading `yaw` (rad), at rest and without a goal. Revives an NPC that is
@@ -221,15 +246,15 @@ impl HostedWorld {
         Ok(navigable::sample_many(map, body, count, &mut rng)?)
     }
 
-    /// Checks that a point is on the map; `Err` is the extent of the map, m.
-    pub(super) fn within_map(&self, point: Vec3) -> Result<(), [f32; 3]> {
-        let extent = self.world.map().extent();
-        let is_outside = self.world.map().is_outside(point) || point.y > extent.y;
-        if is_outside { Err(extent.to_array()) } else { Ok(()) }
+    /// Checks that a point is on the map; `Err` describes the span of the map.
+    pub(super) fn within_map(&self, point: Vec3) -> Result<(), String> {
+        let (map, extent) = (self.world.map(), self.world.map().extent());
+        let is_outside = map.is_outside(point) || point.y > extent.y;
+        if is_outside { Err(map.frame().describe_span(extent)) } else { Ok(()) }
     }
 
     fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
-        self.within_map(point).map_err(|extent| NpcError::Outside { field, extent })
+        self.within_map(point).map_err(|span| NpcError::Outside { field, span })
     }
 
     fn status(&self, record: &NpcRecord) -> NpcStatus {

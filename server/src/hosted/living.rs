@@ -19,8 +19,8 @@ pub enum LivingError {
     NoSuchPlayer(WorldId, u32),
     #[error("world {0} has {MAX_PLAYERS} players, the most allowed: remove one first")]
     TooManyPlayers(WorldId),
-    #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
-    Outside { field: &'static str, extent: [f32; 3] },
+    #[error("{field} lies outside the map, which spans {span}")]
+    Outside { field: &'static str, span: String },
 }
 
 /// Destination of a mover.
@@ -98,7 +98,7 @@ impl HostedWorld {
     }
 
     fn check_on_map(&self, point: Vec3, field: &'static str) -> Result<(), LivingError> {
-        self.within_map(point).map_err(|extent| LivingError::Outside { field, extent })
+        self.within_map(point).map_err(|span| LivingError::Outside { field, span })
     }
 }
 

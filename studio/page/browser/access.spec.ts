@@ -1,6 +1,5 @@
-import { expect, type Page, test } from '@playwright/test'
-import axe from 'axe-core'
-import { ask, open, openAtFirst, withGraph } from './page'
+import { expect, test } from '@playwright/test'
+import { ask, open, openAtFirst, violations, withGraph } from './page'
 import { Scene } from './scene'
 
 let scene: Scene
@@ -10,13 +9,6 @@ test.beforeAll(async () => {
 test.afterAll(async () => {
   await scene.stop()
 })
-
-/** What axe finds wrong with the page as it is now. */
-async function violations(page: Page): Promise<string[]> {
-  if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(axe.source)
-  const { violations } = await page.evaluate(() => (window as unknown as { axe: typeof axe }).axe.run())
-  return violations.flatMap(({ id, help, nodes }) => nodes.map((node) => `${id}: ${help}: ${node.html.slice(0, 200)}`))
-}
 
 const TABS = ['Map', 'NPCs', 'Graph', 'Plan', 'Layers', 'Build']
 

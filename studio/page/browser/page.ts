@@ -1,6 +1,7 @@
 // What all tests of the page do with it.
 
 import { expect, type Page } from '@playwright/test'
+import axe from 'axe-core'
 import type { StudioHook } from '../src/main'
 import type { Scene } from './scene'
 
@@ -39,6 +40,13 @@ export async function withGraph(page: Page): Promise<void> {
       return summary?.expectedEdges === 0 && summary.edges === loaded ? loaded : 0
     })
   await expect.poll(edges, { timeout: 90_000 }).toBeGreaterThan(300)
+}
+
+/** What axe finds wrong with the page as it is now. */
+export async function violations(page: Page): Promise<string[]> {
+  if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(axe.source)
+  const { violations } = await page.evaluate(() => (window as unknown as { axe: typeof axe }).axe.run())
+  return violations.flatMap(({ id, help, nodes }) => nodes.map((node) => `${id}: ${help}: ${node.html.slice(0, 200)}`))
 }
 
 /** Clicks the map at shares of the width and the height of the canvas. */

@@ -6,10 +6,11 @@
 //! tried with the correct one before them.
 
 use prost::Message;
+use serde_json::{Value, json};
 use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
 use surefoot_exchange::{from_safetensors, to_safetensors};
-use surefoot_levels::{ImportError, ImportOptions, Imported};
+use surefoot_levels::{ImportError, ImportOptions, Imported, NoFiles};
 use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
@@ -34,11 +35,13 @@ use tokio::sync::mpsc;
 pub type Trial = fn(&[u8]);
 
 /// All trials by name. The corpus of each is in `tools/fuzz/corpus/NAME`.
-pub const TRIALS: [(&str, Trial); 10] = [
+pub const TRIALS: [(&str, Trial); 12] = [
     ("world_messages", world_messages),
     ("planner_messages", planner_messages),
     ("map_file", map_file),
     ("gltf", gltf),
+    ("meshopt", meshopt),
+    ("draco", draco),
     ("obj", obj),
     ("recording", recording),
     ("checkpoint", checkpoint),
@@ -243,17 +246,83 @@ fn map_round_trips(map: &Map) {
 
 /// Levels as glTF, and sidecars.
 pub fn gltf(bytes: &[u8]) {
-    import_round_trips(surefoot_levels::import_gltf(bytes, None, &ImportOptions::default()));
+    import_gltf(bytes, None);
     if let Ok(sidecar) = std::str::from_utf8(bytes) {
         static LEVEL: LazyLock<Vec<u8>> = LazyLock::new(|| surefoot_levels::export_glb(&FLOOR));
-        import_round_trips(surefoot_levels::import_gltf(&LEVEL, Some(sidecar), &ImportOptions::default()));
+        import_gltf(&LEVEL, Some(sidecar));
     }
+}
+
+fn import_gltf(bytes: &[u8], sidecar: Option<&str>) {
+    import_round_trips(surefoot_levels::import_gltf(bytes, sidecar, &ImportOptions::default(), &NoFiles));
+}
+
+/// Positions or indices that meshoptimizer compressed. Five bytes before them give the mode, the filter, half the
+/// length of an element and, in two bytes, the number of elements.
+pub fn meshopt(bytes: &[u8]) {
+    let Some((&[mode, filter, half_stride, low, high], stream)) = bytes.split_first_chunk() else { return };
+    let mode = ["ATTRIBUTES", "TRIANGLES", "INDICES"][usize::from(mode % 3)];
+    let filter = ["NONE", "EXPONENTIAL", "QUATERNION"][usize::from(filter % 3)];
+    let (stride, count) = (2 * usize::from(half_stride), u16::from_le_bytes([low, high]));
+    let (primitive, component, shape, step) = match (mode, filter) {
+        // Rotations are 16-bit numbers, four of them.
+        ("ATTRIBUTES", "QUATERNION") => (json!({ "attributes": { "POSITION": 0 } }), 5122, "VEC3", Some(stride)),
+        ("ATTRIBUTES", _) => (json!({ "attributes": { "POSITION": 0 } }), 5126, "VEC3", Some(stride)),
+        _ => {
+            let component = if stride == 2 { 5123 } else { 5125 };
+            (json!({ "attributes": { "POSITION": 1 }, "indices": 0 }), component, "SCALAR", None)
+        }
+    };
+    let how = json!({
+        "buffer": 0, "byteLength": stream.len(), "byteStride": stride, "count": count, "mode": mode, "filter": filter
+    });
+    let grid = (0..36).flat_map(|at| [2.0 * (at % 6) as f32, 0.0, 2.0 * (at / 6) as f32]);
+    let binary: Vec<u8> = stream.iter().copied().chain(grid.flat_map(f32::to_le_bytes)).collect();
+    let document = json!({
+        "meshes": [{ "primitives": [primitive] }],
+        "accessors": [
+            { "bufferView": 0, "componentType": component, "count": count, "type": shape },
+            { "bufferView": 1, "componentType": 5126, "count": 36, "type": "VEC3" },
+        ],
+        "bufferViews": [
+            {
+                "buffer": 1,
+                "byteLength": stride * usize::from(count),
+                "byteStride": step,
+                "extensions": { "KHR_meshopt_compression": how },
+            },
+            { "buffer": 0, "byteOffset": stream.len(), "byteLength": binary.len() - stream.len() },
+        ],
+        "buffers": [{ "byteLength": binary.len() }, { "byteLength": 0 }],
+    });
+    import_gltf(&glb(document, &binary), None);
+}
+
+/// Meshes that Draco compressed, with positions as their first attribute.
+pub fn draco(bytes: &[u8]) {
+    let extensions = json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": { "POSITION": 0 } } });
+    let document = json!({
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "extensions": extensions }] }],
+        "accessors": [{ "componentType": 5126, "count": 36, "type": "VEC3" }],
+        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
+        "buffers": [{ "byteLength": bytes.len() }]
+    });
+    import_gltf(&glb(document, bytes), None);
+}
+
+/// A container of a document with one node, and of its binary buffer.
+fn glb(mut document: Value, binary: &[u8]) -> Vec<u8> {
+    document["asset"] = json!({ "version": "2.0" });
+    document["nodes"] = json!([{ "mesh": 0 }]);
+    let chunk = |kind: &[u8; 4], content: &[u8]| [&(content.len() as u32).to_le_bytes()[..], kind, content].concat();
+    let content = [chunk(b"JSON", document.to_string().as_bytes()), chunk(b"BIN\0", binary)].concat();
+    [&b"glTF"[..], &2_u32.to_le_bytes(), &(12 + content.len() as u32).to_le_bytes(), content.as_slice()].concat()
 }
 
 /// Levels as OBJ, with y up in metres and with other options.
 pub fn obj(bytes: &[u8]) {
     import_round_trips(surefoot_levels::import_obj(bytes, None, &ImportOptions::default()));
-    let options = ImportOptions { scale: 0.01, up: surefoot_levels::UpAxis::Z, keep_sides: false };
+    let options = ImportOptions { scale: 0.01, up: surefoot_levels::UpAxis::Z, ..ImportOptions::default() };
     import_round_trips(surefoot_levels::import_obj(bytes, None, &options));
 }
 

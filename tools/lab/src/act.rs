@@ -1,11 +1,11 @@
 //! `surefoot act`.
 
 use crate::train::{connector, copy_levels, stop_on_signal};
-use anyhow::{Context, bail};
+use anyhow::Context;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use surefoot_cli::commands::endpoint::CredentialArgs;
-use surefoot_cli::commands::map::level_files;
+use surefoot_cli::commands::map::{LevelArgs, files_only, parse_maps};
 use surefoot_train::actors::actor::{ActorConfig, act};
 
 /// Collect experience for a learner in another process (`surefoot train --listen`), with its current weights. Needs
@@ -22,9 +22,12 @@ pub struct Args {
     /// Run the NPCs in the game at this address instead of this process; the game runs the level of --maps
     #[arg(long, value_name = "URI")]
     world: Option<String>,
-    /// Levels to act on instead of the learner's maps: files (.sfmap, .glb, .gltf, .obj)
-    #[arg(long, value_name = "FILE,...")]
-    maps: Option<String>,
+    /// Levels to act on instead of the learner's maps: files (.sfmap, .glb, .gltf, .obj), or patterns such as
+    /// levels/*.glb
+    #[arg(long, value_name = "FILE,...", num_args = 1..)]
+    maps: Vec<String>,
+    #[command(flatten)]
+    levels: LevelArgs,
     /// Name of this actor; must be unique
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
@@ -43,11 +46,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let hash = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
     let seed = args.seed.unwrap_or_else(|| actor_id.bytes().fold(0xCBF2_9CE4_8422_2325, hash));
     let folder = std::env::temp_dir().join(format!("surefoot-act-{}", std::process::id()));
-    let levels = match args.maps.as_deref().map(|maps| (maps, level_files(maps))) {
-        Some((_, Some(files))) => copy_levels(&files, &folder)?,
-        Some((maps, None)) => bail!("--maps: `{maps}` is not a level file; the learner chooses the seeds"),
-        None => Vec::new(),
-    };
+    let maps = parse_maps(&args.maps).context("--maps")?;
+    args.levels.check(&maps)?;
+    let files = files_only(maps).context("--maps: the learner chooses the seeds")?;
+    let levels = if files.is_empty() { files } else { copy_levels(&files, &args.levels, &folder)? };
     let connect = connector(credentials.clone());
     let stop = Arc::new(AtomicBool::new(false));
     stop_on_signal(stop.clone())?;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_cli::commands::endpoint::CredentialArgs;
-use surefoot_cli::commands::map::{BodyArg, file_name, level_files, load_level};
+use surefoot_cli::commands::map::{BodyArg, LevelArgs, file_name, files_only, parse_maps};
 use surefoot_cli::commands::services::GraphArgs;
 use surefoot_cli::commands::{core_count, load_policy};
 use surefoot_cli::terminal::{print_json, progress_bar};
@@ -50,9 +50,11 @@ pub struct SetArgs {
     /// Folder to write to
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
-    /// Levels of a custom set (.sfmap, .glb, .gltf, .obj)
+    /// Levels of a custom set (.sfmap, .glb, .gltf, .obj), or patterns such as 'levels/*.glb'; may be repeated
     #[arg(long, value_name = "FILE,...")]
-    maps: Option<String>,
+    maps: Vec<String>,
+    #[command(flatten)]
+    levels: LevelArgs,
     /// Goals on each map of a custom set
     #[arg(long, default_value_t = 300, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     goals: u32,
@@ -170,11 +172,13 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
 }
 
 fn write_set(args: &SetArgs) -> anyhow::Result<()> {
-    let set = match (args.name.as_str(), &args.maps) {
-        ("custom", Some(maps)) => custom(args, maps)?,
-        ("custom", None) => bail!("a custom set needs --maps"),
-        (_, Some(_)) => bail!("--maps is only for the set custom: the maps of the other sets are fixed"),
-        (name, None) => GoalSet::named(name)?,
+    let maps = parse_maps(&args.maps).context("--maps")?;
+    args.levels.check(&maps)?;
+    let set = match (args.name.as_str(), files_only(maps).context("--maps")?) {
+        ("custom", files) if files.is_empty() => bail!("a custom set needs --maps"),
+        ("custom", files) => custom(args, &files)?,
+        (name, files) if files.is_empty() => GoalSet::named(name)?,
+        _ => bail!("--maps is only for the set custom: the maps of the other sets are fixed"),
     };
     create(&args.out)?;
     if !args.no_maps {
@@ -194,12 +198,11 @@ fn write_set(args: &SetArgs) -> anyhow::Result<()> {
 }
 
 /// A set of the user's levels, which are saved in its folder.
-fn custom(args: &SetArgs, maps: &str) -> anyhow::Result<GoalSet> {
-    let files = level_files(maps).context("--maps takes level files")?;
+fn custom(args: &SetArgs, files: &[PathBuf]) -> anyhow::Result<GoalSet> {
     create(&args.out)?;
     let mut levels = Vec::with_capacity(files.len());
     for file in files {
-        let map = Arc::new(load_level(file)?);
+        let map = Arc::new(args.levels.load(file)?);
         let name = Path::new(&file_name(file)).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let saved = PathBuf::from(format!("{name}.sfmap"));
         write(&args.out.join(&saved), &surefoot_levels::encode(&map))?;

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use surefoot_cli::commands::endpoint::{CredentialArgs, EndpointArgs};
-use surefoot_cli::commands::map::{file_name, level_files, load_body, load_level};
-use surefoot_cli::commands::{game, parse_seconds, parse_seeds, revision};
+use surefoot_cli::commands::map::{LevelArgs, SeedOrFile, file_name, files_only, load_body, parse_maps, seeds_only};
+use surefoot_cli::commands::{game, parse_seconds, revision};
 use surefoot_net::client::Credentials;
 use surefoot_net::serving::Endpoint;
 use surefoot_train::actors::Listener;
@@ -43,7 +43,8 @@ pub struct Args {
     #[arg(
         long,
         conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features",
-            "movers", "kind", "body", "name", "processor", "npcs", "envs"]
+            "movers", "kind", "body", "name", "processor", "npcs", "envs", "scale", "up", "keep_sides", "no_names",
+            "all_scenes", "sidecar"]
     )]
     resume: bool,
     /// Use this configuration (the config.json of another run) instead of the defaults
@@ -55,10 +56,13 @@ pub struct Args {
     /// Start from the weights of this model or run; a recurrent agent may start from a reactive one
     #[arg(long, value_name = "FOLDER")]
     from: Option<PathBuf>,
-    /// Seeds of the maps to train on, such as 0..128, or files (.sfmap, .glb, .gltf, .obj), which are copied to the
-    /// run's folder. With a single map, the policy specialises in it
+    /// Seeds of the maps to train on, such as 0..128, or files (.sfmap, .glb, .gltf, .obj) and patterns such as
+    /// 'levels/*.glb', which are copied to the run's folder. May be repeated. With a single map, the policy specialises
+    /// in it
     #[arg(long, value_name = "SEEDS|FILE,...")]
-    maps: Option<String>,
+    maps: Vec<String>,
+    #[command(flatten)]
+    levels: LevelArgs,
     /// Side of the training maps in metres
     #[arg(long, value_name = "METRES")]
     size: Option<u32>,
@@ -194,9 +198,14 @@ impl Args {
         if let Some(body) = &self.body {
             (collector.body, collector.random_bodies) = (load_body(body)?, 0.0);
         }
-        match self.maps.as_deref().map(|maps| (maps, level_files(maps))) {
-            Some((_, Some(files))) => config.train_on_levels(copy_levels(&files, &self.folder)?),
-            Some((seeds, None)) => config.train_on(parse_seeds(seeds).context("--maps")?),
+        let maps = parse_maps(&self.maps).context("--maps")?;
+        self.levels.check(&maps)?;
+        match maps.first() {
+            Some(SeedOrFile::File(_)) => {
+                let files = files_only(maps).context("--maps")?;
+                config.train_on_levels(copy_levels(&files, &self.levels, &self.folder)?);
+            }
+            Some(SeedOrFile::Seed(_)) => config.train_on(seeds_only(maps).context("--maps")?),
             None => {}
         }
         Ok(())
@@ -223,11 +232,11 @@ fn listen(address: SocketAddr, endpoint: &EndpointArgs, weights_every: f64) -> a
 }
 
 /// Saves levels as maps in the folder of a run, and returns the files.
-pub fn copy_levels(files: &[&Path], run: &Path) -> anyhow::Result<Vec<PathBuf>> {
+pub fn copy_levels(files: &[PathBuf], levels: &LevelArgs, run: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let folder = run.join("levels");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let copy = |(idx, file): (usize, &&Path)| {
-        let map = load_level(file)?;
+    let copy = |(idx, file): (usize, &PathBuf)| {
+        let map = levels.load(file)?;
         // Files of different folders may have one name.
         let to = folder.join(format!("{idx}-{}", file_name(file))).with_extension("sfmap");
         std::fs::write(&to, surefoot_levels::encode(&map)).with_context(|| format!("cannot write {}", to.display()))?;

@@ -131,6 +131,40 @@ fn levels_and_bodies_of_files_are_taken_by_eval_graph_train_and_up() {
 }
 
 #[test]
+fn levels_need_no_conversion_and_lie_anywhere() {
+    let home = tempfile::tempdir().unwrap();
+    for folder in ["levels", "work"] {
+        std::fs::create_dir(home.path().join(folder)).unwrap();
+    }
+    // Square floors, in centimetres and in metres.
+    for (name, side) in [("hall.obj", 3000), ("hall, first floor.obj", 4000), ("yard.obj", 30)] {
+        let floor = format!("v 0 0 0\nv {side} 0 0\nv {side} 0 {side}\nv 0 0 {side}\nf 4 3 2 1\n");
+        std::fs::write(home.path().join("levels").join(name), floor).unwrap();
+    }
+    let run = |args: &[&str]| surefoot().args(args).current_dir(home.path().join("work")).output().unwrap();
+    let maps = |args: &[&str]| {
+        let quick = ["eval", "--method", "policy", "--goals", "4", "--json"];
+        json(&run(&[&quick, args].concat()))["maps"].clone()
+    };
+    let both = "../levels/hall.obj,../levels/hall, first floor.obj";
+    assert_eq!(maps(&["--maps", both, "--scale", "0.01"]), serde_json::json!(["hall.obj", "hall, first floor.obj"]));
+    let mixed = ["--size", "60", "--maps", "1000", "../levels/y*.obj"];
+    assert_eq!(maps(&mixed), serde_json::json!([1000, "yard.obj"]));
+    let refused: [(&[&str], &str); 5] = [
+        (&["eval", "--maps", "1000", "--scale", "0.01"], "--scale is for levels, and 1000 is the seed"),
+        (&["eval", "--maps", both, "--sidecar", "it.json"], "--sidecar is for one level, and there are 2"),
+        (&["eval", "--maps", "../levels/hal.obj"], "there is ../levels/hall.obj"),
+        (&["train", "run", "--maps", "3,../levels/yard.obj"], "yard.obj` is a file: give only seeds"),
+        (&["act", "--learner", "http://127.0.0.1:1", "--maps", "3"], "`3` is a seed: give only files"),
+    ];
+    for (args, words) in refused {
+        let output = run(args);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(words), "{args:?}: {said}");
+    }
+}
+
+#[test]
 fn exported_models_are_imported_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

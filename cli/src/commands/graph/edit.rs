@@ -5,14 +5,18 @@ use anyhow::{Context, bail};
 use std::path::PathBuf;
 use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::store::GraphStore;
-use surefoot_world::Vec3;
+use surefoot_world::DVec3;
+use surefoot_world::map::LevelFrame;
 
 /// Change a graph by hand, in named layers that outlive rebuilds.
 #[derive(clap::Args)]
-#[command(after_help = "Places are X,Y,Z in metres and refer to the nearest vertex within 3 m.\n\n\
+#[command(after_help = "Places are X,Y,Z in metres on the map, or in the level's own coordinates with --coordinates \
+        level.\n\
+        They refer to the nearest vertex within 3 m.\n\n\
         Examples:\n  \
         surefoot graph edit 2000 --layer night --forbid 31,12,40:45,12,38\n  \
         surefoot graph edit 2000 --layer night --price 31,12,40:45,12,38=4 --add 60,14.5,52\n  \
+        surefoot graph edit level.glb --layer night --coordinates level --forbid -31,12,40:-45,12,38\n  \
         surefoot graph edit 2000 --layer night --undo 1\n  \
         surefoot graph edit 2000 --layer night --export night.json\n  \
         surefoot graph edit 2000 --import night.json")]
@@ -23,23 +27,26 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
     /// Forbid an edge
-    #[arg(long, value_name = "FROM:TO", requires = "layer")]
+    #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true, requires = "layer")]
     forbid: Vec<String>,
     /// Add an edge that takes SECONDS; without a number, the time is estimated from its geometry
-    #[arg(long, value_name = "FROM:TO[=SECONDS]", requires = "layer")]
+    #[arg(long, value_name = "FROM:TO[=SECONDS]", allow_hyphen_values = true, requires = "layer")]
     force: Vec<String>,
     /// Multiply the cost of an edge by FACTOR, 0.1 to 1000
-    #[arg(long, value_name = "FROM:TO=FACTOR", requires = "layer")]
+    #[arg(long, value_name = "FROM:TO=FACTOR", allow_hyphen_values = true, requires = "layer")]
     price: Vec<String>,
     /// Add a vertex
-    #[arg(long, value_name = "AT", requires = "layer")]
+    #[arg(long, value_name = "AT", allow_hyphen_values = true, requires = "layer")]
     add: Vec<String>,
     /// Move a vertex
-    #[arg(long = "move", value_name = "FROM:TO", requires = "layer")]
+    #[arg(long = "move", value_name = "FROM:TO", allow_hyphen_values = true, requires = "layer")]
     moves: Vec<String>,
     /// Remove a vertex
-    #[arg(long, value_name = "AT", requires = "layer")]
+    #[arg(long, value_name = "AT", allow_hyphen_values = true, requires = "layer")]
     remove: Vec<String>,
+    /// Coordinates of the places in these flags: those of the map, or the level's own, as in the tool that made it
+    #[arg(long, default_value = "map", value_name = "NAME")]
+    coordinates: Coordinates,
     /// Undo the last N edits of the layer before adding new ones
     #[arg(long, default_value_t = 0, value_name = "N", requires = "layer")]
     undo: usize,
@@ -51,10 +58,17 @@ pub struct Args {
     import: Option<PathBuf>,
 }
 
+/// Coordinates of places on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Coordinates {
+    Map,
+    Level,
+}
+
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let new_edits = args.new_edits()?;
-    let map = args.target.source.load()?;
-    let level = args.target.level(&map);
+    let context = args.target.context(&args.target.source)?;
+    let (level, frame) = (args.target.level(&context.map), *context.map.frame());
+    let new_edits = args.new_edits(&frame)?;
     {
         let store = args.target.cache.open()?;
         let found = store.layers(&level)?;
@@ -88,60 +102,72 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         for layer in store.layers(&level)?.whole()? {
             println!("layer `{}`: {} edits", layer.name, layer.edits.len());
             for (index, edit) in layer.edits.iter().enumerate() {
-                println!("  {index}: {}", serde_json::to_string(edit)?);
+                println!("  {index}: {}{}", serde_json::to_string(edit)?, in_level(edit, &frame));
             }
         }
     }
-    let loaded = args.target.load(None)?;
-    super::print_unapplied(&loaded.unapplied);
+    let loaded = args.target.load_in(context, None)?;
+    loaded.print_unapplied();
     println!("{} vertices, {} edges with all layers", loaded.graph.vertex_count(), loaded.graph.edge_count());
     Ok(())
 }
 
 impl Args {
-    /// The edits that the flags describe, kind by kind.
-    fn new_edits(&self) -> anyhow::Result<Vec<Edit>> {
+    /// The edits that the flags describe, kind by kind, on a map with this frame.
+    fn new_edits(&self, frame: &LevelFrame) -> anyhow::Result<Vec<Edit>> {
+        let place = |text: &str| {
+            let place = parse_place(text)?;
+            Ok::<_, anyhow::Error>(match self.coordinates {
+                Coordinates::Map => place.as_vec3(),
+                Coordinates::Level => frame.to_map(place),
+            })
+        };
+        let pair = |text: &str| {
+            let (from, to) =
+                text.split_once(':').with_context(|| format!("`{text}` is not two places, expected FROM:TO"))?;
+            Ok::<_, anyhow::Error>((place(from)?, place(to)?))
+        };
         let mut edits = Vec::new();
         for text in &self.forbid {
-            let (from, to) = parse_pair(text)?;
+            let (from, to) = pair(text)?;
             edits.push(Edit::ForbidEdge { from, to });
         }
         for text in &self.force {
-            let (pair, seconds) = split_number(text)?;
-            let (from, to) = parse_pair(pair)?;
+            let (ends, seconds) = split_number(text)?;
+            let (from, to) = pair(ends)?;
             edits.push(Edit::ForceEdge { from, to, seconds });
         }
         for text in &self.price {
-            let (pair, factor) = split_number(text)?;
-            let (from, to) = parse_pair(pair)?;
+            let (ends, factor) = split_number(text)?;
+            let (from, to) = pair(ends)?;
             let factor = factor.with_context(|| format!("`{text}` has no factor, expected FROM:TO=FACTOR"))?;
             edits.push(Edit::PriceEdge { from, to, factor });
         }
         for text in &self.add {
-            edits.push(Edit::AddVertex { at: parse_place(text)? });
+            edits.push(Edit::AddVertex { at: place(text)? });
         }
         for text in &self.moves {
-            let (from, to) = parse_pair(text)?;
+            let (from, to) = pair(text)?;
             edits.push(Edit::MoveVertex { from, to });
         }
         for text in &self.remove {
-            edits.push(Edit::RemoveVertex { at: parse_place(text)? });
+            edits.push(Edit::RemoveVertex { at: place(text)? });
         }
         Ok(edits)
     }
 }
 
-fn parse_place(text: &str) -> anyhow::Result<Vec3> {
-    let numbers: Result<Vec<f32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+fn parse_place(text: &str) -> anyhow::Result<DVec3> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
     match numbers.as_deref() {
-        Ok(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
-        _ => bail!("`{text}` is not a place, expected X,Y,Z in metres"),
+        Ok(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => bail!("`{text}` is not a place, expected X,Y,Z"),
     }
 }
 
-fn parse_pair(text: &str) -> anyhow::Result<(Vec3, Vec3)> {
-    let (from, to) = text.split_once(':').with_context(|| format!("`{text}` is not two places, expected FROM:TO"))?;
-    Ok((parse_place(from)?, parse_place(to)?))
+/// The places of an edit in the level's own coordinates, for people; empty if they are those of the map.
+fn in_level(edit: &Edit, frame: &LevelFrame) -> String {
+    edit.places().into_iter().map(|place| frame.aside(place)).collect()
 }
 
 fn split_number(text: &str) -> anyhow::Result<(&str, Option<f32>)> {

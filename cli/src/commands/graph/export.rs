@@ -84,7 +84,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     match args.format {
         Output::Graph(format) => {
-            let about = About { origin: loaded.origin, body: Some(loaded.context.profile.clone()) };
+            let frame = args.target.source.frame_of(&loaded.context.map);
+            let about = About { frame, body: Some(loaded.context.profile.clone()) };
             args.write(&export_about(&loaded.graph, format, about))
         }
         Output::Links(format) => {
@@ -143,7 +144,8 @@ fn links(args: &Args, loaded: &Loaded) -> (LinkSet, Summary) {
     let shaped = needed.iter().zip(shapes).filter_map(|(&edge, shape)| Some(ShapedEdge { edge, shape: shape? }));
     let shaped: Vec<ShapedEdge<'_>> = shaped.filter(|it| it.shape.driven() >= args.min_driven).collect();
     let max_detour = (!args.all_links).then_some(args.max_detour);
-    let set = LinkSet { origin: loaded.origin, ..LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at) };
+    let frame = args.target.source.frame_of(&context.map);
+    let set = LinkSet { frame, ..LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at) };
     let left_out = needed.len() - shaped.len();
     let summary = Summary { links: set.links.len(), left_out, connected: set.connected };
     (set, summary)

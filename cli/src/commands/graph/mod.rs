@@ -21,7 +21,7 @@ use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Prog
 use surefoot_planner_service::store::DiskStore;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
-use surefoot_world::{Map, Vec3};
+use surefoot_world::Map;
 
 /// Build, show, check, edit and export graphs.
 #[derive(clap::Subcommand)]
@@ -74,8 +74,6 @@ pub struct Target {
 /// A graph with the inputs of its build.
 struct Loaded {
     context: ProbeContext,
-    /// Where the level's own origin lies on the map, m, if that is known.
-    origin: Option<Vec3>,
     /// `None` for a graph that was proved in a game: an id identifies a graph in our own physics.
     id: Option<GraphId>,
     /// With edits applied.
@@ -91,15 +89,14 @@ impl Loaded {
     /// A graph without edits.
     fn of(context: ProbeContext, id: Option<GraphId>, built: Built, cached: bool, retried: Option<u64>) -> Self {
         let Built { graph, stats } = built;
-        Self { context, origin: None, id, graph, stats, cached, unapplied: Vec::new(), retried }
+        Self { context, id, graph, stats, cached, unapplied: Vec::new(), retried }
     }
 }
 
 impl Target {
-    fn context_with_origin(&self) -> anyhow::Result<(ProbeContext, Option<Vec3>)> {
-        let (map, origin) = self.source.load_with_origin()?;
-        let profile = self.body.profile()?;
-        Ok((ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? }, origin))
+    fn context(&self, source: &Source) -> anyhow::Result<ProbeContext> {
+        let (map, profile) = (source.load()?, self.body.profile()?);
+        Ok(ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? })
     }
 
     /// The level that layers belong to: a generated map's spec, or the name of a file, which outlives changes of the
@@ -117,11 +114,14 @@ impl Target {
     /// Takes the graph from the cache or builds it, starting from the graph of an earlier version of the map if one is
     /// given, and applies the level's edits.
     fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
-        let (context, origin) = self.context_with_origin()?;
-        Ok(Loaded { origin, ..self.load_in(context, changed_from)? })
+        let (source, earlier) = match changed_from {
+            Some(earlier) => self.source.versions(earlier).map(|[own, earlier]| (own, Some(earlier)))?,
+            None => (self.source.clone(), None),
+        };
+        self.load_in(self.context(&source)?, earlier.as_ref())
     }
 
-    fn load_in(&self, context: ProbeContext, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
+    fn load_in(&self, context: ProbeContext, changed_from: Option<&Source>) -> anyhow::Result<Loaded> {
         let settings = self.graph.settings()?;
         let store = self.cache.open()?;
         let id = graphs::id_of(&context, &settings);
@@ -136,8 +136,7 @@ impl Target {
         let mut retried = None;
         let (built, cached) = get_or_make(&store, &id, || {
             let Some(earlier) = changed_from else { return build_with_bar(&context, &settings) };
-            let source = Source { map: earlier.to_owned(), ..self.source.clone() };
-            let old = ProbeContext { map: Arc::new(source.load()?), ..context.clone() };
+            let old = ProbeContext { map: Arc::new(earlier.load()?), ..context.clone() };
             let old_id = graphs::id_of(&old, &settings);
             let (graph, _) = get_or_make(&store, &old_id, || build_with_bar(&old, &settings))?;
             let updated = with_bar(|progress| {
@@ -200,8 +199,11 @@ fn with_bar<T: Send, E: std::error::Error + Send + Sync + 'static>(
     Ok(result?)
 }
 
-fn print_unapplied(unapplied: &[Unapplied]) {
-    for unapplied in unapplied {
-        println!("edit {} of layer `{}` is unapplied: {}", unapplied.index, unapplied.layer, unapplied.reason);
+impl Loaded {
+    /// Prints the edits that could not be applied.
+    fn print_unapplied(&self) {
+        for Unapplied { layer, index, reason } in &self.unapplied {
+            println!("edit {index} of layer `{layer}` is unapplied: {}", reason.describe(self.context.map.frame()));
+        }
     }
 }

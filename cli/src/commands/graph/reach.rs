@@ -1,7 +1,7 @@
 //! `surefoot graph reach` and `diff`: reachability as a check.
 
 use super::{Loaded, Target};
-use crate::commands::map::check_scale;
+use crate::commands::map::{Source, check_scale};
 use crate::commands::{core_count, parse_share};
 use crate::terminal::{print_json, with_spinner};
 use anyhow::{Context, bail};
@@ -10,11 +10,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surefoot_planner::NavGraph;
-use surefoot_planner::export::import_json;
-use surefoot_planner::reachability::{Connection, Difference, compare, describe, reached_from_main};
+use surefoot_planner::export::{frame_of, import_json};
+use surefoot_planner::reachability::{Connection, Difference, Island, compare_levels, describe, reached_from_main};
 use surefoot_report::render::Picture;
-use surefoot_world::Vec3;
+use surefoot_world::map::LevelFrame;
 use surefoot_world::reach::{Means, Reach};
+use surefoot_world::{DVec3, Vec3};
 
 /// Find places that no character reaches.
 ///
@@ -44,8 +45,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
     /// Pixels per metre in the picture
-    #[arg(long, default_value_t = 4.0)]
-    scale: f32,
+    #[arg(long, default_value_t = 4.0, value_name = "PIXELS")]
+    pixels_per_m: f32,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -75,6 +76,15 @@ struct Report {
 struct Unreached {
     places: u64,
     at: Vec3,
+    /// The same in the level's own coordinates, if they are not those of the map.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    at_in_level: Option<DVec3>,
+}
+
+impl Unreached {
+    fn describe(&self, frame: &LevelFrame) -> String {
+        format!("not reached: {} places around {}", self.places, frame.describe(self.at))
+    }
 }
 
 #[derive(Serialize)]
@@ -82,17 +92,21 @@ struct Check {
     name: &'static str,
     passed: bool,
     message: String,
+    /// Where to look, if the check has failed: a line for each place.
+    #[serde(skip)]
+    places: Vec<String>,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     let Loaded { context, graph, .. } = &loaded;
-    check_scale(args.scale, &context.map)?;
+    check_scale(args.pixels_per_m, &context.map)?;
     let survey =
         with_spinner("surveying the level", || Reach::survey_far(&context.map, &context.profile, core_count()));
-    let report = args.report(&survey, graph);
+    let frame = context.map.frame();
+    let report = args.report(&survey, graph, frame);
     if let Some(path) = &args.png {
-        draw(&loaded, &survey, args.scale).save(path)?;
+        draw(&loaded, &survey, args.pixels_per_m).save(path)?;
     }
     if let Some(path) = &args.junit {
         std::fs::write(path, junit(&report)).with_context(|| format!("cannot write {}", path.display()))?;
@@ -100,7 +114,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if args.json {
         print_json(&report)?;
     } else {
-        print_report(&report);
+        print_report(&report, frame);
     }
     let failed: Vec<&str> =
         report.checks.iter().filter(|check| !check.passed).map(|check| check.message.as_str()).collect();
@@ -111,7 +125,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    fn report(&self, survey: &Reach, graph: &NavGraph) -> Report {
+    fn report(&self, survey: &Reach, graph: &NavGraph, frame: &LevelFrame) -> Report {
         let regions = survey.regions(|_| true);
         let reached = regions.reachable_from(regions.largest());
         let total = survey.ground.cells().len().max(1) as f64;
@@ -122,13 +136,26 @@ impl Args {
             .iter()
             .copied()
             .map(|means| (means.name().to_owned(), (all - survey.share_by(|other| other != means)).max(0.0)));
-        let graph = describe(graph);
+        let graph = describe(graph).in_level(frame);
+        let unreached = unreached(survey, frame);
+        let lines = |is_listed: &dyn Fn(&Island) -> bool| {
+            let listed = graph.islands.iter().skip(1).filter(|island| is_listed(island)).take(LISTED);
+            listed.map(|island| describe_island(island, frame)).collect()
+        };
+        let mut checks = self.checks(reachable, &graph);
+        for check in checks.iter_mut().filter(|check| !check.passed) {
+            check.places = match check.name {
+                "reachable" => unreached.iter().map(|region| region.describe(frame)).collect(),
+                "traps" => lines(&Island::is_trap),
+                _ => lines(&|_| true),
+            };
+        }
         Report {
             map: self.target.source.map.clone(),
             reachable,
             lost_without: lost_without.filter(|(_, lost)| *lost > 0.0).collect(),
-            unreached: unreached(survey),
-            checks: self.checks(reachable, &graph),
+            unreached,
+            checks,
             graph,
         }
     }
@@ -138,7 +165,7 @@ impl Args {
         if let Some(least) = self.min_reachable {
             let message =
                 format!("{:.2} % of places can be reached, at least {:.2} % must", 100.0 * reachable, 100.0 * least);
-            checks.push(Check { name: "reachable", passed: reachable >= least, message });
+            checks.push(Check::new("reachable", reachable >= least, message));
         }
         if let Some(least) = self.min_connected {
             let connected = graph.connected;
@@ -147,26 +174,33 @@ impl Args {
                 100.0 * connected,
                 100.0 * least
             );
-            checks.push(Check { name: "connected", passed: connected >= least, message });
+            checks.push(Check::new("connected", connected >= least, message));
         }
         if let Some(most) = self.max_traps {
             let traps = graph.islands.iter().filter(|island| island.is_trap()).count();
             let message = format!("{traps} one-way traps, at most {most} allowed");
-            checks.push(Check { name: "traps", passed: traps <= most, message });
+            checks.push(Check::new("traps", traps <= most, message));
         }
         checks
     }
 }
 
+impl Check {
+    fn new(name: &'static str, passed: bool, message: String) -> Self {
+        Self { name, passed, message, places: Vec::new() }
+    }
+}
+
 /// Regions that cannot be reached from the largest one.
-fn unreached(survey: &Reach) -> Vec<Unreached> {
+fn unreached(survey: &Reach, frame: &LevelFrame) -> Vec<Unreached> {
     let regions = survey.regions(|_| true);
     let reached = regions.reachable_from(regions.largest());
     let mut found: BTreeMap<u32, Unreached> = BTreeMap::new();
     for cell in survey.ground.cells() {
         let region = regions.of_island[cell.island as usize];
         if !reached[region as usize] {
-            found.entry(region).or_insert(Unreached { places: 0, at: cell.feet }).places += 1;
+            let begin = || Unreached { places: 0, at: cell.feet, at_in_level: frame.other_place(cell.feet) };
+            found.entry(region).or_insert_with(begin).places += 1;
         }
     }
     let mut found: Vec<Unreached> = found.into_values().filter(|region| region.places >= LISTED_PLACES).collect();
@@ -175,8 +209,17 @@ fn unreached(survey: &Reach) -> Vec<Unreached> {
     found
 }
 
-fn print_report(report: &Report) {
-    let place = |at: Vec3| format!("({:.1}, {:.1}, {:.1})", at.x, at.y, at.z);
+fn describe_island(island: &Island, frame: &LevelFrame) -> String {
+    let kind = match (island.entered, island.left) {
+        (true, false) => "one-way trap",
+        (false, true) => "never entered",
+        (false, false) => "cut off",
+        (true, true) => "joined",
+    };
+    format!("{kind}: {} vertices around {}", island.vertices, frame.describe(island.at))
+}
+
+fn print_report(report: &Report, frame: &LevelFrame) {
     println!(
         "map {}: {:.2} % of all places to stand can be reached, by geometry",
         report.map,
@@ -186,7 +229,7 @@ fn print_report(report: &Report) {
         println!("  without {}: {:.1} % of place pairs are cut off", means.replace('_', " "), 100.0 * lost);
     }
     for region in &report.unreached {
-        println!("  not reached: {} places around {}", region.places, place(region.at));
+        println!("  {}", region.describe(frame));
     }
     let graph = &report.graph;
     println!(
@@ -200,13 +243,7 @@ fn print_report(report: &Report) {
         println!("  without {}: {:.1} % of vertex pairs are cut off", ability.replace('_', " "), 100.0 * lost);
     }
     for island in graph.islands.iter().skip(1).take(LISTED) {
-        let kind = match (island.entered, island.left) {
-            (true, false) => "one-way trap",
-            (false, true) => "never entered",
-            (false, false) => "cut off",
-            (true, true) => "joined",
-        };
-        println!("  {kind}: {} vertices around {}", island.vertices, place(island.at));
+        println!("  {}", describe_island(island, frame));
     }
     for check in &report.checks {
         println!("{} {}: {}", if check.passed { "ok" } else { "FAILED" }, check.name, check.message);
@@ -228,7 +265,8 @@ fn junit(report: &Report) -> String {
         xml += &if check.passed {
             "/>\n".to_owned()
         } else {
-            format!("><failure message=\"{}\"/></testcase>\n", escape(&check.message))
+            let places: String = check.places.iter().map(|place| escape(place) + "\n").collect();
+            format!("><failure message=\"{}\">\n{places}</failure></testcase>\n", escape(&check.message))
         };
     }
     xml + "</testsuite>\n"
@@ -294,20 +332,27 @@ pub struct DiffArgs {
 }
 
 pub fn diff(args: &DiffArgs) -> anyhow::Result<()> {
-    let load = |map: &str| -> anyhow::Result<NavGraph> {
+    let load = |source: &Source| -> anyhow::Result<(NavGraph, Option<LevelFrame>)> {
+        let map = &source.map;
         if Path::new(map).extension().is_some_and(|extension| extension == "json") {
             let text = std::fs::read_to_string(map).with_context(|| format!("cannot read {map}"))?;
-            return import_json(&text).with_context(|| format!("cannot use {map}"));
+            let graph = import_json(&text).with_context(|| format!("cannot use {map}"))?;
+            return Ok((graph, frame_of(&text)));
         }
-        let mut target = args.before.clone();
-        map.clone_into(&mut target.source.map);
-        Ok(target.load(None)?.graph)
+        let target = Target { source: source.clone(), ..args.before.clone() };
+        let Loaded { graph, context, .. } = target.load(None)?;
+        Ok((graph, source.frame_of(&context.map)))
     };
-    let difference = compare(&load(&args.before.source.map)?, &load(&args.after)?);
+    let [before, after] = args.before.source.versions(&args.after)?;
+    let (before, after) = (load(&before)?, load(&after)?);
+    // A version that does not say where its level lies is taken to lie where the other one does.
+    let frame_before = before.1.or(after.1).unwrap_or_default();
+    let frame_after = after.1.unwrap_or(frame_before);
+    let difference = compare_levels((&before.0, &frame_before), (&after.0, &frame_after));
     if args.json {
         print_json(&difference)?;
     } else {
-        print_difference(&difference);
+        print_difference(&difference, [&frame_before, &frame_after]);
     }
     if args.fail_on_loss && !difference.lost.is_empty() {
         bail!("{} places can no longer be reached", difference.lost.len());
@@ -315,7 +360,7 @@ pub fn diff(args: &DiffArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn print_difference(difference: &Difference) {
+fn print_difference(difference: &Difference, [frame_before, frame_after]: [&LevelFrame; 2]) {
     println!(
         "vertex pairs connected: {:.2} % before, {:.2} % after; islands: {} before, {} after",
         100.0 * difference.connected_before,
@@ -323,10 +368,9 @@ fn print_difference(difference: &Difference) {
         difference.islands.0,
         difference.islands.1
     );
-    for (what, places) in [("lost", &difference.lost), ("gained", &difference.gained)] {
+    let lists = [("lost", &difference.lost, frame_before), ("gained", &difference.gained, frame_after)];
+    for (what, places, frame) in lists {
         println!("{what}: {} places", places.len());
-        for at in places.iter().take(LISTED) {
-            println!("  ({:.1}, {:.1}, {:.1})", at.x, at.y, at.z);
-        }
+        places.iter().take(LISTED).for_each(|at| println!("  {}", frame.describe(*at)));
     }
 }

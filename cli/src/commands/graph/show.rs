@@ -36,8 +36,8 @@ pub struct Args {
     #[arg(long, default_value_t = 0, value_name = "N", requires = "png")]
     tracks: usize,
     /// Pixels per metre in the picture
-    #[arg(long, default_value_t = 4.0)]
-    scale: f32,
+    #[arg(long, default_value_t = 4.0, value_name = "PIXELS")]
+    pixels_per_m: f32,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -46,10 +46,10 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(args.changed_from.as_deref())?;
     let Loaded { context, graph, .. } = &loaded;
-    check_scale(args.scale, &context.map)?;
+    check_scale(args.pixels_per_m, &context.map)?;
     if let Some(path) = &args.png {
         let router = Router::new(graph.clone(), DEFAULT_LABEL_LIMIT, core_count());
-        let mut picture = Picture::top_view(&context.map, args.scale);
+        let mut picture = Picture::top_view(&context.map, args.pixels_per_m);
         draw_graph(&mut picture, graph);
         let arrived = draw_tracks(&mut picture, context, &router, args.tracks)?;
         picture.save(path)?;
@@ -104,7 +104,7 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
     if let Some(retried) = retried {
         println!("{retried} candidates were probed again because of changes");
     }
-    super::print_unapplied(unapplied);
+    loaded.print_unapplied();
     Ok(())
 }
 

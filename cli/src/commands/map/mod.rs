@@ -1,20 +1,26 @@
 //! `surefoot map`.
 
+mod import;
+mod levels;
+mod list;
 mod show;
 mod source;
 
+pub use levels::LevelArgs;
+pub use list::{
+    SPLITS, SeedOrFile, file_name, files_only, name_among, parse_maps, parse_maps_or_splits, parse_seeds, parse_specs,
+    seeds_only, spec,
+};
 pub use show::check_scale;
-pub use source::{BodyArg, Generated, Source, file_name, level_files, load_body, load_level};
+pub use source::{BodyArg, Generated, Source, load_body};
 
 use crate::commands::fleet::{BlobsArg, NatsArg};
-use crate::commands::parse_seeds;
 use crate::terminal::{progress_bar, with_spinner};
 use anyhow::{Context, bail};
-use source::{import_level, read};
+use levels::{read, written};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_levels::{ImportOptions, UpAxis};
 use surefoot_policy::Policy;
 use surefoot_world::replay::Recording;
 use surefoot_world::{MapSpec, TICKS_PER_DECISION};
@@ -27,7 +33,7 @@ pub enum Command {
     /// Describe a map, measure how it is connected, or draw it
     Show(show::Args),
     /// Import a level (.glb, .gltf or .obj) as a map
-    Import(ImportArgs),
+    Import(import::Args),
     /// Write a map as .glb for Blender, Godot and other programs
     Export(ExportArgs),
     /// Run NPCs on a map and record their inputs
@@ -43,46 +49,18 @@ pub enum Command {
         surefoot map generate 0..64 --features all --out maps\n  \
         surefoot map generate 0..64 --nats nats://127.0.0.1:4222 --blobs file:///srv/blobs --out maps")]
 pub struct GenerateArgs {
+    /// Seed of the map, or several seeds, such as 0..8 or 3,5
+    #[arg(value_name = "SEEDS")]
+    seeds: String,
     #[command(flatten)]
-    source: Source,
-    /// File to write the map to; of several seeds, such as 0..8 or 3,5: the folder, in which files are named after
-    /// seeds
+    generated: Generated,
+    /// File to write the map to; of several seeds: the folder, in which files are named after seeds
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     #[command(flatten)]
     nats: NatsArg,
     #[command(flatten)]
     blobs: BlobsArg,
-}
-
-/// Import a level as a map.
-#[derive(clap::Args)]
-#[command(
-    after_help = "Nodes named lava*, water*, pad*, zip_line*:from, zip_line*:to, teleporter*:from, teleporter*:to and \
-    jetpack* become\n\
-        features; a sidecar file can list them instead.\n\n\
-        Examples:\n  \
-        surefoot map import level.glb --out level.sfmap\n  \
-        surefoot map import level.obj --up z --scale 0.01 --out level.sfmap"
-)]
-pub struct ImportArgs {
-    /// The level: .glb, .gltf or .obj
-    level: PathBuf,
-    /// File to write the map to
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
-    /// Metres per unit of the level
-    #[arg(long, default_value_t = 1.0)]
-    scale: f32,
-    /// Axis that points up in the level
-    #[arg(long, default_value = "y", value_parser = ["y", "z"])]
-    up: String,
-    /// Do not turn surfaces whose front seems to be on the wrong side
-    #[arg(long)]
-    keep_sides: bool,
-    /// File with a list of features; default: LEVEL.surefoot.json beside the level, if it exists
-    #[arg(long, value_name = "FILE")]
-    sidecar: Option<PathBuf>,
 }
 
 /// Write a map as .glb.
@@ -132,7 +110,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
     match command {
         Command::Generate(args) => generate(args),
         Command::Show(args) => show::run(args),
-        Command::Import(args) => import(args),
+        Command::Import(args) => import::run(args),
         Command::Export(args) => write(&args.out, &surefoot_levels::export_glb(&args.source.load()?)),
         Command::Record(args) => record(args),
         Command::Replay(args) => replay(args),
@@ -140,20 +118,19 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
-    println!("wrote {} ({:.1} MB)", path.display(), bytes.len() as f64 / 1.0e6);
+    println!("{}", written(path, bytes)?);
     Ok(())
 }
 
 fn generate(args: &GenerateArgs) -> anyhow::Result<()> {
     args.nats.check()?;
-    let is_range = args.source.map.contains("..") || args.source.map.contains(',');
-    if let Some(seeds) = is_range.then(|| parse_seeds(&args.source.map).ok()).flatten() {
-        return generate_all(args, &seeds);
+    let seeds = parse_seeds(&args.seeds)?;
+    if let (&[seed], false) = (seeds.as_slice(), args.seeds.contains("..")) {
+        let map = args.generated.generate(seed)?;
+        println!("hash {}", map.hash());
+        return write(&args.out, &surefoot_levels::encode(&map));
     }
-    let map = args.source.load()?;
-    println!("hash {}", map.hash());
-    write(&args.out, &surefoot_levels::encode(&map))
+    generate_all(args, &seeds)
 }
 
 /// Maps that are generated together; their bytes are in memory at the same time.
@@ -162,7 +139,7 @@ const MAPS_AT_A_TIME: usize = 32;
 /// Generates the maps of several seeds into a folder.
 fn generate_all(args: &GenerateArgs, seeds: &[u64]) -> anyhow::Result<()> {
     let specs: anyhow::Result<Vec<MapSpec>> =
-        seeds.iter().map(|&seed| args.source.generated.apply(&MapSpec::new(seed))).collect();
+        seeds.iter().map(|&seed| args.generated.apply(&MapSpec::new(seed))).collect();
     let specs = specs?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
     let bar = progress_bar(specs.len() as u64, "maps");
@@ -208,21 +185,6 @@ fn share(
 fn share(args: &GenerateArgs, _: &[MapSpec], _: &(dyn Fn(usize) + Sync)) -> anyhow::Result<Option<Vec<Vec<u8>>>> {
     let _ = &args.blobs.blobs;
     Ok(None)
-}
-
-fn import(args: &ImportArgs) -> anyhow::Result<()> {
-    let up = if args.up == "z" { UpAxis::Z } else { UpAxis::Y };
-    let imported = import_level(
-        &args.level,
-        args.sidecar.as_deref(),
-        &ImportOptions { scale: args.scale, up, keep_sides: args.keep_sides },
-    )?;
-    let size = imported.map.size();
-    let [x, y, z] = imported.origin.to_array();
-    println!("map of {} x {} x {} m, hash {}", size.width, size.height, size.depth, imported.map.hash());
-    // Plans and graphs are in the map's frame, which begins at 0.
-    println!("the level's origin is at {x} {y} {z} on the map");
-    write(&args.out, &surefoot_levels::encode(&imported.map))
 }
 
 fn record(args: &RecordArgs) -> anyhow::Result<()> {

@@ -1,5 +1,6 @@
 //! `surefoot map show`.
 
+use super::levels::summary;
 use super::source::{BodyArg, Source};
 use crate::commands::core_count;
 use crate::terminal::{print_json, with_spinner};
@@ -7,8 +8,10 @@ use anyhow::bail;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
+use surefoot_levels::role_counts;
 use surefoot_report::render::{self, Picture, View};
 use surefoot_world::Map;
+use surefoot_world::map::MoverKind;
 use surefoot_world::reach::{Means, Reach};
 
 /// Describe a map, measure how it is connected, or draw it.
@@ -43,8 +46,8 @@ pub struct Args {
     #[arg(long)]
     islands: bool,
     /// Pixels per metre in the picture; default: a picture 1,000 pixels wide, but at most 8
-    #[arg(long)]
-    scale: Option<f32>,
+    #[arg(long, value_name = "PIXELS")]
+    pixels_per_m: Option<f32>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -53,7 +56,7 @@ pub struct Args {
 /// Describes or draws a map.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let started = Instant::now();
-    let map = args.source.load()?;
+    let (map, nodes) = args.source.load_with_nodes()?;
     let seconds = started.elapsed().as_secs_f64();
     let profile = args.body.profile()?;
     let reach = (args.stats || args.islands)
@@ -61,8 +64,52 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(path) = &args.png {
         draw(args, &map, reach.as_ref())?.save(path)?;
     }
+    let (devices, movers) = (device_counts(&map), mover_counts(&map));
+    let size = map.size();
+    let mut description = serde_json::json!({
+        "seed": map.spec().map(|spec| spec.seed),
+        "size": { "width": size.width, "height": size.height, "depth": size.depth },
+        "hash": map.hash().to_string(),
+        "triangles": map.mesh().triangles().len(),
+        "memory_mb": map.memory_bytes() as f64 / 1.0e6,
+        "load_s": seconds,
+        "features": devices.into_iter().collect::<BTreeMap<_, _>>(),
+        "movers": movers.iter().copied().collect::<BTreeMap<_, _>>(),
+    });
+    if !nodes.is_empty() {
+        let roles = role_counts(&nodes).into_iter().map(|(role, count)| (role.to_string(), count));
+        description["nodes"] = serde_json::json!(roles.collect::<BTreeMap<_, _>>());
+    }
+    let stats = reach.as_ref().filter(|_| args.stats).map(Stats::of);
+    if let Some(stats) = &stats {
+        stats.add_to(&mut description);
+    }
+    if args.json {
+        return print_json(&description);
+    }
+    println!("map {} ({} x {} x {} m), hash {}", args.source.map, size.width, size.height, size.depth, map.hash());
+    if !nodes.is_empty() {
+        println!("{}", summary(&nodes));
+    }
+    println!(
+        "{} triangles, {:.0} MB, ready in {seconds:.2} s",
+        map.mesh().triangles().len(),
+        map.memory_bytes() as f64 / 1.0e6
+    );
+    let devices = devices.into_iter().map(|(name, count)| (name.replace('_', " "), count));
+    let all = devices.chain(movers.into_iter().map(|(name, count)| (format!("{name}s"), count)));
+    let all: Vec<String> = all.filter(|(_, count)| *count > 0).map(|(name, count)| format!("{count} {name}")).collect();
+    println!("{}", all.join(", "));
+    if let Some(stats) = stats {
+        stats.print();
+    }
+    Ok(())
+}
+
+/// Numbers of the parts of a map that stand still.
+fn device_counts(map: &Map) -> [(&'static str, usize); 9] {
     let placed = map.placed();
-    let counts = [
+    [
         ("plateaus", placed.plateaus.len()),
         ("buildings", placed.buildings.len()),
         ("pools", placed.pools.len()),
@@ -72,45 +119,18 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ("caves", placed.caves.len()),
         ("teleporters", placed.teleporters.len()),
         ("jetpacks", placed.jetpacks.len()),
-    ];
-    let size = map.size();
-    let mut description = serde_json::json!({
-        "seed": map.spec().map(|spec| spec.seed),
-        "size": { "width": size.width, "height": size.height, "depth": size.depth },
-        "hash": map.hash().to_string(),
-        "triangles": map.mesh().triangles().len(),
-        "memory_mb": map.memory_bytes() as f64 / 1.0e6,
-        "load_s": seconds,
-        "features": counts.into_iter().collect::<BTreeMap<_, _>>(),
-    });
-    let stats = reach.as_ref().filter(|_| args.stats).map(Stats::of);
-    if let Some(stats) = &stats {
-        stats.add_to(&mut description);
-    }
-    if args.json {
-        return print_json(&description);
-    }
-    println!("map {} ({} x {} x {} m), hash {}", args.source.map, size.width, size.height, size.depth, map.hash());
-    println!(
-        "{} triangles, {:.0} MB, ready in {seconds:.2} s",
-        map.mesh().triangles().len(),
-        map.memory_bytes() as f64 / 1.0e6
-    );
-    let counts: Vec<String> = counts
-        .into_iter()
-        .filter(|(_, count)| *count > 0)
-        .map(|(name, count)| format!("{count} {}", name.replace('_', " ")))
-        .collect();
-    println!("{}", counts.join(", "));
-    if let Some(stats) = stats {
-        stats.print();
-    }
-    Ok(())
+    ]
+}
+
+/// Numbers of the movers of each kind.
+fn mover_counts(map: &Map) -> Vec<(&'static str, usize)> {
+    let count = |kind: MoverKind| map.movers().iter().filter(|it| it.kind == kind).count();
+    MoverKind::ALL.iter().map(|&kind| (kind.name(), count(kind))).collect()
 }
 
 fn draw(args: &Args, map: &Map, reach: Option<&Reach>) -> anyhow::Result<Picture> {
     let side = map.extent().x.max(map.extent().z);
-    let scale = args.scale.unwrap_or((1000.0 / side).min(8.0));
+    let scale = args.pixels_per_m.unwrap_or((1000.0 / side).min(8.0));
     check_scale(scale, map)?;
     let view = match args.section {
         Some(y) if !(0.0..=map.extent().y).contains(&y) => {
@@ -134,7 +154,7 @@ fn draw(args: &Args, map: &Map, reach: Option<&Reach>) -> anyhow::Result<Picture
 pub fn check_scale(scale: f32, map: &Map) -> anyhow::Result<()> {
     let side = map.extent().x.max(map.extent().z);
     if !(0.1..=16.0).contains(&scale) || scale * side > 8192.0 {
-        bail!("--scale is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
+        bail!("--pixels-per-m is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
     }
     Ok(())
 }

@@ -1,14 +1,17 @@
 //! Which map and which body a command works on: the flags, and loading.
 
+use super::levels::LevelArgs;
+use super::list::SeedOrFile;
 use crate::commands::core_count;
-use crate::terminal::{progress_bar, with_spinner};
+use crate::terminal::progress_bar;
 use anyhow::{Context, bail};
 use std::path::Path;
 use surefoot_generate::Stage;
-use surefoot_levels::{ImportOptions, Imported, UpAxis};
+use surefoot_levels::NodeReport;
+use surefoot_net::levels::folder::is_level;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
-use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3};
+use surefoot_world::map::{Features, LevelFrame, MapKind, MapSize, MoverDensities};
+use surefoot_world::{CharacterProfile, Map, MapSpec};
 
 /// Selects a map.
 #[derive(clap::Args, Clone)]
@@ -19,6 +22,9 @@ pub struct Source {
     /// Settings of a generated map.
     #[command(flatten)]
     pub generated: Generated,
+    /// How a level is read.
+    #[command(flatten)]
+    pub levels: LevelArgs,
 }
 
 /// The body of the characters.
@@ -84,89 +90,62 @@ impl Generated {
         });
         Ok(changed?)
     }
-}
 
-/// The files of a list of maps, if it names files and not seeds.
-pub fn level_files(maps: &str) -> Option<Vec<&Path>> {
-    let is_seed = |word: &str| word.parse::<u64>().is_ok();
-    let is_range = |word: &str| word.split_once("..").is_some_and(|(first, last)| is_seed(first) && is_seed(last));
-    let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !is_range(word);
-    maps.split(',').any(is_file).then(|| maps.split(',').map(Path::new).collect())
-}
-
-/// Name of a level's file, without folders.
-pub fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-}
-
-/// Loads a saved map, or imports a level without scaling it.
-pub fn load_level(path: &Path) -> anyhow::Result<Map> {
-    Ok(load_with_origin(path)?.0)
-}
-
-/// Loads a saved map, or imports a level as it is, with the place where the level's own origin lies on the map, m.
-/// Saved maps that were imported do not say it.
-fn load_with_origin(path: &Path) -> anyhow::Result<(Map, Option<Vec3>)> {
-    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    if matches!(extension.as_deref(), Some("glb" | "gltf" | "obj")) {
-        let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
-        let imported = import_level(path, None, &options)?;
-        return Ok((imported.map, Some(imported.origin)));
-    }
-    let map = surefoot_levels::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?;
-    let origin = map.spec().map(|_| Vec3::ZERO);
-    Ok((map, origin))
-}
-
-/// Imports a level with a sidecar file, or the one beside it, and prints warnings.
-pub(super) fn import_level(level: &Path, sidecar: Option<&Path>, options: &ImportOptions) -> anyhow::Result<Imported> {
-    let bytes = read(level)?;
-    let beside = level.with_extension("surefoot.json");
-    let sidecar = match sidecar {
-        Some(path) => Some(path.to_owned()),
-        None => beside.exists().then_some(beside),
-    };
-    let sidecar = sidecar
-        .map(|path| std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())))
-        .transpose()?;
-    let extension = level.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    let import = match extension.as_deref() {
-        Some("glb" | "gltf") => surefoot_levels::import_gltf,
-        Some("obj") => surefoot_levels::import_obj,
-        _ => bail!("{} is not a .glb, .gltf or .obj file", level.display()),
-    };
-    let imported = with_spinner("importing the level", || import(&bytes, sidecar.as_deref(), options))
-        .with_context(|| format!("cannot import {}", level.display()))?;
-    for warning in &imported.warnings {
-        eprintln!("warning: {warning}");
-    }
-    Ok(imported)
-}
-
-impl Source {
-    /// Generates or loads the map.
-    pub fn load(&self) -> anyhow::Result<Map> {
-        Ok(self.load_with_origin()?.0)
-    }
-
-    /// Loads the map, with the place where the level's own origin lies on it, m, if that is known.
-    pub fn load_with_origin(&self) -> anyhow::Result<(Map, Option<Vec3>)> {
-        let Ok(seed) = self.map.parse::<u64>() else {
-            return load_with_origin(Path::new(&self.map))
-                .with_context(|| format!("`{}` is neither a seed nor a file that can be used", self.map));
-        };
-        let spec = self.generated.apply(&MapSpec::new(seed))?;
+    /// Generates a map.
+    pub(super) fn generate(&self, seed: u64) -> anyhow::Result<Map> {
+        let spec = self.apply(&MapSpec::new(seed))?;
         let bar = progress_bar(Stage::ALL.len() as u64 - 1, "map");
         let map = surefoot_generate::generate_with(&spec, core_count(), |stage| {
             bar.set_position(Stage::ALL.iter().position(|&other| other == stage).unwrap_or(0) as u64);
             bar.set_message(stage.name());
         });
         bar.finish_and_clear();
-        Ok((map, Some(Vec3::ZERO)))
+        Ok(map)
     }
 }
 
-/// Reads a file.
-pub(super) fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
-    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+impl Source {
+    /// Generates or loads the map.
+    pub fn load(&self) -> anyhow::Result<Map> {
+        match self.choice()? {
+            SeedOrFile::Seed(seed) => self.generated.generate(seed),
+            SeedOrFile::File(file) => self.levels.load(&file),
+        }
+    }
+
+    /// Generates or loads the map, with the nodes of its level.
+    pub(super) fn load_with_nodes(&self) -> anyhow::Result<(Map, Vec<NodeReport>)> {
+        match self.choice()? {
+            SeedOrFile::Seed(seed) => Ok((self.generated.generate(seed)?, Vec::new())),
+            SeedOrFile::File(file) => self.levels.load_with_nodes(&file),
+        }
+    }
+
+    /// How the coordinates of the level that `map` was made from relate to the map's, if that is known.
+    pub fn frame_of(&self, map: &Map) -> Option<LevelFrame> {
+        // Maps that earlier versions saved do not have it.
+        let is_known = self.is_level() || map.spec().is_some() || !map.frame().is_map();
+        is_known.then(|| *map.frame())
+    }
+
+    /// This map and another version of it. The flags for levels apply to those of the two that are levels.
+    pub fn versions(&self, other: &str) -> anyhow::Result<[Self; 2]> {
+        let mut both = [self.map.as_str(), other].map(|map| Self { map: map.to_owned(), ..self.clone() });
+        let has_level = both.iter().any(Self::is_level);
+        let checked = both.iter().filter(|it| it.is_level() || !has_level);
+        self.levels.check(&checked.map(|it| SeedOrFile::File(it.map.clone().into())).collect::<Vec<_>>())?;
+        both.iter_mut().filter(|it| !it.is_level()).for_each(|it| it.levels = LevelArgs::default());
+        Ok(both)
+    }
+
+    /// The map, after a check that each flag has an effect on it.
+    fn choice(&self) -> anyhow::Result<SeedOrFile> {
+        let choice = SeedOrFile::parse(&self.map)?;
+        self.levels.check(std::slice::from_ref(&choice))?;
+        Ok(choice)
+    }
+
+    fn is_level(&self) -> bool {
+        is_level(Path::new(&self.map))
+    }
 }

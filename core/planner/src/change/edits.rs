@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use surefoot_world::character::MoveScratch;
+use surefoot_world::map::LevelFrame;
 use surefoot_world::{Seconds, Vec3, navigable};
 
 /// Greatest distance of a vertex from the position by which an edit refers to it, m.
@@ -156,7 +157,8 @@ impl Edit {
         matches!(self, Edit::AddVertex { .. } | Edit::MoveVertex { .. })
     }
 
-    fn places(&self) -> Vec<Vec3> {
+    /// The positions that the edit refers to, m.
+    pub fn places(&self) -> Vec<Vec3> {
         match *self {
             Edit::ForbidEdge { from, to }
             | Edit::ForceEdge { from, to, .. }
@@ -185,6 +187,16 @@ pub enum UnappliedReason {
     /// The character cannot stand near this position.
     #[error("the character cannot stand within {STAND_M} m of ({:.1}, {:.1}, {:.1})", .0.x, .0.y, .0.z)]
     NoGround(Vec3),
+}
+
+impl UnappliedReason {
+    /// The reason for people, with places in the coordinates of a level with this frame too.
+    pub fn describe(&self, frame: &LevelFrame) -> String {
+        match self {
+            Self::NoVertex(at) | Self::NoGround(at) => format!("{self}{}", frame.aside(*at)),
+            Self::OneVertex | Self::NoEdge(_) | Self::TooLong(_) => self.to_string(),
+        }
+    }
 }
 
 /// An edit that could not be applied.

@@ -11,7 +11,8 @@ use crate::legs::LegModel;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Write};
 use strum::VariantArray;
-use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
+use surefoot_world::map::{LevelFrame, UpAxis};
+use surefoot_world::{CharacterProfile, DECISION_SECONDS, DVec3, Vec3};
 
 /// File format of an exported graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::VariantArray, strum::IntoStaticStr)]
@@ -36,8 +37,8 @@ impl Format {
 /// Facts about a graph that its file has besides the graph.
 #[derive(Debug, Clone, Default)]
 pub struct About {
-    /// Position of the level's own origin on the map, m, if known.
-    pub origin: Option<Vec3>,
+    /// How the level's own coordinates relate to the map's, if known.
+    pub frame: Option<LevelFrame>,
     /// The body for which the graph was proved.
     pub body: Option<CharacterProfile>,
 }
@@ -104,6 +105,51 @@ pub fn body_of(text: &str) -> Option<CharacterProfile> {
     serde_json::from_str::<File>(text).ok().map(|file| file.graph.body)
 }
 
+/// Reads how the coordinates of a graph's level relate to its map's from JSON that [`export_about`] wrote, if it says
+/// so.
+pub fn frame_of(text: &str) -> Option<LevelFrame> {
+    #[derive(Deserialize)]
+    struct File {
+        graph: FrameFields,
+    }
+    serde_json::from_str::<File>(text).ok()?.graph.frame()
+}
+
+/// The frame of a level in files. `P` is a point.
+#[derive(Serialize, Deserialize)]
+struct FrameFields<P = [f64; 3]> {
+    /// Position of the level's own origin on the map, m; absent if the frame is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    origin: Option<P>,
+    /// Metres per unit of the level; absent: 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale: Option<f64>,
+    /// Upright axis of the level, "z"; absent: y.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    up: Option<String>,
+}
+
+impl<P> FrameFields<P> {
+    fn of(frame: Option<LevelFrame>, point: impl Fn(DVec3) -> P) -> Self {
+        Self {
+            origin: frame.map(|frame| point(frame.origin)),
+            scale: frame.map(|frame| frame.scale).filter(|scale| *scale != 1.0),
+            up: frame.filter(|frame| frame.up == UpAxis::Z).map(|_| "z".to_owned()),
+        }
+    }
+}
+
+impl FrameFields {
+    fn frame(&self) -> Option<LevelFrame> {
+        let up = match self.up.as_deref() {
+            None | Some("y") => UpAxis::Y,
+            Some("z") => UpAxis::Z,
+            Some(_) => return None,
+        };
+        Some(LevelFrame { origin: DVec3::from_array(self.origin?), scale: self.scale.unwrap_or(1.0), up })
+    }
+}
+
 #[derive(Serialize, Deserialize)]
 struct NodeLink {
     directed: bool,
@@ -116,9 +162,8 @@ struct NodeLink {
 #[derive(Serialize, Deserialize)]
 struct GraphFields {
     units: String,
-    /// Position of the level's own origin on the map, m.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    origin: Option<[f32; 3]>,
+    #[serde(flatten)]
+    frame: FrameFields,
     legs: LegModel,
     /// The body for which the graph was proved.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -166,7 +211,7 @@ impl NodeLink {
             multigraph: false,
             graph: GraphFields {
                 units: "metres, seconds, y up, right-handed".to_owned(),
-                origin: about.origin.map(|origin| origin.to_array()),
+                frame: FrameFields::of(about.frame, |origin| origin.to_array()),
                 legs: *graph.legs(),
                 body: about.body,
             },

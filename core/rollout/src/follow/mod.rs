@@ -22,6 +22,13 @@ use surefoot_world::{Ability, CharacterProfile, End, Map, MoverAt, Vec3};
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
 
+/// How far a goal moves before the NPC heads for its new place, and before another plan is made: in metres, and as a
+/// share of the NPC's distance from it.
+const AIM_M: f32 = 0.5;
+const AIM_SHARE: f32 = 0.15;
+const DRIFT_M: f32 = 1.0;
+const DRIFT_SHARE: f32 = 0.25;
+
 /// Constants of plan following.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FollowConfig {
@@ -121,6 +128,8 @@ impl Approach {
 pub struct Follower {
     config: FollowConfig,
     goal: Vec3,
+    /// The goal for which the plan was made, m.
+    planned_goal: Vec3,
     plan: Option<Plan>,
     /// Index of the current leg in the plan.
     leg: usize,
@@ -143,6 +152,7 @@ impl Follower {
         Self {
             config,
             goal,
+            planned_goal: goal,
             plan: None,
             leg: 0,
             to_waypoint: Approach::NONE,
@@ -198,13 +208,50 @@ impl Follower {
     }
 
     /// Starts to follow a plan and returns its first waypoint, m.
-    pub fn take_plan(&mut self, plan: Plan) -> Vec3 {
+    pub fn take_plan(&mut self, mut plan: Plan) -> Vec3 {
+        self.planned_goal = self.goal;
+        if let Some(last) = plan.waypoints.last_mut().filter(|_| plan.nearest.is_none()) {
+            // The goal may have moved since the plan was requested.
+            self.planned_goal = std::mem::replace(last, self.goal);
+        }
         let first = plan.waypoints[0];
         self.plan = Some(plan);
         self.plans = self.plans.saturating_add(1);
         self.free_until = 0;
         self.start_leg(0);
         first
+    }
+
+    /// The goal, m.
+    pub fn goal(&self) -> Vec3 {
+        self.goal
+    }
+
+    /// Moves the goal of an NPC at `feet`, m. The plan stays, and its last leg leads to the new goal. Returns the
+    /// waypoint, m, if it has changed; small changes wait until they matter, or until the NPC `has_arrived`.
+    pub fn move_goal(&mut self, goal: Vec3, feet: Vec3, has_arrived: bool) -> Option<Vec3> {
+        if goal != self.goal {
+            self.goal = goal;
+            self.to_goal = Approach::NONE;
+        }
+        let plan = self.plan.as_mut().filter(|plan| plan.nearest.is_none())?;
+        let last = plan.waypoints.last_mut()?;
+        let slack = if has_arrived { 0.0 } else { AIM_M.max(AIM_SHARE * feet.distance(goal)) };
+        if last.distance(goal) <= slack {
+            return None;
+        }
+        *last = goal;
+        if !self.is_last_leg() {
+            return None;
+        }
+        self.to_waypoint = Approach::NONE;
+        Some(goal)
+    }
+
+    /// Whether the goal has moved so far since the plan was made that an NPC at `feet`, m, needs another.
+    pub fn has_goal_drifted(&self, feet: Vec3) -> bool {
+        let slack = DRIFT_M.max(DRIFT_SHARE * feet.distance(self.goal));
+        self.plan.is_some() && self.planned_goal.distance(self.goal) > slack
     }
 
     /// Drops the plan because its graph has changed; the leg does not count as failed.

@@ -2,6 +2,7 @@
 
 use super::device::Device;
 use super::features::{Liquid, Placed};
+use super::frame::LevelFrame;
 use super::hash::MapHash;
 use super::mover::Mover;
 use super::piece::Piece;
@@ -19,6 +20,7 @@ use std::sync::Arc;
 pub struct CollisionMap {
     pub(super) spec: Option<MapSpec>,
     pub(super) size: MapSize,
+    pub(super) frame: LevelFrame,
     pub(super) mesh: Mesh,
     pub(super) placed: Placed,
     pub(super) zones: Zones,
@@ -39,6 +41,7 @@ impl CollisionMap {
         Self {
             spec,
             size,
+            frame: LevelFrame::default(),
             mesh: Mesh::new(triangles, extent),
             zones: Zones::new(extent, &placed),
             movers: Arc::default(),
@@ -78,6 +81,11 @@ impl CollisionMap {
     /// Extent in whole metres.
     pub fn size(&self) -> MapSize {
         self.size
+    }
+
+    /// How the coordinates of the level that this map was made from relate to the map's.
+    pub fn frame(&self) -> &LevelFrame {
+        &self.frame
     }
 
     /// The collision and sensing geometry.

@@ -7,6 +7,7 @@ mod block;
 mod collision;
 mod device;
 pub mod features;
+mod frame;
 mod hash;
 pub mod mover;
 pub mod piece;
@@ -22,6 +23,7 @@ pub use features::{
     Building, CATCH_HEIGHT_M, Cave, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau, Pool, Ravine,
     Teleporter, ZipLine,
 };
+pub use frame::{LevelFrame, UpAxis};
 pub use hash::MapHash;
 pub use mover::{Mover, MoverError, MoverKind, MoverStop};
 pub use piece::{Piece, PieceError, PieceShape};
@@ -55,6 +57,13 @@ impl Map {
     /// discs of devices are added here.
     pub fn from_parts(size: MapSize, triangles: Vec<Triangle>, placed: Placed) -> Self {
         Self::new(CollisionMap::from_solids(None, size, triangles, placed))
+    }
+
+    /// Notes how the coordinates of the level that this map was made from relate to the map's.
+    #[must_use]
+    pub fn with_frame(mut self, frame: LevelFrame) -> Self {
+        self.collision.frame = frame;
+        self
     }
 
     /// Adds movers to a map that has none.

@@ -12,12 +12,20 @@ destroy!(sf_follower_destroy Handle<Follower>);
 
 export! {
     fn sf_follower_create(goal: abi::Vec3, follower: *mut *mut Handle<Follower>) {
-        hand_out(follower, "follower", Mutex::new(Follower::new(goal.checked("goal")?)))
+        hand_out(follower, "follower", Mutex::new(Follower::new(goal, None)?))
+    }
+
+    fn sf_follower_create_on(
+        graph: *const Shared<Graph>,
+        goal: abi::Vec3,
+        follower: *mut *mut Handle<Follower>,
+    ) {
+        let frame = view(graph)?.frame_of_places().copied();
+        hand_out(follower, "follower", Mutex::new(Follower::new(goal, frame)?))
     }
 
     fn sf_follower_advance(follower: *mut Handle<Follower>, feet: abi::Vec3, reached: i32, step: *mut abi::Step) {
-        let feet = feet.checked("feet")?;
-        let found = lock(reference(follower, "follower")?, "follower")?.advance(feet, reached != 0);
+        let found = lock(reference(follower, "follower")?, "follower")?.advance(feet, reached != 0)?;
         write_growing(step, "step", found)
     }
 
@@ -29,7 +37,7 @@ export! {
         without: u32,
         step: *mut abi::Step,
     ) {
-        let (feet, caution, without) = (feet.checked("feet")?, checked_caution(caution)?, abilities(without)?);
+        let (caution, without) = (checked_caution(caution)?, abilities(without)?);
         let graph = view(graph)?;
         let found = lock(reference(follower, "follower")?, "follower")?.plan(&graph, feet, caution, without)?;
         write_growing(step, "step", found)

@@ -33,13 +33,22 @@ export! {
 
     fn sf_graph_vertices(graph: *const Shared<Graph>, vertices: *mut abi::Vec3, capacity: usize, count: *mut usize) {
         let shared = view(graph)?;
-        let graph = shared.graph();
-        let places: Vec<abi::Vec3> = graph.vertices().map(|vertex| graph.position(vertex).into()).collect();
+        let (graph, frame) = (shared.graph(), shared.frame_of_places());
+        let place = |vertex| abi::Vec3::of_map(graph.position(vertex), frame);
+        let places: Vec<abi::Vec3> = graph.vertices().map(place).collect();
         fill(vertices, capacity, count, "vertices", &places)
     }
 
     fn sf_graph_edges(graph: *const Shared<Graph>, edges: *mut abi::Edge, capacity: usize, count: *mut usize) {
         fill(edges, capacity, count, "edges", &view(graph)?.edges())
+    }
+
+    fn sf_graph_frame(graph: *const Shared<Graph>, frame: *mut abi::Frame) {
+        write(frame, "frame", view(graph)?.frame()?.into())
+    }
+
+    fn sf_graph_set_coordinates(graph: *mut Shared<Graph>, coordinates: i32) {
+        change(graph)?.set_coordinates(coordinates)
     }
 
     fn sf_graph_set_edge_open(graph: *mut Shared<Graph>, from: u32, to: u32, is_open: i32) {
@@ -69,8 +78,8 @@ export! {
         count: *mut usize,
         plan: *mut abi::Plan,
     ) {
-        let query = read_query(query)?;
-        let found = view(graph)?.find(&query);
+        let graph = view(graph)?;
+        let found = graph.find(&read_query(query, &graph)?);
         if !plan.is_null() {
             write(plan, "plan", graphs::summary(&found, 0))?;
         }
@@ -79,7 +88,7 @@ export! {
         if found.legs.len() > room.len() {
             return Err(too_many_legs(capacity, found.legs.len()));
         }
-        room.iter_mut().zip(graphs::legs(&found)).for_each(|(to, leg)| *to = leg);
+        room.iter_mut().zip(graphs::legs(&found, graph.frame_of_places())).for_each(|(to, leg)| *to = leg);
         Ok(())
     }
 
@@ -93,17 +102,18 @@ export! {
         leg_capacity: usize,
         leg_count: *mut usize,
     ) {
-        let query = read_query(query)?;
+        let graph = view(graph)?;
+        let query = read_query(query, &graph)?;
         if !(1..=MAX_PLANS).contains(&plan_capacity) {
             return Err(Fault::argument(format!("plan_capacity is {plan_capacity}, but must be 1 to {MAX_PLANS}")));
         }
-        let found = view(graph)?.find_several(&query, plan_capacity);
+        let found = graph.find_several(&query, plan_capacity);
         let mut all = Vec::new();
         let summaries: Vec<abi::Plan> = found
             .iter()
             .map(|plan| {
                 let first_leg = all.len();
-                all.extend(graphs::legs(plan));
+                all.extend(graphs::legs(plan, graph.frame_of_places()));
                 graphs::summary(plan, first_leg)
             })
             .collect();
@@ -138,10 +148,10 @@ unsafe fn change<'a>(graph: *mut Shared<Graph>) -> Result<RwLockWriteGuard<'a, G
 
 /// # Safety
 /// As for [`growing`], and `avoid` of the query as for [`slice`].
-unsafe fn read_query(query: *const abi::Query) -> Result<Query, Fault> {
+unsafe fn read_query(query: *const abi::Query, graph: &Graph) -> Result<Query, Fault> {
     // SAFETY: passed on.
     unsafe {
         let query = growing(query, "query")?;
-        graphs::query(&query, slice(query.avoid, query.avoid_count as usize, "query.avoid")?)
+        graph.query(&query, slice(query.avoid, query.avoid_count as usize, "query.avoid")?)
     }
 }

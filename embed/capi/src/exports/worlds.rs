@@ -22,7 +22,22 @@ export! {
     fn sf_map_extent(map: *const Map, extent: *mut abi::Vec3, origin: *mut abi::Vec3) {
         let map = reference(map, "map")?;
         write(extent, "extent", map.extent().into())?;
-        write(origin, "origin", map.origin.into())
+        write(origin, "origin", map.frame().origin.as_vec3().into())
+    }
+
+    fn sf_map_frame(map: *const Map, frame: *mut abi::Frame) {
+        write(frame, "frame", reference(map, "map")?.frame().into())
+    }
+
+    fn sf_frame_to_map(frame: *const abi::Frame, place: abi::Place, on_map: *mut abi::Vec3) {
+        let frame = reference(frame, "frame")?.checked()?;
+        let found = abi::Vec3::from(frame.to_map(place.checked("place")?));
+        write(on_map, "on_map", found.checked("place, on the map,")?.into())
+    }
+
+    fn sf_frame_to_level(frame: *const abi::Frame, place: abi::Vec3, in_level: *mut abi::Place) {
+        let frame = reference(frame, "frame")?.checked()?;
+        write(in_level, "in_level", frame.to_level(place.checked("place")?).into())
     }
 
     fn sf_map_devices(map: *const Map, devices: *mut abi::Device, capacity: usize, count: *mut usize) {

@@ -8,11 +8,11 @@ use surefoot::exports::*;
 use surefoot::{Agents, Graph, Map as LevelMap, Policy, World};
 use surefoot_levels::encode;
 use surefoot_planner::evidence::{Evidence, TryEnd};
-use surefoot_planner::export::{Format, export};
+use surefoot_planner::export::{About, Format, export_about};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::{Edge, EdgeKey, NavGraph};
-use surefoot_world::map::MapSize;
+use surefoot_world::map::{LevelFrame, MapSize};
 use surefoot_world::{Ability, Map, MapSpec, RawMapSpec};
 
 /// Makes a call that must succeed.
@@ -104,6 +104,11 @@ pub fn at(x: f32, z: f32) -> Vec3 {
 /// 4 === 5 === 6 === 7     by jump pads
 /// ```
 pub fn graph_text() -> String {
+    graph_text_of(None)
+}
+
+/// This graph, for a level with this frame.
+pub fn graph_text_of(frame: Option<LevelFrame>) -> String {
     let place = |idx: u32| surefoot_world::Vec3::new((idx % 4) as f32 * 30.0, 0.0, (idx / 4) as f32 * 40.0);
     let mut edges = Vec::new();
     let ways = [(0, 1), (1, 2), (2, 3), (0, 4), (4, 5), (5, 6), (6, 7), (7, 3)];
@@ -118,11 +123,15 @@ pub fn graph_text() -> String {
     }
     let data = GraphData { vertices: (0..8).map(place).collect(), edges, legs: LegModel::default() };
     let graph = NavGraph::check(data).expect("a sound graph");
-    export(&graph, Format::Json)
+    export_about(&graph, Format::Json, About { frame, body: None })
 }
 
 /// That graph.
 pub fn graph() -> *mut Shared<Graph> {
-    let text = graph_text();
+    load_graph(&graph_text())
+}
+
+/// A graph in a file.
+pub fn load_graph(text: &str) -> *mut Shared<Graph> {
     handle(|out, error| unsafe { sf_graph_load_memory(text.as_ptr().cast::<c_void>(), text.len(), out, error) })
 }

@@ -5,7 +5,7 @@ use bevy_math::Vec3;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
-use surefoot_levels::{ImportOptions, UpAxis};
+use surefoot_levels::{ImportOptions, NoFiles};
 use surefoot_world::Map;
 use surefoot_world::mesh::Surface;
 
@@ -47,17 +47,19 @@ impl SurefootLevel {
     /// Says what is wrong with the file.
     pub fn from_bytes(bytes: &[u8], format: LevelFormat) -> Result<Self, SurefootError> {
         let rejected = |error: &dyn Error| SurefootError::Level(chain(error));
-        let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
+        let options = ImportOptions::default();
         let imported = match format {
             LevelFormat::Map => {
                 let map = surefoot_levels::decode(bytes).map_err(|error| rejected(&error))?;
-                return Ok(Self { map: Arc::new(map), origin: Vec3::ZERO });
+                let origin = map.frame().origin.as_vec3();
+                return Ok(Self { map: Arc::new(map), origin });
             }
-            LevelFormat::Gltf => surefoot_levels::import_gltf(bytes, None, &options),
+            LevelFormat::Gltf => surefoot_levels::import_gltf(bytes, None, &options, &NoFiles),
             LevelFormat::Obj => surefoot_levels::import_obj(bytes, None, &options),
         };
         let imported = imported.map_err(|error| rejected(&error))?;
-        Ok(Self { map: Arc::new(imported.map), origin: imported.origin })
+        let origin = imported.map.frame().origin.as_vec3();
+        Ok(Self { map: Arc::new(imported.map), origin })
     }
 
     /// Reads a level's file, whose format its name tells.

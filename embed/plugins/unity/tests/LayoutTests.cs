@@ -13,6 +13,8 @@ namespace Surefoot.Tests
         {
             ["sf_error"] = "NativeError",
             ["sf_vec3"] = "Vec3",
+            ["sf_place"] = "LevelPlace",
+            ["sf_frame"] = "LevelFrame",
             ["sf_ray"] = "SightRay",
             ["sf_hit"] = "SightHit",
             ["sf_action"] = "AgentAction",
@@ -33,7 +35,7 @@ namespace Surefoot.Tests
             ["sf_outcome"] = "Outcome",
         };
 
-        private static readonly string[] Prefixes = { "SF_SURFACE_", "SF_STEP_", "SF_" };
+        private static readonly string[] Prefixes = { "SF_SURFACE_", "SF_STEP_", "SF_COORDINATES_", "SF_" };
 
         /// <summary>The file has lines `size STRUCT BYTES`, `offset STRUCT FIELD BYTES` and `constant NAME VALUE`.</summary>
         internal static void AreThoseOfTheHeader(string path)

@@ -1,7 +1,7 @@
 // All that the page knows and can do. The panels show it and the view draws it; neither is needed for it to work.
 
 import { batch, computed, effect, signal, untracked } from '@preact/signals'
-import type { Viewport } from '../view/viewport.types'
+import type { Box, Viewport } from '../view/viewport.types'
 import { Builds } from './build/builds'
 import type { Context } from './context'
 import { keepOpening } from './opening'
@@ -10,6 +10,7 @@ import { Graphs } from './graph/graphs'
 import { Probes } from './graph/probes'
 import { legKey } from './plan/alternatives'
 import { Plans } from './plan/plans'
+import { importAgain } from './reimport'
 import { Tour, type TourFacts } from './tour'
 import type { ViewLink } from './view-link'
 import { ViewSettings } from './view-settings'
@@ -19,9 +20,10 @@ import { Live } from './world/live'
 import { Marks } from './world/marks'
 import { Movers } from './world/movers'
 import { Npcs } from './world/npcs'
-import { type Box, Pieces } from './world/pieces'
+import { Pieces } from './world/pieces'
 import { Recorder } from './world/recorder'
 import { Replays } from './world/replays'
+import { boxOnMap } from './world/report'
 import { Surveys } from './world/surveys'
 import { npcAfter } from './world/under-way'
 import { type Site, Worlds } from './world/worlds'
@@ -33,7 +35,10 @@ export type Tool =
 /** Tools that change the graph. */
 export const EDIT_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['forbid', 'add', 'move', 'remove', 'force'])
 
-export type Tab = 'map' | 'npcs' | 'graph' | 'plan' | 'layers' | 'build'
+export type Tab = 'map' | 'report' | 'npcs' | 'graph' | 'plan' | 'layers' | 'build'
+
+/** A level is imported again once its sidecar has not changed for so long, ms. */
+const SETTLED_MS = 500
 
 export class Studio {
   readonly worlds: Worlds
@@ -75,6 +80,18 @@ export class Studio {
     const [world, laid] = [this.worlds.chosen.value, this.pieces.laid.value]
     if (world === undefined || laid === undefined || laid.worldId !== world.worldId) return undefined
     return { world, pieces: laid.pieces, mapHash: laid.mapHash || world.mapHash }
+  })
+  /** Whether the map that is shown is the imported level's. */
+  readonly showsImported = computed(() => {
+    const imported = this.levels.imported.value
+    return imported !== undefined && imported.mapHash === this.worlds.chosen.value?.mapHash
+  })
+  /** The box of the selected node on the map that is shown. */
+  readonly selectedBox = computed<Box | undefined>(() => {
+    const { imported, selected } = this.levels
+    const node = imported.value?.nodes.find(({ index }) => index === selected.value)
+    const frame = this.showsImported.value ? imported.value?.frame : undefined
+    return node && frame && boxOnMap(node, frame)
   })
   /** Whether the page is visible. Streams pause while it is hidden. */
   private readonly visible = signal(true)
@@ -179,6 +196,12 @@ export class Studio {
     effect(() => {
       if (this.level.state.value.kind === 'ready' && link === undefined) untracked(() => this.tour.offer())
     })
+    effect(() => {
+      const wanted = this.levels.unsent.value
+      if (wanted === undefined) return undefined
+      const timer = setTimeout(() => void importAgain(this, wanted), SETTLED_MS)
+      return () => clearTimeout(timer)
+    })
     keepOpening(this)
     effect(() => {
       if (this.layers.conflict.value !== undefined) untracked(() => this.openTab('layers'))
@@ -244,6 +267,15 @@ export class Studio {
     if (!replays.open(id, npc.attemptsBegun, history)) {
       this.context.toasts.say('No attempt of this NPC has been received yet.')
     }
+  }
+
+  /** Selects a node of the imported level, and shows it from near by. */
+  selectNode(index: number): void {
+    this.levels.selected.value = index
+    const box = this.selectedBox.peek()
+    if (box === undefined) return
+    if (this.link.peek() === undefined) this.opening.value = false
+    this.viewport.peek()?.frameBox(box)
   }
 
   openTab(tab: Tab): void {

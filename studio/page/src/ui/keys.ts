@@ -120,6 +120,7 @@ export function cancel(studio: Studio): void {
   else if (studio.replays.shown.value !== undefined) studio.replays.close()
   else if (studio.forceFrom.value !== undefined) studio.forceFrom.value = undefined
   else if (studio.tool.value !== 'select') studio.setTool('select')
+  else if (studio.levels.selected.value !== undefined) studio.levels.selected.value = undefined
   else if (studio.graphs.selection.value !== undefined) studio.graphs.select(undefined)
   else studio.npcs.select(undefined)
 }

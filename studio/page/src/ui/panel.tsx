@@ -5,11 +5,13 @@ import { BuildPanel } from './build/build-panel'
 import { GraphPanel } from './graph/graph-panel'
 import { LayersPanel } from './layers/layers-panel'
 import { MapPanel } from './map/map-panel'
+import { ReportPanel } from './map/report-panel'
 import { NpcsPanel } from './npcs/npcs-panel'
 import { PlanPanel } from './plan/plan-panel'
 
 const TABS: readonly { tab: Tab; name: string; show: (props: { studio: Studio }) => JSX.Element }[] = [
   { tab: 'map', name: 'Map', show: MapPanel },
+  { tab: 'report', name: 'Report', show: ReportPanel },
   { tab: 'npcs', name: 'NPCs', show: NpcsPanel },
   { tab: 'graph', name: 'Graph', show: GraphPanel },
   { tab: 'plan', name: 'Plan', show: PlanPanel },
@@ -20,12 +22,14 @@ const TABS: readonly { tab: Tab; name: string; show: (props: { studio: Studio })
 export function Panel({ studio }: { studio: Studio }) {
   const list = useRef<HTMLDivElement>(null)
   if (!studio.panelOpen.value) return null
-  const current = TABS.find(({ tab }) => tab === studio.tab.value) ?? TABS[0]!
+  // There is a report once a level was imported.
+  const tabs = TABS.filter(({ tab }) => tab !== 'report' || studio.levels.imported.value !== undefined)
+  const current = tabs.find(({ tab }) => tab === studio.tab.value) ?? tabs[0]!
   const step = (event: KeyboardEvent) => {
     const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key]
     if (by === undefined) return
     event.preventDefault()
-    const next = TABS[(TABS.indexOf(current) + by + TABS.length) % TABS.length]!
+    const next = tabs[(tabs.indexOf(current) + by + tabs.length) % tabs.length]!
     studio.openTab(next.tab)
     list.current?.querySelector<HTMLButtonElement>(`#tab-${next.tab}`)?.focus()
   }
@@ -33,7 +37,7 @@ export function Panel({ studio }: { studio: Studio }) {
   return (
     <aside class="panel" aria-label="Side panel">
       <div class="tabs" role="tablist" aria-label="Panels" ref={list} onKeyDown={step}>
-        {TABS.map(({ tab, name }) => (
+        {tabs.map(({ tab, name }) => (
           <button
             key={tab}
             id={`tab-${tab}`}

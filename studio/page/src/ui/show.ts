@@ -72,6 +72,11 @@ export function show(studio: Studio, viewport: Viewport): () => void {
       const { value: features } = studio.level.features
       if (features !== undefined) viewport.setFeatures(featuresWith(features, marks.list.value))
     }),
+    effect(() => {
+      // Again for each map: with the one before it, the view forgets what was outlined.
+      void studio.level.features.value
+      viewport.setOutline(studio.selectedBox.value)
+    }),
     effect(() => viewport.setSection(view.section.value ? view.sectionHeight.value : undefined)),
     effect(() => viewport.setTopView(view.top.value)),
     effect(() => viewport.setTheme({ dark: view.dark.value })),

@@ -1,6 +1,5 @@
 import type { Studio } from '../data/studio'
 import type { ThemeChoice } from '../data/view-settings'
-import { mapName } from '../data/world/worlds'
 import type { LinkState } from '../data/net/link'
 import { Button } from './controls'
 import { Icon, type IconName } from './icons'
@@ -83,7 +82,7 @@ function WorldPicker({ studio: { worlds } }: { studio: Studio }) {
     >
       {list.map((world) => (
         <option key={world.worldId} value={String(world.worldId)}>
-          World {String(world.worldId)}: {mapName(world)}
+          World {String(world.worldId)}: {worlds.nameOf(world)}
         </option>
       ))}
     </select>

@@ -4,8 +4,7 @@ import { type PerspectiveCamera, Vector3 } from 'three'
 import { type Angles, CHASE_M, turnCalmly } from './chase'
 import { approach, copyPose, fitBox, lensOf, type OrbitPose, pan, rotate, samePose, zoom } from './orbit'
 import type { Ray } from './ground'
-import type { CameraPose, Place } from './viewport.types'
-import type { Box } from './terrain'
+import type { Box, CameraPose, Place } from './viewport.types'
 
 /** How quickly the camera comes where it should be, ms. */
 const HAND_MS = 45
@@ -16,6 +15,9 @@ const SIDE_POLAR = 0.95
 const SIDE_AZIMUTH = 0.6
 /** A place that is looked at is seen from this near at most, m. */
 const LOOK_M = 45
+/** Around a box that is framed there is a margin of this share of its size, and of so much at least, m. */
+const MARGIN = 0.3
+const LEAST_MARGIN_M = 2
 /** Over the feet of the NPC that the camera follows, m. */
 const FOLLOW_LIFT_M = 2.2
 
@@ -142,6 +144,15 @@ export class CameraRig {
     if (!flight) {
       approach(this.shown, goal, 1, 0)
     }
+  }
+
+  /** Shows a box with what is around it, from the present side. */
+  frameFromHere({ low, high }: Box, aspect: number): void {
+    const size = Math.max(high.x - low.x, high.y - low.y, high.z - low.z)
+    const margin = Math.max(LEAST_MARGIN_M, size * MARGIN)
+    const grown = (place: Place, by: number): Place => ({ x: place.x + by, y: place.y + by, z: place.z + by })
+    Object.assign(this.goal, fitBox(this.goal, grown(low, -margin), grown(high, margin), aspect))
+    this.timeMs = FLIGHT_MS
   }
 
   setExtent({ low, high }: Box): void {

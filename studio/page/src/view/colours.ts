@@ -47,6 +47,7 @@ export const MARK_COLOURS = {
   lost: '#ff4252',
   gained: '#3ddc84',
   selected: '#ffffff',
+  outline: '#ffd60a',
   alternative: '#aab4c2',
 } as const
 

@@ -5,16 +5,17 @@ import { GraphView } from './graph-view'
 import { Materials } from './materials'
 import { MoverView } from './movers'
 import { NpcView } from './npcs'
+import { OutlineView } from './outline'
 import { setSeeThrough } from './overlays'
 import { MarkerView, MarkView, PathView } from './routes'
 import { SelectionView } from './selection'
 import type { Stage } from './stage'
-import { type Box, Terrain } from './terrain'
+import { Terrain } from './terrain'
 import { paletteOf } from './theme'
 import { ReplayView, TrackView } from './track'
 import { Trails } from './trails'
 import { VertexDrag } from './vertex-drag'
-import type { Theme } from './viewport.types'
+import type { Box, Theme } from './viewport.types'
 
 export class Scene {
   readonly materials = new Materials()
@@ -25,6 +26,7 @@ export class Scene {
   readonly paths = new PathView(this.materials)
   readonly markers = new MarkerView(this.materials)
   readonly marks = new MarkView(this.materials)
+  readonly outline = new OutlineView(this.materials)
   readonly movers = new MoverView(this.materials)
   readonly npcs = new NpcView(this.materials)
   readonly trails = new Trails(this.materials)
@@ -34,7 +36,7 @@ export class Scene {
   readonly drag = new VertexDrag(this.materials)
 
   constructor(private readonly stage: Stage) {
-    stage.still.add(this.terrain, this.features, this.graph, this.paths, this.markers, this.marks)
+    stage.still.add(this.terrain, this.features, this.graph, this.paths, this.markers, this.marks, this.outline)
     stage.moving.add(this.movers, this.trails.lines, this.npcs, this.selection, this.track, this.replay, this.drag)
   }
 
@@ -50,6 +52,7 @@ export class Scene {
     this.markers.set({ start: undefined, goal: undefined, nearest: undefined })
     this.marks.setEdits([])
     this.marks.setDifference([], [])
+    this.outline.set(undefined)
     this.trails.clear()
     this.selection.set(undefined)
     this.track.stop()
@@ -93,6 +96,7 @@ export class Scene {
       this.paths,
       this.markers,
       this.marks,
+      this.outline,
       this.movers,
       this.npcs,
       this.trails,

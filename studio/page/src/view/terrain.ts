@@ -17,7 +17,7 @@ import { Solids } from './shapes'
 import { chooseLevels, type LeveledTile, LEVELS_M, simplifyTile } from './simplify'
 import type { Palette } from './theme'
 import { type KeptTile, TileStore } from './tiles'
-import type { MeshTile, Place } from './viewport.types'
+import type { Box, MeshTile, Place } from './viewport.types'
 
 /** Triangles of fine tiles that are kept at once. */
 const FINE_TRIANGLES = 2_500_000
@@ -31,11 +31,6 @@ interface Tile extends KeptTile {
   shaded: ShadedTile
   /** Geometries by level of LEVELS_M, made on first use. */
   levels: (BufferGeometry | undefined)[]
-}
-
-export interface Box {
-  low: Place
-  high: Place
 }
 
 export class Terrain extends Group {

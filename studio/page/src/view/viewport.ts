@@ -15,6 +15,7 @@ import { Scene } from './scene'
 import { Stage } from './stage'
 import { samePlace } from './vertex-drag'
 import type {
+  Box,
   CameraPose,
   ClipRecording,
   EditMark,
@@ -196,6 +197,11 @@ class View implements Viewport, Show {
     this.frames.changeMoving()
   }
 
+  setOutline(box: Box | undefined): void {
+    this.scene.outline.set(box)
+    this.frames.change()
+  }
+
   setGraph(graph: Graph | undefined): void {
     const { held } = this.scene.drag
     const vertex = held && graph?.vertices[held.index]
@@ -279,6 +285,13 @@ class View implements Viewport, Show {
   lookAt(place: Place): void {
     this.stopFollowing()
     this.rig.lookAt(place)
+    this.frames.wake()
+  }
+
+  frameBox(box: Box): void {
+    this.stopFollowing()
+    const { width, height } = this.stage.size
+    this.rig.frameFromHere(box, width / height)
     this.frames.wake()
   }
 

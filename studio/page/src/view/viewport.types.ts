@@ -13,6 +13,12 @@ export interface Place {
   z: number
 }
 
+/** An upright box around something, m. */
+export interface Box {
+  low: Place
+  high: Place
+}
+
 /** One tile of a map's triangles, as WorldService.GetMesh sends it. */
 export interface MeshTile {
   tileX: number
@@ -231,6 +237,8 @@ export interface Viewport {
   setLabelsVisible(visible: boolean): void
   /** Shows what an NPC did at one of its moments; the camera follows that while it follows an NPC. */
   setReplay(replay: Replay | undefined): void
+  /** Outlines a box, also behind the ground. */
+  setOutline(box: Box | undefined): void
   setGraph(graph: Graph | undefined): void
   setGraphFilter(filter: GraphFilter): void
   /** Colours edges by it while they are coloured by traffic. */
@@ -254,6 +262,8 @@ export interface Viewport {
   /** Shows the whole map. */
   frameMap(): void
   lookAt(place: Place): void
+  /** Shows a box from near by, from the side that the camera is on. */
+  frameBox(box: Box): void
   camera(): CameraPose
   /** Goes there at once. */
   setCamera(pose: CameraPose): void

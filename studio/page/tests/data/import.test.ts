@@ -31,7 +31,7 @@ describe('levels of files', () => {
         requests.push(request)
         const map = { mapHash: 'abc', name: 'hall.obj', size: { width: 44, height: 22, depth: 24 } }
         const origin = { x: 2, y: 1, z: 22 }
-        return Promise.resolve({ map, origin, warnings: ['3 shells were inside out'] })
+        return Promise.resolve({ map, origin, warnings: ['no ground'], nodes: [] })
       },
     }
     const levels = new Levels({ world: { maps } } as unknown as Context)
@@ -49,12 +49,14 @@ describe('levels of files', () => {
       name: 'hall.obj',
       mapHash: 'abc',
       extent: '44 x 24 m, 22 m high',
-      warnings: ['3 shells were inside out'],
+      warnings: ['no ground'],
+      nodes: [],
+      geometry: undefined,
       frame: { origin: { x: 2, y: 1, z: 22 }, scale: 0.01, up: UpAxis.Z },
       sidecar: '{"pads":[]}',
     })
     expect(levels.sent.value).toBeUndefined()
-    await levels.importWith([{ kind: 'pad', at: { x: 12, y: 1, z: 12 } }])
+    await levels.again(levels.sidecarWith([{ kind: 'pad', at: { x: 12, y: 1, z: 12 } }])!)
     expect(requests[1]).toMatchObject({ name: 'hall.obj', scale: 0.01 })
     const { pads } = JSON.parse((requests[1] as { sidecar: string }).sidecar) as { pads: { at: number[] }[] }
     expect(pads[0]?.at.map(Math.round)).toEqual([1000, 1000, 0])
@@ -64,6 +66,8 @@ describe('levels of files', () => {
     const map = (kind: MapKind) => create(MapSpecSchema, { seed: 7n, kind })
     expect(mapName({ map: map(MapKind.TOWER), mapHash: '' })).toBe('tower, seed 7, 250 x 250 m')
     expect(mapName({ map: map(MapKind.TERRAIN), mapHash: '' })).toBe('seed 7, 250 x 250 m')
+    const level = { mapHash: '0123456789abcdef' }
+    expect([mapName(level, 'hall.glb'), mapName(level)]).toEqual(['hall.glb', 'imported level 01234567'])
     expect(bodyName({ preset: 'unity', height: 1.8, forwardSpeed: 5.335 })).toBe('Unity')
     expect(bodyName({ preset: '', height: 1.25, forwardSpeed: 4 })).toBe('1.25 m, 4.0 m/s')
   })

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest'
-import { featuresWith, Marks, sidecarWith, toLevel } from '../../src/data/world/marks'
+import { featuresWith, Marks, sidecarWith, toLevel, toMap } from '../../src/data/world/marks'
 import { UpAxis } from '../../src/gen/surefoot/world/v1/maps_pb'
 
 const at = (x: number, y: number, z: number) => ({ x, y, z })
@@ -33,6 +33,7 @@ describe('marks', () => {
   it('become places of the level', () => {
     const rounded = (place: readonly number[]) => place.map((value) => Math.round(value))
     expect(rounded(toLevel(at(12, 4, 27), FRAME))).toEqual([1000, 500, 300])
+    expect(toMap([1000, 500, 300], FRAME)).toEqual(at(12, 4, 27))
     expect(rounded(toLevel(at(12, 4, 27), { origin: at(2, 1, 2), scale: 1, up: UpAxis.Y }))).toEqual([10, 3, 25])
   })
 

@@ -5,10 +5,11 @@ import type { Context } from '../../src/data/context'
 import { Link } from '../../src/data/net/link'
 import { Session } from '../../src/data/net/session'
 import { Toasts } from '../../src/data/toasts'
-import { type Box, changedBox, freeName, pieceBetween, Pieces } from '../../src/data/world/pieces'
+import { changedBox, freeName, pieceBetween, Pieces } from '../../src/data/world/pieces'
 import { MapService } from '../../src/gen/surefoot/world/v1/maps_pb'
 import { type Piece, PieceSchema } from '../../src/gen/surefoot/world/v1/piece_pb'
 import { WorldService } from '../../src/gen/surefoot/world/v1/world_pb'
+import type { Box } from '../../src/view/viewport.types'
 
 const at = (x: number, y: number, z: number) => ({ x, y, z })
 const SIZES = { width: 4, height: 3 }

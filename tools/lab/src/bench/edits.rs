@@ -42,7 +42,7 @@ pub(super) async fn edits(
                 let id = if last.graph_id.is_empty() { &last.interim_graph_id } else { &last.graph_id };
                 let [start, goal] = [places[BLOCKS], places[BLOCKS + 1]].map(|place| Some(convert::to_wire(place)));
                 let query = Some(wire::PathQuery { start, goal, ..Default::default() });
-                client.find_path(wire::FindPathRequest { graph_id: id.clone(), query }).await?;
+                client.find_path(wire::FindPathRequest { graph_id: id.clone(), query, ..Default::default() }).await?;
                 first = Some(started.elapsed().as_secs_f64());
             }
         }

@@ -16,11 +16,13 @@ mod soak;
 mod tiles;
 mod world;
 
+use anyhow::Context;
 use clap::ValueEnum;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::time::Instant;
 use surefoot_cli::commands::machine;
+use surefoot_cli::commands::map::{LevelArgs, files_only, parse_maps};
 use surefoot_cli::terminal::print_json;
 
 /// Measure speed.
@@ -45,9 +47,12 @@ pub struct Args {
     /// serve, soak: duration of the measurement, above 0
     #[arg(long, default_value_t = 10.0, value_name = "MINUTES", value_parser = parse_minutes)]
     minutes: f64,
-    /// world: levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj)
-    #[arg(long, value_name = "FILE,...", value_delimiter = ',')]
-    maps: Vec<std::path::PathBuf>,
+    /// world: levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj), or patterns such as
+    /// 'levels/*.glb'; may be repeated
+    #[arg(long, value_name = "FILE,...")]
+    maps: Vec<String>,
+    #[command(flatten)]
+    levels: LevelArgs,
     /// serve: folder for the plot of tick time over the number of NPCs; scale: folder for the recorded load,
     /// `load.json`
     #[arg(long, value_name = "FOLDER")]
@@ -163,10 +168,13 @@ impl Figure {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    let maps = parse_maps(&args.maps).context("--maps")?;
+    args.levels.check(&maps)?;
+    let files = files_only(maps).context("--maps")?;
     let figures = match args.what {
-        Bench::World if args.maps.is_empty() => world::figures()?,
-        Bench::World => world::figures_on(&args.maps)?,
-        _ if !args.maps.is_empty() => anyhow::bail!("--maps is only for `bench world`"),
+        Bench::World if files.is_empty() => world::figures()?,
+        Bench::World => world::figures_on(&files, &args.levels)?,
+        _ if !files.is_empty() => anyhow::bail!("--maps is only for `bench world`"),
         Bench::Learn => learn::figures()?,
         Bench::Plan => plan::figures()?,
         Bench::Serve => serve::figures(args)?,

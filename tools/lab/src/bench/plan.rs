@@ -275,6 +275,7 @@ async fn over_grpc(
         graph_id: graph_id.clone(),
         queries: wire_queries[..WIRE_BATCH].to_vec(),
         traffic: None,
+        ..Default::default()
     };
     client.find_paths(batch.clone()).await?;
     let started = Instant::now();
@@ -320,7 +321,8 @@ async fn query_at_rate(
                 // The requests of all clients are spread over the period, and each client keeps its own schedule.
                 tokio::time::sleep_until(begin + period * turn + period * idx as u32 / CLIENTS as u32).await;
                 let query = queries[(turn as usize * CLIENTS + idx) % queries.len()].clone();
-                let request = wire::FindPathRequest { graph_id: graph_id.clone(), query: Some(query) };
+                let request =
+                    wire::FindPathRequest { graph_id: graph_id.clone(), query: Some(query), ..Default::default() };
                 let sent = Instant::now();
                 client.find_path(request).await?;
                 times.push(sent.elapsed().as_secs_f64() * 1.0e3);

@@ -203,7 +203,7 @@ async fn worlds(channel: &Channel, idx: u64) -> Result<(), Status> {
     let request = wire::CreateWorldRequest { map: Some(map_spec_to_wire(&map(idx))), ..Default::default() };
     let world = client.create_world(request).await?.into_inner().world.unwrap_or_default();
     let world_id = world.world_id;
-    let request = wire::SampleGroundRequest { world_id, count: 16, seed: idx, body: None };
+    let request = wire::SampleGroundRequest { world_id, count: 16, seed: idx, body: None, ..Default::default() };
     let points = client.sample_ground(request).await?.into_inner().points;
     let spawn =
         |pair: &[wire::Vec3]| wire::Spawn { position: Some(pair[0]), yaw: 0.0, goal: Some(pair[1]), body: None };
@@ -287,11 +287,14 @@ async fn graphs(channel: &Channel, idx: u64) -> Result<(), Status> {
     if graph_id.is_empty() {
         return Ok(());
     }
-    let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await?.into_inner();
+    let graph = client
+        .get_graph(plan::GetGraphRequest { graph_id: graph_id.clone(), ..Default::default() })
+        .await?
+        .into_inner();
     let Some(edge) = graph.edges.first() else { return Ok(()) };
     let (from, to) = (graph.vertices[edge.from as usize], graph.vertices[edge.to as usize]);
     let query = Some(plan::PathQuery { start: Some(from), goal: Some(to), ..Default::default() });
-    client.find_path(plan::FindPathRequest { graph_id: graph_id.clone(), query }).await?;
+    client.find_path(plan::FindPathRequest { graph_id: graph_id.clone(), query, ..Default::default() }).await?;
     let forbid = plan::edit::Edit::ForbidEdge(plan::EdgeEdit { from: Some(from), to: Some(to) });
     let edits = vec![plan::Edit { edit: Some(forbid) }];
     let layer = Some(plan::Layer { name: "soak".to_owned(), edits });

@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::sync::Arc;
 use surefoot_cli::commands::core_count;
-use surefoot_cli::commands::map::{file_name, load_level};
+use surefoot_cli::commands::map::{LevelArgs, file_name};
 use surefoot_world::character::Action;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop};
@@ -47,10 +47,10 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
 }
 
 /// The figures of a world on imported levels.
-pub fn figures_on(levels: &[PathBuf]) -> anyhow::Result<Vec<Figure>> {
+pub fn figures_on(files: &[PathBuf], levels: &LevelArgs) -> anyhow::Result<Vec<Figure>> {
     let mut figures = Vec::new();
-    for file in levels {
-        let (map, import) = timed_with(|| load_level(file));
+    for file in files {
+        let (map, import) = timed_with(|| levels.load(file));
         let map = Arc::new(map?);
         let mut own = simulation(&map).with_context(|| format!("{}", file.display()))?;
         own.extend([

@@ -5,11 +5,13 @@ use clap::ValueEnum;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use surefoot_cli::commands::core_count;
 use surefoot_cli::commands::fleet::{BlobsArg, NatsArg};
 use surefoot_cli::commands::game::WorldArgs;
-use surefoot_cli::commands::map::{BodyArg, Generated, file_name, level_files, load_level};
+use surefoot_cli::commands::map::{
+    BodyArg, Generated, LevelArgs, SeedOrFile, name_among, parse_maps_or_splits, parse_seeds, seeds_only, spec,
+};
 use surefoot_cli::commands::services::{GraphArgs, StyleArg};
-use surefoot_cli::commands::{core_count, parse_maps, parse_seeds};
 use surefoot_eval::{EvalConfig, EvalMap, Method, Price, Shard, living};
 use surefoot_planner::export::import_json;
 use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};
@@ -27,6 +29,7 @@ const UNITS: &str = "units";
         surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  \
         surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  \
         surefoot eval --maps level.glb,other.obj --json\n  \
+        surefoot eval --maps '../levels/*.glb' --scale 0.01\n  \
         surefoot eval --maps validation --kind islands --features all\n  \
         surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  \
         surefoot eval --maps level.obj --world tcp://127.0.0.1:7701\n  \
@@ -63,13 +66,15 @@ pub struct Args {
     /// Seed for the choice of the attempts that --check repeats
     #[arg(long, default_value_t = 0, value_name = "SEED", requires = "check")]
     pub(super) check_seed: u64,
-    /// Maps to evaluate on: training, validation, test, benchmark, seeds such as 7 or 1000,1001 or 0..4, or files
-    /// (.sfmap, .glb, .gltf, .obj) [default: validation; test for --suite paper, benchmark for seeds, its first 16 for
-    /// dial, its first 8 for kinds]
-    #[arg(long)]
-    pub(super) maps: Option<String>,
+    /// Maps to evaluate on: training, validation, test, benchmark, seeds such as 7 or 1000,1001 or 0..4, files
+    /// (.sfmap, .glb, .gltf, .obj), or patterns such as levels/*.glb [default: validation; test for --suite paper,
+    /// benchmark for seeds, its first 16 for dial, its first 8 for kinds]
+    #[arg(long, value_name = "SEEDS|FILE,...", num_args = 1..)]
+    pub(super) maps: Vec<String>,
     #[command(flatten)]
     pub(super) generated: Generated,
+    #[command(flatten)]
+    pub(super) levels: LevelArgs,
     #[command(flatten)]
     pub(super) body: BodyArg,
     /// Goals per map and seed
@@ -244,15 +249,28 @@ impl Rules {
 }
 
 impl Args {
-    /// Generated maps by seed, or levels by file.
+    /// The maps of `--maps`, or `usual`.
+    fn listed(&self, usual: &str) -> anyhow::Result<Vec<SeedOrFile>> {
+        if self.maps.is_empty() { parse_maps_or_splits(&[usual]) } else { parse_maps_or_splits(&self.maps) }
+    }
+
+    /// The specs of the maps of `--maps`, or of `usual`, for suites of generated maps.
+    pub(super) fn specs(&self, usual: &str) -> anyhow::Result<Vec<MapSpec>> {
+        let seeds = seeds_only(self.listed(usual)?).context("this suite runs on generated maps")?;
+        seeds.into_iter().map(|seed| spec(seed, self.generated.size)).collect()
+    }
+
+    /// Generated maps by seed, and levels by file.
     fn maps(&self) -> anyhow::Result<Vec<EvalMap>> {
-        let maps = self.maps.as_deref().unwrap_or("validation");
-        let Some(files) = level_files(maps) else {
-            let kind = |spec: MapSpec| self.generated.apply(&spec).map(EvalMap::from);
-            return parse_maps(maps, self.generated.size)?.into_iter().map(kind).collect();
+        let maps = self.listed("validation")?;
+        self.levels.check(&maps)?;
+        let map = |choice: &SeedOrFile| match choice {
+            SeedOrFile::Seed(seed) => Ok(EvalMap::from(self.generated.apply(&spec(*seed, self.generated.size)?)?)),
+            SeedOrFile::File(file) => {
+                Ok(EvalMap::Level { name: name_among(file, &maps), map: Arc::new(self.levels.load(file)?) })
+            }
         };
-        let level = |file: &Path| Ok(EvalMap::Level { name: file_name(file), map: Arc::new(load_level(file)?) });
-        files.into_iter().map(level).collect()
+        maps.iter().map(map).collect()
     }
 
     pub(super) fn config(&self) -> anyhow::Result<EvalConfig> {

@@ -164,16 +164,17 @@ pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
     let path = folder.join(&attempts.file);
     ensure!(hash_file(&path)?.0 == attempts.hash, "{} does not match provenance.json", path.display());
     let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    let share = if args.maps.is_some() { 0.0 } else { args.share };
+    let is_part = !args.maps.is_empty();
+    let share = if is_part { 0.0 } else { args.share };
     let record = Record::read(BufReader::new(file), share, args.check_seed, attempts.builder)
         .with_context(|| format!("cannot use {}", path.display()))?;
     let stored = Stored::try_parse_from(&provenance.command)
         .context("this version does not accept the command that made the table")?;
-    let maps = args.maps.clone().or(stored.args.maps);
+    let maps = if is_part { args.maps.clone() } else { stored.args.maps };
     let made = Args { out: None, maps, threads: Some(args.threads.unwrap_or_else(core_count)), ..stored.args };
     let record = Arc::new(record);
     let results = measure(&made, Some(record.clone()))?;
-    if args.maps.is_some() {
+    if is_part {
         return results.print(args.json);
     }
     let figures: serde_json::Value = serde_json::from_slice(&figures)?;

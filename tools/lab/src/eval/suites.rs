@@ -2,7 +2,8 @@
 
 use super::args::Args;
 use super::results::Results;
-use surefoot_cli::commands::{load_policy, parse_maps};
+use surefoot_cli::commands::load_policy;
+use surefoot_cli::commands::map::parse_specs;
 use surefoot_cli::terminal::with_bar;
 use surefoot_eval::ablation::{self, Policies};
 use surefoot_eval::living::{self, LivingConfig};
@@ -23,7 +24,7 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
         }
         load_policy(Some(&folder)).map(|policy| Some(args.rules.apply(policy)))
     };
-    let maps = parse_maps(args.maps.as_deref().unwrap_or("test"), args.generated.size)?;
+    let maps = args.specs("test")?;
     let mut specific = Vec::new();
     for spec in &maps {
         specific.extend(load(&format!("lstm-map-{}", spec.seed))?.map(|policy| (policy, vec![*spec])));
@@ -67,16 +68,16 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
 /// The paper's table.
 pub fn paper(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
     let entries = paper_entries(args)?;
-    let splits = [("training", parse_maps("0..4", args.generated.size)?)].into_iter().chain([
-        ("validation", parse_maps("validation", args.generated.size)?),
-        ("test", parse_maps("test", args.generated.size)?),
+    let splits = [("training", parse_specs("0..4", args.generated.size)?)].into_iter().chain([
+        ("validation", parse_specs("validation", args.generated.size)?),
+        ("test", parse_specs("test", args.generated.size)?),
     ]);
     let report = with_bar("evaluating", |bar| suite::run(&entries, &splits.collect::<Vec<_>>(), base, bar))?;
     Ok(Results::Paper(report))
 }
 
 fn eval_maps(text: &str, side: u32) -> anyhow::Result<Vec<EvalMap>> {
-    Ok(parse_maps(text, side)?.into_iter().map(EvalMap::from).collect())
+    Ok(parse_specs(text, side)?.into_iter().map(EvalMap::from).collect())
 }
 
 /// Crowds, doors, lifts, platforms, floors that vanish, and players.

@@ -5,8 +5,8 @@ use super::results::Results;
 use anyhow::Context;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use surefoot_cli::commands::load_policy;
 use surefoot_cli::commands::map::load_body;
-use surefoot_cli::commands::{load_policy, parse_maps};
 use surefoot_cli::terminal::with_bar;
 use surefoot_eval::conditions::{self, Condition};
 use surefoot_eval::{EvalConfig, EvalMap};
@@ -24,11 +24,6 @@ const HEIGHTS: [u32; 3] = [40, 120, 200];
 const BODIES: [&str; 6] = ["unreal", "godot", "unity", "heavy", "small", "climber"];
 
 impl Args {
-    /// The maps of `--maps`, or `usual`.
-    fn specs(&self, usual: &str) -> anyhow::Result<Vec<MapSpec>> {
-        parse_maps(self.maps.as_deref().unwrap_or(usual), self.generated.size)
-    }
-
     /// The policy of suites that measure one.
     fn policy(&self) -> anyhow::Result<Policy> {
         Ok(self.rules.apply(load_policy(self.model.as_deref())?))

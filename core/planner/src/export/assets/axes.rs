@@ -1,6 +1,6 @@
 //! The axes and units of engines. Ours are right-handed, y up, metres.
 
-use surefoot_world::Vec3;
+use surefoot_world::{DVec3, Vec3};
 
 /// Axes and unit of length of a format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +20,15 @@ impl Axes {
             Self::Ours => [x, y, z],
             Self::Unity => [-x, y, z],
             Self::Unreal => [x, z, y].map(|value| value * self.units_per_metre()),
+        }
+    }
+
+    /// A point on our axes in double precision, m, on these axes.
+    pub(super) fn far_point(self, DVec3 { x, y, z }: DVec3) -> [f64; 3] {
+        match self {
+            Self::Ours => [x, y, z],
+            Self::Unity => [-x, y, z],
+            Self::Unreal => [x, z, y].map(|value| value * f64::from(self.units_per_metre())),
         }
     }
 

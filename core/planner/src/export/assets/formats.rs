@@ -1,6 +1,7 @@
 //! The JSON formats: the fields of engines, beside those that all formats have.
 
 use super::{Axes, Connected, Leap, Link, LinkSet};
+use crate::export::FrameFields;
 use serde::Serialize;
 use surefoot_world::float::hypot;
 use surefoot_world::{Ability, Vec3};
@@ -14,14 +15,22 @@ const FIRST_UNITY_AREA: u8 = 3;
 /// Length of the edges of a link in landmass, m: the distance that a NavMesh keeps from ledges.
 const LANDMASS_EDGE_M: f32 = 0.75;
 
+/// A coordinate: of a place on the map, or of the level's origin, which may lie far from it.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Number {
+    Near(f32),
+    Far(f64),
+}
+
 /// A document with the links of a format. `P` is a point, `H` has further fields of the document, `L` is a link.
 #[derive(Serialize)]
 struct Document<P, H, L> {
     version: u32,
     axes: &'static str,
-    /// The level's own origin on the map, if known. Subtract it from positions to get the level's coordinates.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    origin: Option<P>,
+    /// Subtract the origin from positions to get those of the level, in the format's unit and axes.
+    #[serde(flatten)]
+    frame: FrameFields<P>,
     #[serde(flatten)]
     head: H,
     links: Vec<L>,
@@ -30,15 +39,15 @@ struct Document<P, H, L> {
 fn document<P: Serialize, L: Serialize>(
     set: &LinkSet,
     axes: Axes,
-    point: fn([f32; 3]) -> P,
+    point: fn([Number; 3]) -> P,
     head: impl Serialize,
     link: impl Fn(&Link, &dyn Fn(Vec3) -> P) -> L,
 ) -> String {
-    let at = |place: Vec3| point(axes.point(place));
+    let at = |place: Vec3| point(axes.point(place).map(Number::Near));
     json(&Document {
         version: VERSION,
         axes: axes.words(),
-        origin: set.origin.map(at),
+        frame: FrameFields::of(set.frame, |origin| point(axes.far_point(origin).map(Number::Far))),
         head,
         links: set.links.iter().map(|it| link(it, &at)).collect(),
     })
@@ -143,8 +152,8 @@ pub(super) fn plain(set: &LinkSet) -> String {
     }
     #[derive(Serialize)]
     struct PlainLink {
-        start: [f32; 3],
-        end: [f32; 3],
+        start: [Number; 3],
+        end: [Number; 3],
         bidirectional: bool,
         #[serde(flatten)]
         about: About,
@@ -170,9 +179,9 @@ pub(super) fn unity(set: &LinkSet) -> String {
     /// A vector in the fields that `JsonUtility` reads.
     #[derive(Serialize)]
     struct Vector3 {
-        x: f32,
-        y: f32,
-        z: f32,
+        x: Number,
+        y: Number,
+        z: Number,
     }
     #[derive(Serialize)]
     struct Head {
@@ -214,9 +223,9 @@ pub(super) fn unreal(set: &LinkSet) -> String {
     #[derive(Serialize)]
     #[serde(rename_all = "PascalCase")]
     struct Vector {
-        x: f32,
-        y: f32,
-        z: f32,
+        x: Number,
+        y: Number,
+        z: Number,
     }
     #[derive(Serialize)]
     struct Head {}
@@ -262,8 +271,8 @@ pub(super) fn landmass(set: &LinkSet) -> String {
     }
     #[derive(Serialize)]
     struct LandmassLink {
-        start_edge: [[f32; 3]; 2],
-        end_edge: [[f32; 3]; 2],
+        start_edge: [[Number; 3]; 2],
+        end_edge: [[Number; 3]; 2],
         kind: u8,
         /// Cost as the length of a walk, m.
         cost: f32,
@@ -305,8 +314,8 @@ struct AbilityKey {
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
 struct OffMeshLinks {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    origin: Option<[f32; 3]>,
+    #[serde(flatten)]
+    frame: FrameFields,
     off_mesh_con_count: usize,
     /// Start and end of each link: count x 6 coordinates, m.
     off_mesh_con_verts: Vec<f32>,
@@ -339,7 +348,7 @@ pub(super) fn detour(set: &LinkSet) -> String {
     let keys: Vec<AbilityKey> = links.iter().map(|link| key(link.ability)).collect();
     let ends = links.iter().flat_map(|link| [link.passage.start, link.passage.end]);
     json(&OffMeshLinks {
-        origin: set.origin.map(|origin| origin.to_array()),
+        frame: FrameFields::of(set.frame, |origin| origin.to_array()),
         off_mesh_con_count: links.len(),
         off_mesh_con_verts: ends.flat_map(|end| end.to_array()).collect(),
         off_mesh_con_rad: vec![set.radius; links.len()],

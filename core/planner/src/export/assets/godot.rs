@@ -2,6 +2,7 @@
 
 use super::formats::{About, Hint};
 use super::{Axes, Link, LinkSet};
+use crate::export::FrameFields;
 use std::fmt::Write;
 use surefoot_world::Vec3;
 
@@ -10,8 +11,11 @@ pub(super) fn scene(set: &LinkSet) -> String {
     let mut text = "[gd_scene format=3]\n\n[node name=\"SurefootLinks\" type=\"Node3D\"]\n".to_owned();
     field(&mut text, "metadata/connected_without", set.connected.without);
     field(&mut text, "metadata/connected_with", set.connected.with);
-    if let Some(origin) = set.origin {
-        field(&mut text, "metadata/origin", vector(origin));
+    let FrameFields { origin, scale, up } = FrameFields::of(set.frame, |origin| vector(origin.to_array()));
+    let quoted = up.map(|up| format!("\"{up}\""));
+    let frame = [("origin", origin), ("scale", scale.map(|scale| scale.to_string())), ("up", quoted)];
+    for (name, value) in frame {
+        value.into_iter().for_each(|value| field(&mut text, &format!("metadata/{name}"), value));
     }
     for (idx, link) in set.links.iter().enumerate() {
         node(&mut text, idx, link, set.speed);
@@ -27,12 +31,12 @@ fn node(text: &mut String, idx: usize, link: &Link, speed: f32) {
     let travel_cost = link.cost_ratio(speed).min(1.0);
     writeln!(text, "\n[node name=\"Link{idx}\" type=\"NavigationLink3D\" parent=\".\"]").expect("a String takes all");
     field(text, "bidirectional", false);
-    field(text, "start_position", vector(start));
-    field(text, "end_position", vector(end));
+    field(text, "start_position", vector(start.to_array()));
+    field(text, "end_position", vector(end.to_array()));
     field(text, "enter_cost", (cost - travel_cost * length).max(0.0));
     field(text, "travel_cost", travel_cost);
     field(text, "metadata/ability", format_args!("\"{}\"", about.ability));
-    field(text, "metadata/apex", vector(apex(link)));
+    field(text, "metadata/apex", vector(apex(link).to_array()));
     field(text, "metadata/chance", about.chance);
     field(text, "metadata/driven", about.driven);
     field(text, "metadata/edge", about.edge);
@@ -50,7 +54,7 @@ fn apex(link: &Link) -> Vec3 {
 /// An array of dictionaries with the fields of the JSON formats.
 fn leaps(leaps: &[Hint]) -> String {
     let leaps = leaps.iter().map(|leap| {
-        let [take_off, apex, landing] = [leap.take_off, leap.apex, leap.landing].map(|it| vector(Vec3::from_array(it)));
+        let [take_off, apex, landing] = [leap.take_off, leap.apex, leap.landing].map(vector);
         let second_jump = leap.second_jump.map_or(String::new(), |it| format!(", \"second_jump\": {it}"));
         format!(
             "{{\"ability\": \"{}\", \"take_off\": {take_off}, \"apex\": {apex}, \"landing\": {landing}, \
@@ -61,7 +65,7 @@ fn leaps(leaps: &[Hint]) -> String {
     format!("[{}]", leaps.collect::<Vec<_>>().join(", "))
 }
 
-fn vector(Vec3 { x, y, z }: Vec3) -> String {
+fn vector([x, y, z]: [impl std::fmt::Display; 3]) -> String {
     format!("Vector3({x}, {y}, {z})")
 }
 

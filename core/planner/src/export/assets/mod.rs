@@ -18,6 +18,7 @@ use crate::ids::EdgeKey;
 use crate::price::{Caution, price};
 use std::collections::BTreeMap;
 use strum::VariantArray;
+use surefoot_world::map::LevelFrame;
 use surefoot_world::{Ability, Chance, DECISION_SECONDS, Decisions, Vec3};
 
 /// One leap: off the ground by one move, until the body stands again.
@@ -132,8 +133,8 @@ pub struct LinkSet {
     pub speed: f32,
     /// The shares of pairs that the links connect.
     pub connected: Connected,
-    /// Position of the level's own origin on the map, m, if known.
-    pub origin: Option<Vec3>,
+    /// How the level's own coordinates relate to the map's, if known.
+    pub frame: Option<LevelFrame>,
 }
 
 /// Floor for edges that no trial drove: 8 tries cannot show less than 1/16.
@@ -161,7 +162,7 @@ impl LinkSet {
         let links: Vec<Link> = kept.iter().flat_map(|it| it.links(idx_of[&it.edge.key])).collect();
         let joins = links.iter().map(|link| (island_at(link.passage.start), island_at(link.passage.end)));
         let connected = Connected::of(nav_mesh.islands, joins);
-        Self { links, radius: nav_mesh.radius, speed: nav_mesh.speed, connected, origin: None }
+        Self { links, radius: nav_mesh.radius, speed: nav_mesh.speed, connected, frame: None }
     }
 }
 

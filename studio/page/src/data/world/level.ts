@@ -1,11 +1,10 @@
 // The map of the world that is shown: loaded tile by tile, and in more detail where the camera is.
 
 import { signal } from '@preact/signals'
-import type { Features, MeshTile, Place } from '../../view/viewport.types'
+import type { Box, Features, MeshTile, Place } from '../../view/viewport.types'
 import { type Context, report } from '../context'
 import { inWords } from '../net/errors'
 import { keepAsking, keepDoing } from '../net/stream'
-import type { Box } from './pieces'
 import {
   boxOf,
   firstCell,

@@ -1,8 +1,9 @@
-// Lava, water and devices that a designer marks on an imported level, and the sidecar file that lists them.
+// Lava, water and devices that a designer marks on an imported level, and their entries in its sidecar.
 
 import { batch, signal } from '@preact/signals'
 import { UpAxis } from '../../gen/surefoot/world/v1/maps_pb'
 import type { Features, Place } from '../../view/viewport.types'
+import { readSidecar, type Sidecar, writeSidecar } from './sidecar'
 
 export type MarkKind = 'lava' | 'water' | 'pad' | 'zipLine' | 'teleporter' | 'jetpack'
 
@@ -78,6 +79,12 @@ export function toLevel({ x, y, z }: Place, { origin, scale, up }: Frame): [numb
   return up === UpAxis.Z ? [east, -south, above] : [east, above, south]
 }
 
+/** A place of the level, in its own coordinates, on the map. */
+export function toMap([a, b, c]: readonly [number, number, number], { origin, scale, up }: Frame): Place {
+  const [above, south] = up === UpAxis.Z ? [c, -b] : [b, c]
+  return { x: a * scale + origin.x, y: above * scale + origin.y, z: south * scale + origin.z }
+}
+
 /** Opposite corners of the box of liquid between two places. */
 function poolBox(a: Place, b: Place): { low: Place; high: Place } {
   return {
@@ -86,23 +93,14 @@ function poolBox(a: Place, b: Place): { low: Place; high: Place } {
   }
 }
 
-/** Lists as the file has them; what else the file says is kept. */
-interface Sidecar {
-  pools?: unknown[]
-  pads?: unknown[]
-  zip_lines?: unknown[]
-  teleporters?: unknown[]
-  jetpacks?: unknown[]
-}
-
-/** The content of a level's .surefoot.json with these marks after what it had before; throws where that is no JSON object. */
+/** The content of a sidecar with these marks after its own entries. @throws SyntaxError if it is not JSON. */
 export function sidecarWith(before: string, marks: readonly Mark[], frame: Frame): string {
-  const sidecar: Sidecar = before.trim() === '' ? {} : (JSON.parse(before) as Sidecar)
+  const sidecar = readSidecar(before)
   for (const { kind, at, to = at } of marks) {
     const { low, high } = poolBox(at, to)
     const pool = { liquid: kind, min: toLevel(low, frame), max: toLevel(high, frame) }
     const way = { from: toLevel(at, frame), to: toLevel(to, frame) }
-    const entries: Record<MarkKind, readonly [list: keyof Sidecar, entry: object]> = {
+    const entries: Record<MarkKind, readonly [list: Exclude<keyof Sidecar, 'nodes' | 'names'>, entry: object]> = {
       lava: ['pools', pool],
       water: ['pools', pool],
       pad: ['pads', { at: way.from, height: PAD_HEIGHT_M }],
@@ -113,7 +111,7 @@ export function sidecarWith(before: string, marks: readonly Mark[], frame: Frame
     const [list, entry] = entries[kind]
     sidecar[list] = [...(sidecar[list] ?? []), entry]
   }
-  return `${JSON.stringify(sidecar, undefined, 1)}\n`
+  return writeSidecar(sidecar)
 }
 
 /** The features of a map with marks drawn as if they were there already. */

@@ -3,7 +3,7 @@
 import { create, equals } from '@bufbuild/protobuf'
 import { batch, signal } from '@preact/signals'
 import { type Piece, PieceSchema } from '../../gen/surefoot/world/v1/piece_pb'
-import type { Place } from '../../view/viewport.types'
+import type { Box, Place } from '../../view/viewport.types'
 import { type Context, report } from '../context'
 import { failureOf } from '../net/errors'
 
@@ -24,12 +24,6 @@ export interface Sizes {
   width: number
   /** Height of a block. */
   height: number
-}
-
-/** An upright box around something, m. */
-export interface Box {
-  low: Place
-  high: Place
 }
 
 /** The piece between one or two places on the ground. */

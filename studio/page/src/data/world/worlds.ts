@@ -6,7 +6,9 @@ import { MapKind, type MapSpec } from '../../gen/surefoot/world/v1/map_pb'
 import type { Piece } from '../../gen/surefoot/world/v1/piece_pb'
 import { type CreateWorldRequestSchema, TimeMode, type World } from '../../gen/surefoot/world/v1/world_pb'
 import { type Context, report } from '../context'
+import { shortId } from '../format'
 import { sleep } from '../net/backoff'
+import { failureOf, mayPass } from '../net/errors'
 import { keepAsking } from '../net/stream'
 
 const POLL_MS = 3000
@@ -19,6 +21,10 @@ export class Worlds {
   readonly state = signal<WorldsState>('loading')
   readonly chosenId = signal<bigint | undefined>(undefined)
   readonly creating = signal(false)
+  /** Worlds that this page has made. */
+  readonly made = new Set<bigint>()
+  /** Names of imported levels by their hash; empty for those that the server does not list. */
+  private readonly names = signal<ReadonlyMap<string, string>>(new Map())
   /** The world to show first, of which a link names the id and the first digits of its map's hash. */
   wanted: { id: bigint; map: string } | undefined
   readonly chosen = computed(() => this.list.value.find(({ worldId }) => worldId === this.chosenId.value))
@@ -39,6 +45,7 @@ export class Worlds {
           world.calls.listWorlds({ pageSize: 1000 }, { signal, timeoutMs: TIMEOUT_MS }),
         )
         if (answer !== undefined) this.take(answer.worlds)
+        await this.learnNames()
       } catch (error) {
         this.state.value = 'failed'
         report(this.context, 'Worlds cannot be listed', error)
@@ -51,17 +58,26 @@ export class Worlds {
     this.chosenId.value = id
   }
 
-  async create(what: MessageInitShape<typeof CreateWorldRequestSchema>): Promise<void> {
+  /** What a world's map is called. */
+  nameOf(world: World): string {
+    return mapName(world, this.names.value.get(world.mapHash))
+  }
+
+  async create(what: MessageInitShape<typeof CreateWorldRequestSchema>): Promise<World | undefined> {
     this.creating.value = true
     try {
       const { world } = await this.context.world.calls.createWorld({ ...what, mode: TimeMode.REALTIME })
-      if (world === undefined) return
+      if (world === undefined) return undefined
+      this.made.add(world.worldId)
       batch(() => {
         this.list.value = [...this.list.value, world]
         this.choose(world.worldId)
       })
+      void this.learnNames()
+      return world
     } catch (error) {
       report(this.context, 'The world was not created', error)
+      return undefined
     } finally {
       this.creating.value = false
     }
@@ -89,6 +105,28 @@ export class Worlds {
     if (isGone) this.context.toasts.say(`World ${chosen} has ended.`)
   }
 
+  /** Asks what the imported levels are called, where that is not known yet. */
+  private async learnNames(): Promise<void> {
+    const { signal, world } = this.context
+    const hashes = this.list.peek().flatMap(({ map, mapHash }) => (map === undefined ? [mapHash] : []))
+    const names = new Map(this.names.peek())
+    const unknown = hashes.filter((hash) => !names.has(hash))
+    if (unknown.length === 0) return
+    for (const hash of unknown) names.set(hash, '')
+    try {
+      let pageToken = ''
+      do {
+        const page = await world.maps.listMaps({ pageSize: 1000, pageToken }, { signal, timeoutMs: TIMEOUT_MS })
+        for (const { mapHash, name } of page.maps) names.set(mapHash, name)
+        pageToken = page.nextPageToken
+      } while (pageToken !== '')
+    } catch (error) {
+      // Without a name, a level is called by its hash.
+      if (mayPass(failureOf(error))) return
+    }
+    this.names.value = names
+  }
+
   /** The world of the link, or another one on the same map. */
   private findWanted(worlds: readonly World[]): World | undefined {
     const { wanted } = this
@@ -111,9 +149,9 @@ export interface Site {
   mapHash: string
 }
 
-/** What a world's map is called: "seed 42, 250 x 250 m", with its kind where it is not terrain, or its hash where it was imported. */
-export function mapName(world: Pick<World, 'map' | 'mapHash'>): string {
-  if (world.map === undefined) return `imported level ${world.mapHash.slice(0, 8)}`
+/** What a world's map is called: "seed 42, 250 x 250 m", with its kind where it is not terrain, or the level's name. */
+export function mapName(world: Pick<World, 'map' | 'mapHash'>, level = ''): string {
+  if (world.map === undefined) return level || `imported level ${shortId(world.mapHash)}`
   const { seed, size, kind } = world.map
   const isTerrain = kind === MapKind.UNSPECIFIED || kind === MapKind.TERRAIN
   const ground = isTerrain ? '' : `${MapKind[kind].toLowerCase()}, `

@@ -1,8 +1,10 @@
 import { useState } from 'preact/hooks'
+import { counted } from '../../data/format'
 import type { Studio } from '../../data/studio'
 import { formatOf, USUAL_OPTIONS } from '../../data/world/import'
+import { summaryOf } from '../../data/world/report'
 import { UpAxis } from '../../gen/surefoot/world/v1/maps_pb'
-import { Check, NumberField, Progress, SelectField } from '../controls'
+import { Button, Check, NumberField, Progress, SelectField } from '../controls'
 import { BODIES, type BodyName } from './kinds'
 import { SurveyTable } from './survey-table'
 
@@ -11,7 +13,7 @@ const AXES = [
   { value: String(UpAxis.Z), name: 'z' },
 ] as const
 
-/** Takes a level from a file, says what is odd about it, and makes a world of it. */
+/** Takes a level from a file, says what became of it, and makes a world of it. */
 export function ImportLevel({ studio }: { studio: Studio }) {
   const { levels, worlds } = studio
   const [files, setFiles] = useState<readonly File[]>([])
@@ -22,7 +24,7 @@ export function ImportLevel({ studio }: { studio: Studio }) {
   const sidecar = files.find(({ name }) => name.endsWith('.json'))
   const take = (list: FileList | null | undefined) => {
     setFiles([...(list ?? [])])
-    levels.imported.value = undefined
+    levels.forget()
   }
   const sent = levels.sent.value
   const imported = levels.imported.value
@@ -71,6 +73,11 @@ export function ImportLevel({ studio }: { studio: Studio }) {
         checked={options.keepSides}
         onChange={(keepSides) => setOptions({ ...options, keepSides })}
       />
+      <Check
+        label="Import all scenes of a glTF"
+        checked={options.allScenes}
+        onChange={(allScenes) => setOptions({ ...options, allScenes })}
+      />
       {sent === undefined ? (
         <button
           type="button"
@@ -88,16 +95,16 @@ export function ImportLevel({ studio }: { studio: Studio }) {
           <p>
             {imported.name}: {imported.extent}
           </p>
-          {imported.warnings.map((warning) => (
-            <p key={warning} class="warn">
-              {warning}
-            </p>
-          ))}
+          {imported.nodes.length > 0 && <p>{summaryOf(imported.nodes)}</p>}
+          <div class="row wrap">
+            <Button label="Show the report" icon="look" onClick={() => studio.openTab('report')} />
+            {imported.warnings.length > 0 && <span class="warn">{counted(imported.warnings.length, 'warning')}</span>}
+          </div>
           <SurveyTable
             studio={studio}
             of={imported.mapHash}
             map={{ mapHash: imported.mapHash }}
-            isShown={worlds.chosen.value?.mapHash === imported.mapHash}
+            isShown={studio.showsImported.value}
           />
           <SelectField label="Body" value={body} options={BODIES} onChange={setBody} />
           <button

@@ -1,8 +1,7 @@
 import { count, counted } from '../../data/format'
 import type { Studio } from '../../data/studio'
-import { mapName, mapOf } from '../../data/world/worlds'
+import { mapOf } from '../../data/world/worlds'
 import { Surface } from '../../gen/surefoot/world/v1/world_pb'
-import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import { SURFACE_COLOURS } from '../../view/colours'
 import { Empty, Facts, Section, SureButton } from '../controls'
 import { CreateWorldForm } from './create-world'
@@ -46,7 +45,7 @@ function WorldList({ studio: { worlds } }: { studio: Studio }) {
               onClick={() => worlds.choose(world.worldId)}
             >
               <strong>World {String(world.worldId)}</strong>
-              <span>{describe(world)}</span>
+              <span>{`${worlds.nameOf(world)} · ${counted(world.npcCount, 'NPC')}`}</span>
             </button>
             <SureButton
               label={`Drop world ${world.worldId}`}
@@ -60,10 +59,6 @@ function WorldList({ studio: { worlds } }: { studio: Studio }) {
       </ul>
     </Section>
   )
-}
-
-function describe(world: World): string {
-  return `${mapName(world)} · ${counted(world.npcCount, 'NPC')}`
 }
 
 function LevelFacts({ studio }: { studio: Studio }) {

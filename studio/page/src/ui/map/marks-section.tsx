@@ -1,9 +1,9 @@
 import { place } from '../../data/format'
+import { importAgain } from '../../data/reimport'
 import type { Studio } from '../../data/studio'
 import type { MarkKind } from '../../data/world/marks'
-import { giveFile } from '../capture'
 import { Button, Section, SelectField } from '../controls'
-import type { BodyName } from './kinds'
+import { SaveSidecar } from './save-sidecar'
 
 const KINDS: readonly { value: MarkKind; name: string }[] = [
   { value: 'lava', name: 'Lava' },
@@ -16,18 +16,12 @@ const KINDS: readonly { value: MarkKind; name: string }[] = [
 
 /** Marks features on the level that was imported, and keeps them in its sidecar. */
 export function MarksSection({ studio }: { studio: Studio }) {
-  const { levels, marks, worlds } = studio
-  const imported = levels.imported.value
-  const world = worlds.chosen.value
-  if (imported?.frame === undefined || world?.mapHash !== imported.mapHash) return null
+  const { levels, marks, showsImported } = studio
+  if (levels.imported.value?.frame === undefined || !showsImported.value) return null
   const list = marks.list.value
-  const body = (world.bodies[0]?.preset || 'surefoot') as BodyName
   const apply = async () => {
-    const mapHash = await levels.importWith(marks.list.peek())
-    if (mapHash === undefined) return
-    marks.clear()
-    studio.setTool('select')
-    await worlds.create({ mapHash, body: { preset: body } })
+    const sidecar = levels.sidecarWith(marks.list.peek())
+    if (sidecar !== undefined && (await importAgain(studio, sidecar, true))) studio.setTool('select')
   }
   return (
     <Section title="Mark features">
@@ -59,24 +53,18 @@ export function MarksSection({ studio }: { studio: Studio }) {
           </li>
         ))}
       </ul>
-      {list.length > 0 && (
-        <div class="row wrap">
-          <Button label="Import with marks" icon="send" tone="main" onClick={() => void apply()} />
-          <Button label="Save the sidecar" icon="check" onClick={() => save(studio)} />
-        </div>
-      )}
-      {list.length === 0 && imported.sidecar !== '' && (
-        <Button label="Save the sidecar" icon="check" onClick={() => save(studio)} />
-      )}
+      <div class="row wrap">
+        {list.length > 0 && (
+          <Button
+            label="Import with marks"
+            icon="send"
+            tone="main"
+            disabled={levels.isBusy.value}
+            onClick={() => void apply()}
+          />
+        )}
+        <SaveSidecar studio={studio} />
+      </div>
     </Section>
   )
-}
-
-/** Gives the browser the file that belongs beside the level's. */
-function save({ levels, marks }: Studio): void {
-  const sidecar = levels.sidecarWith(marks.list.peek())
-  const imported = levels.imported.peek()
-  if (sidecar === undefined || imported === undefined) return
-  const name = `${imported.name.replace(/\.[^.]*$/, '')}.surefoot.json`
-  giveFile(name, new Blob([sidecar], { type: 'application/json' }))
 }

@@ -86,7 +86,7 @@ async fn move_players(mut client: Client, world_id: u64, count: usize) -> anyhow
     }
     let since = Instant::now();
     for _ in 0..MOVES {
-        client.move_players(wire::MovePlayersRequest { world_id, moves: moves.clone() }).await?;
+        client.move_players(wire::MovePlayersRequest { world_id, moves: moves.clone(), ..Default::default() }).await?;
     }
     Ok(since.elapsed().as_secs_f64() / f64::from(MOVES))
 }

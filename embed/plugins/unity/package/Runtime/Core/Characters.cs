@@ -39,6 +39,27 @@ namespace Surefoot
         public override string ToString() => $"({X}, {Y}, {Z})";
     }
 
+    /// <summary>A place of a level in the coordinates of its file; <c>sf_place</c>.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct LevelPlace
+    {
+        public double X;
+        public double Y;
+        public double Z;
+    }
+
+    /// <summary>How the coordinates of a level's file relate to the map's; <c>sf_frame</c>.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct LevelFrame
+    {
+        /// <summary>Position of the level's origin on the map, m.</summary>
+        public LevelPlace Origin;
+        /// <summary>Metres per unit of the level.</summary>
+        public double Scale;
+        /// <summary>1 if z is up in the level, 0 if y is.</summary>
+        public int ZUp;
+    }
+
     /// <summary>A ray of <see cref="Agents.RayRange"/> m to be cast in the game's physics; <c>sf_ray</c>.</summary>
     [StructLayout(LayoutKind.Sequential)]
     public struct SightRay

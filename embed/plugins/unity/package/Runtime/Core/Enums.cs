@@ -22,6 +22,15 @@ namespace Surefoot
         Internal = 7,
     }
 
+    /// <summary>Coordinates of places.</summary>
+    public enum Coordinates
+    {
+        /// <summary>Those of the map: metres, y up, from 0 along each axis.</summary>
+        Map = 0,
+        /// <summary>Those of the level's file, in its unit and with its axes.</summary>
+        Level = 1,
+    }
+
     /// <summary>What rays end on, and kinds of devices; <c>sf_surface</c>.</summary>
     public enum Surface
     {

@@ -78,6 +78,10 @@ namespace Surefoot
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_graph_edges(GraphHandle graph, Edge* edges, UIntPtr capacity, UIntPtr* count, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_graph_frame(GraphHandle graph, LevelFrame* frame, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_graph_set_coordinates(GraphHandle graph, int coordinates, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_graph_set_edge_open(GraphHandle graph, uint from, uint to, int isOpen, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_graph_set_edge_price(GraphHandle graph, uint from, uint to, float factor, NativeError* error);
@@ -92,6 +96,8 @@ namespace Surefoot
 
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_create(Vec3 goal, out FollowerHandle follower, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_follower_create_on(GraphHandle graph, Vec3 goal, out FollowerHandle follower, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern void sf_follower_destroy(IntPtr follower);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
@@ -113,6 +119,12 @@ namespace Surefoot
         internal static extern void sf_map_destroy(IntPtr map);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_map_extent(MapHandle map, Vec3* extent, Vec3* origin, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_map_frame(MapHandle map, LevelFrame* frame, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_frame_to_map(LevelFrame* frame, LevelPlace place, Vec3* onMap, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_frame_to_level(LevelFrame* frame, Vec3 place, LevelPlace* inLevel, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_map_devices(MapHandle map, Device* devices, UIntPtr capacity, UIntPtr* count, NativeError* error);
 

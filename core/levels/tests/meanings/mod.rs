@@ -1,0 +1,177 @@
+//! What nodes become, what does not belong, and what an import reports.
+
+use crate::{PLAIN, corners, gltf, gltf_level, obj_box};
+use serde_json::json;
+use surefoot_levels::{ImportOptions, Imported, NodeReport, Role, Warning, role_counts};
+use surefoot_world::map::MoverKind;
+
+const FLOOR: ([f32; 3], [f32; 3]) = ([0.0, 0.0, 0.0], [60.0, 1.0, 60.0]);
+
+fn import(nodes: &[(&str, [f32; 3], [f32; 3])], sidecar: Option<&str>, options: &ImportOptions) -> Imported {
+    let floor = obj_box("Ground", FLOOR.0, FLOOR.1);
+    let text: String = nodes.iter().map(|(name, low, high)| obj_box(name, *low, *high)).collect();
+    surefoot_levels::import_obj(format!("{floor}{text}").as_bytes(), sidecar, options).expect("a valid level")
+}
+
+/// The role of one crate-sized node of this name.
+fn role_of(name: &str) -> (Role, Imported) {
+    let imported = import(&[(name, [5.0, 1.0, 5.0], [7.0, 3.0, 7.0])], None, &PLAIN);
+    (imported.nodes[1].role, imported)
+}
+
+#[test]
+fn a_name_means_something_only_as_a_whole_word_at_the_start() {
+    for (name, expected) in [
+        ("water", Role::Water),
+        ("Water_01", Role::Water),
+        ("WATER.001", Role::Water),
+        ("water-deep", Role::Water),
+        ("Lava 2", Role::Lava),
+        ("lava3", Role::Lava),
+        ("Pad_1", Role::Pad),
+        ("jetpack", Role::Jetpack),
+        ("Door_A", Role::Door),
+        ("vanish_2", Role::Floor),
+        ("pushable.crate", Role::Crate),
+        ("trigger_exit", Role::Helper),
+        ("UCX_rock_01", Role::Helper),
+        ("yard-navmesh", Role::Helper),
+        // Further letters, or words that say that it is something else.
+        ("Waterfront_Pier", Role::Solid),
+        ("Lavatory_Floor", Role::Solid),
+        ("Padded_Cell", Role::Solid),
+        ("Triggerfish", Role::Solid),
+        ("Doorway_3", Role::Solid),
+        ("Door_Frame_3", Role::Solid),
+        ("Door_Wall_A", Role::Solid),
+        ("Water_Tower", Role::Solid),
+        ("rainwater", Role::Solid),
+        ("lift_1", Role::Solid),
+        ("conveyor", Role::Solid),
+    ] {
+        let (role, imported) = role_of(name);
+        assert_eq!(role, expected, "{name}");
+        let is_solid = corners(&imported.map).len() > 12;
+        assert_eq!(is_solid, expected == Role::Solid, "{name}");
+        let reason = &imported.nodes[1].reason;
+        assert_eq!(reason.is_empty(), expected == Role::Solid, "{name}: {reason}");
+        let is_near = imported.warnings.iter().any(|warning| matches!(warning, Warning::NearMiss { .. }));
+        let is_expected =
+            ["Waterfront_Pier", "Lavatory_Floor", "Padded_Cell", "Triggerfish", "Doorway_3"].contains(&name);
+        assert_eq!(is_near, is_expected, "{name}: {:?}", imported.warnings);
+    }
+    let (_, imported) = role_of("Waterfront_Pier");
+    assert!(
+        imported.warnings[0].to_string().contains("`Waterfront_Pier`")
+            && imported.warnings[0].to_string().contains("`water_1`")
+    );
+}
+
+#[test]
+fn what_is_no_complete_device_stays_solid_with_a_warning() {
+    for (name, expected) in [
+        ("Teleporter_Base", "does not say which end it is and stays solid"),
+        ("zip_line", "call it `zip_line:from` or `zip_line:to`"),
+        ("zip_line_1:from", "has no other end and stays solid: add a node `zip_line_1:to`"),
+        ("Teleporter_to.007", "add a node `Teleporter_from.007`"),
+    ] {
+        let (role, imported) = role_of(name);
+        let warnings: Vec<String> = imported.warnings.iter().map(ToString::to_string).collect();
+        assert!(role == Role::Solid && warnings.iter().any(|it| it.contains(expected)), "{name}: {warnings:?}");
+        assert!(corners(&imported.map).len() > 12, "{name}");
+    }
+    let twice = import(
+        &[
+            ("teleporter_1:from", [5.0, 1.0, 5.0], [6.0, 2.0, 6.0]),
+            ("teleporter_1:to", [25.0, 1.0, 5.0], [26.0, 2.0, 6.0]),
+            ("teleporter_1:to", [35.0, 1.0, 5.0], [36.0, 2.0, 6.0]),
+        ],
+        None,
+        &PLAIN,
+    );
+    assert_eq!(twice.map.placed().teleporters.len(), 1);
+    assert_eq!(role_counts(&twice.nodes), [(Role::Solid, 2), (Role::Teleporter, 2)]);
+    assert!(twice.warnings[0].to_string().contains("second to end"), "{:?}", twice.warnings);
+
+    let large = import(&[("Pad_Landing_01", [0.0, 1.0, 0.0], [20.0, 2.0, 4.0])], None, &PLAIN);
+    assert_eq!((large.nodes[1].role, large.map.placed().pads.len()), (Role::Solid, 0));
+    assert!(large.warnings[0].to_string().contains("20 m are too much"), "{:?}", large.warnings);
+}
+
+#[test]
+fn names_are_turned_off_and_nodes_switched_by_the_sidecar() {
+    let nodes = [
+        ("water_1", [5.0, 1.0, 5.0], [9.0, 2.0, 9.0]),
+        ("Waterfront", [15.0, 1.0, 5.0], [19.0, 2.0, 9.0]),
+        ("gate", [25.0, 1.0, 5.0], [29.0, 4.0, 5.2]),
+        ("Pad_2", [35.0, 1.0, 5.0], [36.0, 1.2, 6.0]),
+        ("fx_smoke", [45.0, 1.0, 5.0], [46.0, 2.0, 6.0]),
+    ];
+    let roles = |imported: &Imported| imported.nodes[1..].iter().map(|node| node.role).collect::<Vec<_>>();
+    let all_solid = [Role::Solid; 5];
+    let ignored = import(&nodes, None, &ImportOptions { ignore_names: true, ..PLAIN });
+    assert_eq!((roles(&ignored).as_slice(), ignored.warnings.as_slice()), (&all_solid[..], &[][..]));
+    assert_eq!(roles(&import(&nodes, Some(r#"{"names": false}"#), &PLAIN)), all_solid);
+
+    let sidecar = r#"{"nodes": {"water*": "lava", "Waterfront": "water", "gate": "door", "pad_2": "solid",
+        "fx_*": "leave_out"}}"#;
+    let switched = import(&nodes, Some(sidecar), &PLAIN);
+    assert_eq!(roles(&switched), [Role::Lava, Role::Water, Role::Door, Role::Solid, Role::LeftOut]);
+    assert!(switched.nodes[1..].iter().all(|node| node.reason == "the sidecar says so"));
+    assert_eq!(switched.map.movers()[0].kind, MoverKind::Door);
+    // With names turned off, the sidecar still counts.
+    let both = format!(r#"{{"names": false, {}"#, &sidecar[1..]);
+    assert_eq!(roles(&import(&nodes, Some(&both), &PLAIN)), roles(&switched));
+
+    let refused = surefoot_levels::import_obj(b"v 0 0 0", Some(r#"{"nodes": {"a": "swamp"}}"#), &PLAIN);
+    let error = refused.expect_err("no such role").to_string();
+    assert!(error.contains("swamp") && error.contains("leave_out"), "{error}");
+}
+
+#[test]
+fn the_report_has_every_node_with_its_box_in_the_levels_own_coordinates() {
+    let level = gltf_level(json!([
+        { "name": "floor", "mesh": 0, "translation": [100, 5, 0] },
+        { "name": "group", "children": [2] },
+        { "name": "water_1", "mesh": 0, "translation": [102, 6, 2], "scale": [0.25, 1, 0.25], "children": [3] },
+        { "name": "ripples", "mesh": 0, "scale": [0.5, 1, 0.5] },
+        { "name": "Camera" },
+    ]));
+    let mut level = level;
+    level["scenes"][0]["nodes"] = json!([0, 1, 4]);
+    let Imported { nodes, .. } = gltf(&level).expect("a valid level");
+    let short: Vec<(usize, &str, Role, &str, usize)> = nodes
+        .iter()
+        .map(|NodeReport { index, name, role, reason, triangles, .. }| {
+            (*index, name.as_str(), *role, reason.as_str(), *triangles)
+        })
+        .collect();
+    assert_eq!(
+        short,
+        [
+            (0, "floor", Role::Solid, "", 1),
+            (1, "group", Role::Empty, "", 0),
+            (2, "water_1", Role::Water, "its name begins with `water`", 1),
+            (3, "ripples", Role::Water, "it belongs to node `water_1`", 1),
+            (4, "Camera", Role::Empty, "", 0),
+        ]
+    );
+    let [low, high] = nodes[0].bounds.expect("it has triangles").map(|corner| corner.to_array());
+    assert_eq!((low, high), ([100.0, 5.0, 0.0], [108.0, 5.0, 8.0]));
+    let json = serde_json::to_value(&nodes[2]).expect("plain data");
+    assert_eq!((&json["role"], &json["bounds"][0]), (&json!("water"), &json!([102.0, 6.0, 2.0])));
+}
+
+#[test]
+fn ordinary_levels_of_boxes_warn_of_nothing() {
+    // Boxes that touch, overlap and stand on each other.
+    let boxes = [
+        ("a", [5.0, 1.0, 5.0], [9.0, 3.0, 9.0]),
+        ("b", [9.0, 1.0, 5.0], [12.0, 3.0, 9.0]),
+        ("c", [5.0, 3.0, 5.0], [9.0, 5.0, 9.0]),
+        ("d", [8.0, 0.5, 8.0], [20.0, 2.0, 20.0]),
+    ];
+    let imported = import(&boxes, None, &PLAIN);
+    assert_eq!(imported.warnings, []);
+    assert_eq!(imported.geometry.triangles, 60);
+}
