@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import pickle
 from typing import Any
 
@@ -38,6 +39,17 @@ def test_gymnasium_accepts_a_single_environment() -> None:
     env = gymnasium.make("surefoot/PointGoal-v0", level={"seed": 7, "size": 60})
     check_env(env.unwrapped)
     env.close()
+
+
+def shape_of(name: str) -> Any:
+    env = gymnasium.make(name, level={"seed": 7, "size": 60})
+    return env.reset(seed=1)[0].shape
+
+
+def test_a_spawned_process_makes_an_environment_by_a_name_that_imports_the_package() -> None:
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        (length,) = pool.apply(shape_of, ("surefoot:surefoot/PointGoal-v0",))
+    assert length == shape_of("surefoot/PointGoal-v0")[0]
 
 
 def test_make_vec_uses_the_vector_environment(level: surefoot.Level) -> None:
