@@ -175,7 +175,8 @@ impl WorldTask {
             match step {
                 // The server ends attempts that reach their goals.
                 Step::Keep | Step::End(End::Reached) => {
-                    let wants_plan = npc.planning.is_outdated && !npc.planning.is_requested;
+                    // An NPC in the air cannot turn back.
+                    let wants_plan = npc.planning.is_outdated && !npc.planning.is_requested && seen.is_grounded;
                     requests.extend((has_planner && wants_plan).then_some(request));
                 }
                 Step::HeadFor(waypoint) => {
@@ -198,10 +199,9 @@ impl WorldTask {
             let follower = Follower::new(seen.goal, config);
             self.npcs.insert(seen.id, Npc::begin(seen.attempt, follower, self.policy.memory_len(), noise));
         }
-        let is_grounded = seen.is_grounded;
         let npc = self.npc(seen.id);
         npc.feet = seen.feet;
-        npc.follow_goal(seen.goal, is_grounded, seen.has_reached);
+        npc.follow_goal(seen.goal, seen.has_reached);
     }
 
     /// Lets an NPC watch the movers of its world.

@@ -76,14 +76,17 @@ impl Npc {
 
     /// Follows a goal that may have moved, m: the NPC heads for its new place if it is on the last leg, and needs
     /// another plan once the goal has moved far.
-    pub fn follow_goal(&mut self, goal: Vec3, is_grounded: bool, has_arrived: bool) {
+    pub fn follow_goal(&mut self, goal: Vec3, has_arrived: bool) {
         let follower = &mut self.attempt.follower;
+        if follower.waypoint().is_none() && follower.goal() != goal {
+            // The straight way to it was not rehearsed.
+            self.hold.next_try = 0;
+        }
         if let Some(waypoint) = follower.move_goal(goal, self.feet, has_arrived) {
             self.news.waypoint = Some(waypoint);
             self.attempt.forget_forecast();
         }
-        // An NPC in the air cannot turn back.
-        self.planning.is_outdated |= is_grounded && self.attempt.follower.has_goal_drifted(self.feet);
+        self.planning.is_outdated |= self.attempt.follower.has_goal_drifted(self.feet);
     }
 
     /// Whether the NPC has a waypoint to rehearse and act for.

@@ -10,6 +10,10 @@ use std::cell::{Cell, OnceCell};
 
 /// Most bytes of compressed views that are decoded for a level: those of three million triangles, several times over.
 const MAX_DECODED_BYTES: usize = 256 << 20;
+/// Bytes that an element of a sparse accessor takes while it is read.
+const SPARSE_BYTES: usize = 24;
+/// Most bytes of all buffers together.
+const MAX_BUFFER_BYTES: usize = 1 << 30;
 /// Most numbers of an element: a 4 x 4 matrix.
 const MAX_WIDTH: usize = 16;
 
@@ -26,7 +30,13 @@ pub(super) struct Source<'a> {
 impl<'a> Source<'a> {
     /// Opens the buffers; `binary` is the binary chunk of a `.glb`.
     pub(super) fn new(root: &'a Document, binary: Option<&'a [u8]>, files: &dyn Files) -> Result<Self, ImportError> {
-        let buffers = root.buffers.iter().enumerate().map(|(idx, buffer)| read_buffer(idx, buffer, binary, files));
+        // Files count once for each buffer that names them, so that a small level takes no more than it says.
+        let mut budget = MAX_BUFFER_BYTES;
+        let buffers = root.buffers.iter().enumerate().map(|(idx, buffer)| {
+            let bytes = read_buffer(idx, buffer, binary, files)?;
+            budget = budget.checked_sub(bytes.len()).ok_or(ImportError::TooManyTriangles)?;
+            Ok::<_, ImportError>(bytes)
+        });
         let decoded = root.buffer_views.iter().map(|_| OnceCell::new()).collect();
         Ok(Self {
             root,
@@ -54,7 +64,6 @@ impl<'a> Source<'a> {
             self.root.accessors.get(accessor_idx).ok_or_else(|| reference(mesh, "accessor", accessor_idx))?;
         let encoding = layout.encoding(accessor).ok_or_else(|| data_error(mesh, layout.problem()))?;
         let width = layout.number_count() * encoding.component.size();
-        let no_data = || data_error(mesh, "no vertex data: export it without compression");
         let (bytes, stride) = match (accessor.buffer_view, &accessor.sparse) {
             (Some(view_idx), _) => {
                 let view =
@@ -63,9 +72,8 @@ impl<'a> Source<'a> {
                 let place = Place { view_idx, offset: accessor.byte_offset, stride, width };
                 (Some(self.strided(mesh, place, accessor.count)?), stride)
             }
-            // The elements are zero where the sparse part says nothing.
-            (None, Some(_)) => (None, width),
-            (None, None) => return Err(no_data()),
+            // The elements are zero where nothing is said (glTF 2.0, section 3.6.2.1).
+            (None, _) => (None, width),
         };
         // Indices are 32-bit numbers, so no further elements can be used.
         let count = usize::try_from(accessor.count).unwrap_or(usize::MAX);
@@ -85,6 +93,10 @@ impl<'a> Source<'a> {
     ) -> Result<Elements<'b>, ImportError> {
         let damaged = || data_error(mesh, "sparse data that does not fit: the file is damaged; export it again");
         let component = Component::of(sparse.indices.component_type).filter(|it| it.is_index()).ok_or_else(damaged)?;
+        if sparse.count > elements.count as u64 {
+            return Err(damaged());
+        }
+        self.spend(SPARSE_BYTES.saturating_mul(sparse.count as usize))?;
         let (index_width, value_width) = (component.size(), elements.width);
         let at = |view_idx, offset, width| Place { view_idx, offset, stride: width, width };
         let (indices, values) = (&sparse.indices, &sparse.values);
@@ -322,11 +334,6 @@ impl Elements<'_> {
             Some(bytes) => &bytes[idx * self.stride..idx * self.stride + self.width],
             None => &ZEROS[..self.width],
         })
-    }
-
-    /// Number of elements that a sparse accessor replaces.
-    pub(super) fn changed_count(&self) -> usize {
-        self.changed.len()
     }
 
     /// The first `N` numbers at `idx`.

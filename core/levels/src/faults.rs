@@ -224,6 +224,9 @@ pub enum ImportError {
          and helpers such as navmesh or trigger, are not solid, and with `colliders` in the sidecar nothing else is"
     )]
     Empty,
+    /// The JSON of a glTF has too many objects.
+    #[error("the glTF has more than two million nodes, meshes and other objects: join them or split the level")]
+    TooManyObjects,
     /// The level has too many triangles.
     #[error("the level has more than {MAX_TRIANGLES} triangles: simplify it or split it")]
     TooManyTriangles,

@@ -6,8 +6,9 @@ use crate::meaning::{Kind, Meaning};
 use crate::moving::{self, Paths};
 use crate::pairs::{Half, Pairs};
 use crate::scene::{Node, node_label};
+use surefoot_world::map::mover::MAX_MOVERS;
 use surefoot_world::map::spec::MAX_HEIGHT_M;
-use surefoot_world::map::{Device, DeviceKind, Liquid, MapSize, Mover, Outline, Placed, Pool, features};
+use surefoot_world::map::{Device, DeviceKind, Liquid, MapSize, Mover, MoverError, Outline, Placed, Pool, features};
 use surefoot_world::{Aabb, Vec3};
 
 /// Constants of pads in `f64`, like the numbers of JSON.
@@ -47,6 +48,12 @@ impl Found {
         paths: &Paths,
     ) -> Result<(), ImportError> {
         let bounds = feature_bounds(nodes, owners);
+        let mut triangles_of: Vec<Vec<[Vec3; 3]>> = vec![Vec::new(); nodes.len()];
+        for (node, owner) in nodes.iter().zip(owners) {
+            if let Some(owner) = owner.filter(|owner| matches!(meanings[*owner].kind, Some(Kind::Mover(_)))) {
+                triangles_of[owner].extend_from_slice(&node.triangles);
+            }
+        }
         let mut pairs = Pairs::default();
         for (idx, (node, meaning)) in nodes.iter().zip(meanings).enumerate() {
             let Some(kind) = meaning.kind.as_ref().filter(|_| owners[idx] == Some(idx)) else { continue };
@@ -74,11 +81,11 @@ impl Found {
                     }
                 }
                 Kind::Mover(kind) => {
-                    let own = nodes.iter().zip(owners).filter(|(_, owner)| **owner == Some(idx));
-                    let triangles = own.flat_map(|(node, _)| node.triangles.iter().copied()).collect();
+                    let triangles = std::mem::take(&mut triangles_of[idx]);
                     let Some(mut mover) = moving::from_node(*kind, node, &extras, paths, triangles)? else { continue };
-                    if node.animation.is_some() {
-                        mover.name = moving::distinct_name(&node.name, idx, &self.movers);
+                    mover.name = moving::distinct_name(&node.name, idx, &self.movers);
+                    if self.movers.len() >= MAX_MOVERS {
+                        return Err(MoverError::TooMany(self.movers.len() + 1).into());
                     }
                     mover.triangles.iter().flatten().for_each(|corner| self.extend(*corner));
                     self.movers.push(mover);

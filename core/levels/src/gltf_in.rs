@@ -8,12 +8,14 @@ use crate::animated::Animation;
 use crate::container::{Files, split};
 use crate::document::{self, Document};
 use crate::faults::{ImportError, MAX_TRIANGLES};
-use crate::scene::{Node, Scene, node_label};
+use crate::scene::{ImportOptions, Node, Scene, node_label};
 use crate::shape::Shaper;
 use glam::{DMat4, DQuat, DVec3, Quat, Vec3};
 use serde::Deserialize;
-use surefoot_world::map::MapSize;
+use surefoot_world::map::{MapSize, UpAxis};
 
+/// Most objects in the JSON of a glTF.
+const MAX_OBJECTS: usize = 2_000_000;
 /// Extensions that may change geometry and are read.
 const READ_EXTENSIONS: [&str; 6] = [
     "EXT_mesh_gpu_instancing",
@@ -24,7 +26,7 @@ const READ_EXTENSIONS: [&str; 6] = [
     "KHR_node_visibility",
 ];
 /// How extensions begin that change no geometry, so that a level may require them.
-const HARMLESS_EXTENSIONS: [&str; 12] = [
+const HARMLESS_EXTENSIONS: [&str; 13] = [
     "KHR_materials_",
     "KHR_texture_",
     "KHR_lights_",
@@ -35,20 +37,29 @@ const HARMLESS_EXTENSIONS: [&str; 12] = [
     "KHR_xmp",
     "EXT_texture_",
     "EXT_lights_",
+    "EXT_materials_",
     "MSFT_",
     "OMI_",
 ];
 
 /// Reads a glTF: the nodes of its default scene, or those of all scenes.
-pub(super) fn read(bytes: &[u8], all_scenes: bool, files: &dyn Files) -> Result<Scene, ImportError> {
+pub(super) fn read(bytes: &[u8], options: &ImportOptions, files: &dyn Files) -> Result<Scene, ImportError> {
     let (json, binary) = split(bytes)?;
+    // An object of two bytes becomes a node of hundreds.
+    if json.iter().filter(|byte| **byte == b'{').count() > MAX_OBJECTS {
+        return Err(ImportError::TooManyObjects);
+    }
     let root: Document = serde_json::from_slice(json).map_err(|error| ImportError::Json(error.to_string()))?;
     if !root.asset.version.starts_with("2.") {
         return Err(ImportError::GltfVersion(root.asset.version));
     }
     check_extensions(&root)?;
     let source = Source::new(&root, binary, files)?;
-    Reader { source: &source, triangle_budget: MAX_TRIANGLES }.scene(all_scenes)
+    let up = match options.up {
+        UpAxis::Y => Vec3::Y,
+        UpAxis::Z => Vec3::Z,
+    };
+    Reader { source: &source, triangle_budget: MAX_TRIANGLES, up }.scene(options.all_scenes)
 }
 
 fn check_extensions(root: &Document) -> Result<(), ImportError> {
@@ -83,6 +94,8 @@ struct Reader<'a> {
     source: &'a Source<'a>,
     /// Triangles that may still be added; a mesh counts once for each node that uses it.
     triangle_budget: usize,
+    /// The level's upright axis.
+    up: Vec3,
 }
 
 impl Reader<'_> {
@@ -213,9 +226,13 @@ impl Reader<'_> {
                     let (_, at_rest, _) = rest.to_scale_rotation_translation();
                     // What is scaled to nothing has no rotation.
                     let at_rest = if at_rest.is_finite() { at_rest.as_quat() } else { Quat::IDENTITY };
+                    let (_, level_from_parent, _) = level_from_parent.to_scale_rotation_translation();
+                    let level_from_parent =
+                        if level_from_parent.is_finite() { level_from_parent.as_quat() } else { Quat::IDENTITY };
+                    let up = level_from_parent.inverse() * self.up;
                     let turn = |to: [f32; 4]| {
                         let by = Quat::from_array(to) * at_rest.inverse();
-                        2.0 * libm::atan2f(by.y, by.w)
+                        2.0 * libm::atan2f(Vec3::new(by.x, by.y, by.z).dot(up), by.w)
                     };
                     animated.turns = keys.into_iter().map(|(at, to)| (at, nearest_turn(turn(to)))).collect();
                 }

@@ -19,7 +19,7 @@ use crate::scene::{ImportOptions, Node, Scene, node_label};
 use crate::sidecar::Sidecar;
 use crate::sides;
 use crate::units::{self, Suggestion};
-use crate::zip::Zip;
+use crate::zip::{Zip, is_zip};
 use crate::{gltf_in, obj_in};
 use glam::DVec3;
 use surefoot_world::map::{LevelFrame, Map};
@@ -63,7 +63,7 @@ pub fn import_gltf(
     options: &ImportOptions,
     files: &dyn Files,
 ) -> Result<Imported, ImportError> {
-    import(gltf_in::read(bytes, options.all_scenes, files)?, sidecar, options)
+    import(gltf_in::read(bytes, options, files)?, sidecar, options)
 }
 
 /// Imports a level from Wavefront OBJ; each object or group is a node. Materials are ignored.
@@ -114,7 +114,7 @@ pub fn read_level(
     if bytes.starts_with(b"SFMAP") {
         return Ok(Imported::saved(decode(bytes)?));
     }
-    if bytes.starts_with(Zip::MAGIC) {
+    if is_zip(bytes) {
         return Ok(import_zip(bytes, sidecar, options)?);
     }
     Ok(import(scene(bytes, options, files)?, sidecar, options)?)
@@ -125,7 +125,7 @@ fn scene(bytes: &[u8], options: &ImportOptions, files: &dyn Files) -> Result<Sce
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let is_json = text.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
     let is_gltf = is_json || bytes.starts_with(b"glTF");
-    if is_gltf { gltf_in::read(bytes, options.all_scenes, files) } else { obj_in::read(bytes) }
+    if is_gltf { gltf_in::read(bytes, options, files) } else { obj_in::read(bytes) }
 }
 
 fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
@@ -246,7 +246,7 @@ fn keep_colliders(nodes: &[Node<DVec3>], meanings: &mut [Meaning], owners: &mut 
     for (idx, node) in nodes.iter().enumerate() {
         let is_inside = node.parent.is_some_and(|parent| is_collider[parent]);
         is_collider.push(meanings[idx].is_declared_solid || is_inside);
-        if owners[idx].is_none() && !is_collider[idx] {
+        if owners[idx].is_none() && !is_collider[idx] && !node.triangles.is_empty() {
             owners[idx] = Some(idx);
             meanings[idx] = Meaning::left_out("it is none of the sidecar's `colliders`");
         }
@@ -333,7 +333,9 @@ fn report(
 
 /// The box around what bodies stand on, swim in and use.
 fn bounds(solids: &[[Vec3; 3]], found: &Found) -> Result<Aabb, ImportError> {
-    let mut bounds = Aabb::around(solids.iter().flatten().copied()).ok_or(ImportError::Empty)?;
+    // Polylines have no area and are not solid.
+    let has_area = |[a, b, c]: &&[Vec3; 3]| a != b && b != c && c != a;
+    let mut bounds = Aabb::around(solids.iter().filter(has_area).flatten().copied()).ok_or(ImportError::Empty)?;
     // The bottom of a pool may be the lowest point of the level; its sides are cut off.
     let (pool_low, pool_high) = found.pool_heights();
     (bounds.low.y, bounds.high.y) = (bounds.low.y.min(pool_low), bounds.high.y.max(pool_high));

@@ -50,4 +50,4 @@ pub use load::Overload;
 pub use report::{GeometryCounts, NodeReport, Role, role_counts};
 pub use scene::ImportOptions;
 pub use surefoot_world::map::UpAxis;
-pub use zip::unpacked_bytes;
+pub use zip::{is_zip, unpacked_bytes};

@@ -59,6 +59,8 @@ pub(super) struct Meaning {
     pub(super) kind: Option<Kind>,
     /// As in a report.
     pub(super) reason: String,
+    /// Whether the sidecar, a property or the file says so, and no name.
+    pub(super) is_declared: bool,
     /// Whether a designer declared it solid.
     pub(super) is_declared_solid: bool,
 }
@@ -66,7 +68,7 @@ pub(super) struct Meaning {
 impl Meaning {
     /// A node that is not solid.
     pub(super) fn new(kind: Kind, reason: impl Into<String>) -> Self {
-        Self { kind: Some(kind), reason: reason.into(), is_declared_solid: false }
+        Self { kind: Some(kind), reason: reason.into(), ..Self::default() }
     }
 
     /// A node that is no part of the level.
@@ -76,6 +78,6 @@ impl Meaning {
 
     /// A node that a designer declared solid.
     pub(super) fn solid(reason: &str) -> Self {
-        Self { kind: None, reason: reason.to_owned(), is_declared_solid: true }
+        Self { reason: reason.to_owned(), is_declared_solid: true, ..Self::default() }
     }
 }

@@ -18,7 +18,7 @@ use glam::DVec3;
 use serde::Deserialize;
 use std::collections::HashMap;
 use surefoot_world::map::LevelFrame;
-use surefoot_world::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
+use surefoot_world::map::mover::{LONGEST_S, MAX_MOVER_SPEED, MAX_NAME_LEN};
 use surefoot_world::map::{Mover, MoverKind, MoverStop, mover};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{Aabb, StopIdx, Vec3};
@@ -38,9 +38,9 @@ const SLIDE_SHARE: f32 = 0.96;
 const SAME_M: f32 = 0.05;
 /// Largest extent of what counts as a lift or platform only because it is animated, m.
 const LARGEST_M: f32 = 30.0;
-/// Most triangles of it.
+/// Most triangles of such a node.
 const MOST_TRIANGLES: usize = 2048;
-/// Longest part of a node's name that a mover has which is animated, bytes.
+/// Longest part of a node's name before the number in the name of a mover, bytes.
 const MOST_NAME_LEN: usize = 48;
 /// A node with everything below it.
 #[derive(Debug, Clone, Copy, Default)]
@@ -232,13 +232,15 @@ pub(super) fn from_node(
     Ok(Some(assemble(node.name.clone(), kind, solid(triangles), bounds, motion)))
 }
 
-/// The name of a mover that is animated, which files do not keep short and unique: that of its node, with the number of
-/// the node if there is another of that name.
+/// The name of a mover that is a node: files do not keep names short and unique. It is that of the node, with the number
+/// of the node if it is too long or another mover has it.
 pub(super) fn distinct_name(name: &str, node_idx: usize, others: &[Mover]) -> String {
+    let is_free = (1..=MAX_NAME_LEN).contains(&name.len()) && others.iter().all(|other| other.name != name);
+    if is_free {
+        return name.to_owned();
+    }
     let end = (0..=MOST_NAME_LEN.min(name.len())).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
-    let short = if name.is_empty() { "animated" } else { &name[..end] };
-    let is_free = !name.is_empty() && others.iter().all(|other| other.name != short);
-    if is_free { short.to_owned() } else { format!("{short}.{node_idx}") }
+    format!("{}.{node_idx}", if name.is_empty() { "animated" } else { &name[..end] })
 }
 
 /// Gives both sides to what is no closed body, and turns what lies inside out.
@@ -278,6 +280,10 @@ fn assemble(name: String, kind: MoverKind, triangles: Vec<[Vec3; 3]>, bounds: Aa
     let farthest = stops.windows(2).map(|pair| pair[0].offset.distance(pair[1].offset)).fold(0.0, f32::max);
     let speed = motion.speed.or(kind.is_ridden().then_some(TRAVEL_SPEED));
     let usual = speed.map_or(CHANGE_S, |speed| f64::from(farthest) / speed.max(1.0e-3));
+    // Wide doors take longer.
+    let turned = stops.iter().map(|stop| stop.yaw.abs()).fold(0.0, f32::max);
+    let arm = (bounds.high - bounds.low).length();
+    let usual = usual.max(f64::from(farthest.max(turned * arm) / MAX_MOVER_SPEED));
     Mover {
         name,
         kind,

@@ -111,10 +111,12 @@ pub(super) fn meanings(
         let extras = Extras::new(node, &label)?;
         let declared = declared(node, sidecar, &extras)?;
         meanings.push(match declared {
-            Some(meaning) => meaning,
+            Some(meaning) => Meaning { is_declared: true, ..meaning },
             None => {
                 let may_move = extras.flag("mover")? != Some(false);
                 let named = if ignore_names { None } else { named(node, &extras, paths, &mut near_misses) };
+                // What moves has a shape.
+                let may_move = may_move && whole.bounds.is_some();
                 let named = named.filter(|it| may_move || !matches!(it.kind, Some(Kind::Mover(_))));
                 let side = whole.bounds.map_or(0.0, |Aabb { low, high }| (high.x - low.x).max(high.z - low.z));
                 if side > MAX_DEVICE_M && matches!(named, Some(Meaning { kind: Some(Kind::Device(..)), .. })) {
@@ -142,21 +144,23 @@ fn declared(node: &Node<DVec3>, sidecar: &Sidecar, extras: &Extras<'_>) -> Resul
         const SIDECAR: &str = "the sidecar says so";
         return Ok(Some(match role.kind() {
             None if role == NodeAs::Solid => Meaning::solid(SIDECAR),
-            None => Meaning::new(Kind::LeftOut, SIDECAR),
+            None => Meaning::left_out(SIDECAR),
             Some(kind) => Meaning::new(kind, SIDECAR),
         }));
+    }
+    match sidecar.says_solid(&node.name) {
+        Some(true) => return Ok(Some(Meaning::solid("it is one of the sidecar's `colliders`"))),
+        Some(false) => return Ok(Some(Meaning::left_out("the sidecar leaves it out"))),
+        None => {}
     }
     if let Some(kind) = extras.text("mover") {
         return Ok(Some(Meaning::new(Kind::Mover(moving::kind_named(extras, kind)?), "its property `mover` says so")));
     }
-    let solid = extras.flag("solid")?;
-    Ok(match (solid, sidecar.says_solid(&node.name)) {
-        (Some(true), _) => Some(Meaning::solid("its property `solid` is true")),
-        (Some(false), _) => Some(Meaning::new(Kind::LeftOut, "its property `solid` is false")),
-        (None, Some(true)) => Some(Meaning::solid("it is one of the sidecar's `colliders`")),
-        (None, Some(false)) => Some(Meaning::new(Kind::LeftOut, "the sidecar leaves it out")),
-        (None, None) if node.is_hidden => Some(Meaning::new(Kind::LeftOut, "the file says that it is not visible")),
-        (None, None) => None,
+    Ok(match extras.flag("solid")? {
+        Some(true) => Some(Meaning::solid("its property `solid` is true")),
+        Some(false) => Some(Meaning::left_out("its property `solid` is false")),
+        None if node.is_hidden => Some(Meaning::left_out("the file says that it is not visible")),
+        None => None,
     })
 }
 
@@ -229,15 +233,19 @@ pub(super) fn owners(
     let mut has_feature_below = vec![false; nodes.len()];
     for (idx, node) in nodes.iter().enumerate().rev() {
         if let Some(parent) = node.parent {
-            has_feature_below[parent] |= has_feature_below[idx] || meanings[idx].kind.is_some();
+            let is_feature = matches!(meanings[idx].kind, Some(Kind::Pool(_) | Kind::Device(..) | Kind::Mover(_)));
+            has_feature_below[parent] |= has_feature_below[idx] || is_feature;
         }
     }
     let mut owners: Vec<Option<usize>> = Vec::with_capacity(nodes.len());
     for (idx, node) in nodes.iter().enumerate() {
         let inherited = node.parent.and_then(|parent| owners[parent]).filter(|_| !meanings[idx].is_declared_solid);
         let is_group = node.triangles.is_empty() && has_feature_below[idx];
+        let is_left_out = inherited.is_some_and(|owner| meanings[owner].kind == Some(Kind::LeftOut));
         owners.push(match &meanings[idx].kind {
             None => inherited,
+            // What is named below something that is left out is left out with it.
+            Some(_) if is_left_out && !meanings[idx].is_declared => inherited,
             Some(kind) if is_group && !kind.has_end() && *kind != Kind::LeftOut => inherited,
             Some(kind) if kind.lacks_end() => {
                 if inherited.is_none() {

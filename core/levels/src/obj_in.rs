@@ -91,16 +91,20 @@ impl<'a> Builder<'a> {
 
     /// Ends the current node. Without triangles it is no node, and what it skipped counts for the next one.
     fn start_node(&mut self, name: &[u8]) {
-        if !self.node.triangles.is_empty() {
-            self.nodes.push(std::mem::take(&mut self.node));
-        }
+        self.end_node();
         self.node.name = String::from_utf8_lossy(name).into_owned();
     }
 
-    fn finish(mut self) -> Vec<Node<DVec3>> {
+    fn end_node(&mut self) {
         if !self.node.triangles.is_empty() {
-            self.nodes.push(self.node);
-        } else if let Some(last) = self.nodes.last_mut() {
+            self.node.file_idx = self.nodes.len();
+            self.nodes.push(std::mem::take(&mut self.node));
+        }
+    }
+
+    fn finish(mut self) -> Vec<Node<DVec3>> {
+        self.end_node();
+        if let Some(last) = self.nodes.last_mut() {
             last.skipped_count += self.node.skipped_count;
         }
         self.nodes

@@ -155,7 +155,11 @@ impl<'a> Shaper<'a> {
         let count = surface.indices.as_ref().map_or(surface.vertices.count(), Indices::count);
         let triangle_count = if mode == TRIANGLES { count / 3 } else { count.saturating_sub(2) };
         let wanted = triangle_count.checked_mul(pose.instances.len()).ok_or(ImportError::TooManyTriangles)?;
-        self.spend(wanted.saturating_add(surface.vertices.overhead()))?;
+        if wanted == 0 {
+            return Ok(());
+        }
+        // A vertex with morph targets and joints takes as long as several.
+        self.spend(wanted.saturating_mul(surface.vertices.parts()))?;
         shape.triangles.reserve(wanted);
         for level_from_mesh in &pose.instances {
             let placed = |corner: usize| surface.corner(mesh, corner, *level_from_mesh, pose);
@@ -188,6 +192,7 @@ impl<'a> Shaper<'a> {
         };
         let positions = read("POSITION", Layout::Positions)?;
         let positions = positions.ok_or_else(|| data_error(mesh, "no positions: export the level again"))?;
+        self.spend(primitive.targets.len())?;
         let mut morphs = Vec::new();
         for (target, weight) in primitive.targets.iter().zip(&pose.weights).filter(|(_, weight)| **weight != 0.0) {
             if let Some(idx) = target.get("POSITION") {
@@ -272,13 +277,11 @@ impl Vertices<'_> {
         }
     }
 
-    /// Work that reading them took beside that for each triangle, in triangles.
-    fn overhead(&self) -> usize {
+    /// Numbers that are read for each corner, in those of a plain vertex.
+    fn parts(&self) -> usize {
         match self {
-            Self::Stored { positions, morphs, .. } => {
-                positions.changed_count() + morphs.iter().map(|(_, shifts)| shifts.changed_count()).sum::<usize>()
-            }
-            Self::Decoded(_) => 0,
+            Self::Stored { morphs, influences, .. } => 1 + morphs.len() + influences.len(),
+            Self::Decoded(_) => 1,
         }
     }
 

@@ -6,8 +6,8 @@ use std::cell::RefCell;
 use std::io::{Cursor, Read};
 use zip::ZipArchive;
 
-/// Most bytes that an archive may hold when it is unpacked.
-const MAX_UNPACKED_BYTES: u64 = 1 << 30;
+/// Most bytes of a file in an archive.
+const MAX_FILE_BYTES: u64 = 1 << 30;
 /// Endings of files that are levels, the one that is preferred first.
 const LEVELS: [&str; 3] = [".gltf", ".glb", ".obj"];
 const SIDECAR: &str = ".surefoot.json";
@@ -66,8 +66,8 @@ impl<'a> Zip<'a> {
         let mut archive = self.archive.borrow_mut();
         let file = archive.by_name(path).map_err(|error| format!("`{path}`: {error}"))?;
         let len = file.size();
-        if len > MAX_UNPACKED_BYTES {
-            return Err(format!("`{path}` has more than {} MB", MAX_UNPACKED_BYTES >> 20));
+        if len > MAX_FILE_BYTES {
+            return Err(format!("`{path}` has more than {} MB", MAX_FILE_BYTES >> 20));
         }
         let mut bytes = Vec::new();
         // Callers have reserved memory for the size in the archive, which may be wrong.
@@ -79,12 +79,17 @@ impl<'a> Zip<'a> {
     }
 }
 
+/// Whether a level is a `.zip`.
+pub fn is_zip(level: &[u8]) -> bool {
+    level.starts_with(Zip::MAGIC)
+}
+
 /// Number of bytes to which a level unpacks: 0 unless it is a `.zip`.
 ///
 /// # Errors
 /// If the archive cannot be read.
 pub fn unpacked_bytes(level: &[u8]) -> Result<u64, ImportError> {
-    if !level.starts_with(Zip::MAGIC) {
+    if !is_zip(level) {
         return Ok(0);
     }
     let mut archive = ZipArchive::new(Cursor::new(level)).map_err(|error| ImportError::Zip(error.to_string()))?;

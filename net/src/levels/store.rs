@@ -415,7 +415,7 @@ pub(super) fn read(
     sidecar: Option<&str>,
     options: &ImportOptions,
 ) -> Result<Imported, LevelError> {
-    let is_packed = file.starts_with(b"PK");
+    let is_packed = surefoot_levels::is_zip(file);
     let imported = match format {
         LevelFormat::Saved => {
             let map = surefoot_levels::decode(file).map_err(|error| LevelError::File(error.to_string()))?;

@@ -149,7 +149,7 @@ impl HostedWorld {
             return None;
         }
         record.goal = Some(goal);
-        if record.waypoint.is_none() {
+        if record.waypoint.is_none() && goal != former {
             self.world.set_waypoint(record.slot, goal);
         }
         Some(record.attempts)

@@ -130,6 +130,8 @@ pub struct Follower {
     goal: Vec3,
     /// The goal for which the plan was made, m.
     planned_goal: Vec3,
+    /// Where the NPC was when its goal moved and it had moved itself, m.
+    moved_from: Vec3,
     plan: Option<Plan>,
     /// Index of the current leg in the plan.
     leg: usize,
@@ -153,6 +155,7 @@ impl Follower {
             config,
             goal,
             planned_goal: goal,
+            moved_from: goal,
             plan: None,
             leg: 0,
             to_waypoint: Approach::NONE,
@@ -186,7 +189,8 @@ impl Follower {
     // Planning.
 
     /// The query for a plan from `feet`, m, that avoids the failed legs.
-    pub fn query(&self, feet: Vec3) -> Query {
+    pub fn query(&mut self, feet: Vec3) -> Query {
+        self.planned_goal = self.goal;
         let (avoid, stops) = (self.failures.keys(), self.movers.stops.clone());
         Query { avoid, stops, attach: self.config.attach, ..Query::new(feet, self.goal) }
     }
@@ -209,10 +213,9 @@ impl Follower {
 
     /// Starts to follow a plan and returns its first waypoint, m.
     pub fn take_plan(&mut self, mut plan: Plan) -> Vec3 {
-        self.planned_goal = self.goal;
         if let Some(last) = plan.waypoints.last_mut().filter(|_| plan.nearest.is_none()) {
             // The goal may have moved since the plan was requested.
-            self.planned_goal = std::mem::replace(last, self.goal);
+            *last = self.goal;
         }
         let first = plan.waypoints[0];
         self.plan = Some(plan);
@@ -232,7 +235,13 @@ impl Follower {
     pub fn move_goal(&mut self, goal: Vec3, feet: Vec3, has_arrived: bool) -> Option<Vec3> {
         if goal != self.goal {
             self.goal = goal;
-            self.to_goal = Approach::NONE;
+            // A target that runs away is no want of progress, but an NPC that stands still is.
+            let moves = feet.distance(self.moved_from) >= AIM_M;
+            let stalled = if moves { 0 } else { self.to_goal.stalled };
+            self.to_goal = Approach { best_m: feet.distance(goal), stalled };
+            if moves {
+                (self.moved_from, self.replans) = (feet, 0);
+            }
         }
         let plan = self.plan.as_mut().filter(|plan| plan.nearest.is_none())?;
         let last = plan.waypoints.last_mut()?;
@@ -244,7 +253,7 @@ impl Follower {
         if !self.is_last_leg() {
             return None;
         }
-        self.to_waypoint = Approach::NONE;
+        self.to_waypoint = Approach { best_m: feet.distance(goal), stalled: self.to_goal.stalled };
         Some(goal)
     }
 
