@@ -33,6 +33,10 @@ const LEVEL_M2: f64 = 25.0;
 /// Times as large as the main part, along its longer side, and metres that a plane must be to be clipped.
 const PLANE: f64 = 6.0;
 const PLANE_M: f64 = 500.0;
+/// Side from which a plane on which the level stands is clipped, m: smaller ones fit on a map.
+const CLIPPED_M: f64 = 1000.0;
+/// Height over side below which a shell without a name may be a hall around what hangs in it.
+const HALL: f64 = 0.3;
 /// Height of a plane over its side, and share of its faces that are level.
 const PLANE_HEIGHT: f64 = 0.02;
 const PLANE_LEVEL: f64 = 0.95;
@@ -145,9 +149,12 @@ impl Finding {
 }
 
 /// Finds what does not belong to a level. `solid` says which nodes are to be judged. Points are in metres, y up.
-pub(super) fn judge(nodes: &[Node<DVec3>], solid: &[bool]) -> Vec<Finding> {
-    let looks = figures::find(nodes, solid);
-    let names = figures::sky_names(nodes);
+pub(super) fn judge(nodes: &[Node<DVec3>], solid: &[bool], ignore_names: bool) -> Vec<Finding> {
+    let (looks, names) = if ignore_names {
+        (vec![None; nodes.len()], vec![SkyName::Other; nodes.len()])
+    } else {
+        (figures::find(nodes, solid), figures::sky_names(nodes))
+    };
     let mut level = Level { nodes, parts: Vec::new(), verdicts: Vec::new() };
     for node in (0..nodes.len()).filter(|&node| solid[node] && !nodes[node].triangles.is_empty()) {
         level.parts.push(Part::new(nodes, node, None, names[node]));
@@ -289,13 +296,24 @@ impl Level<'_> {
         if self.verdicts[idx].is_some() || size < self.outer(idx) * main_size {
             return None;
         }
+        let height = part.bounds.high.y - part.bounds.low.y;
+        if height <= PLANE_HEIGHT * part.bounds.side() && part.level >= PLANE_LEVEL * part.area {
+            // A ring around the level has nothing that could be left.
+            return plane(part.bounds, main.bounds).filter(|verdict| match verdict {
+                Verdict::LeftOut(_) => true,
+                Verdict::Clipped(Bounds { low, high }) => {
+                    let column = Bounds { low: low.with_y(part.bounds.low.y), high: high.with_y(part.bounds.high.y) };
+                    part.each(self.nodes).any(|triangle| touches(triangle, column))
+                }
+            });
+        }
         let is_named = part.name != SkyName::Other;
         if !is_named && (size < OUTER_M || main.walkable < LEVEL_M2) {
             return None;
         }
-        let height = part.bounds.high.y - part.bounds.low.y;
-        if height <= PLANE_HEIGHT * part.bounds.side() && part.level >= PLANE_LEVEL * part.area {
-            return plane(part.bounds, main.bounds);
+        // Halls are low; skies are not.
+        if !is_named && height < HALL * part.bounds.side() {
+            return None;
         }
         let enters = |distance: f64| {
             let near = main.bounds.widened(distance);
@@ -377,7 +395,8 @@ fn plane(own: Bounds, main: Bounds) -> Option<Verdict> {
     if is_above || own.high.y < main.low.y - BACKDROP * main.size() {
         return Some(Verdict::LeftOut(Reason::Backdrop));
     }
-    Some(Verdict::Clipped(main.widened((MARGIN * main.side()).max(MARGIN_M))))
+    let clipped = || Verdict::Clipped(main.widened((MARGIN * main.side()).max(MARGIN_M)));
+    (own.side() >= CLIPPED_M).then(clipped)
 }
 
 #[cfg(test)]

@@ -88,11 +88,14 @@ impl<'a> Chunk<'a> {
 
 /// The content of the buffer `idx`, which is at `uri`.
 pub(super) fn resolve(idx: usize, uri: &str, files: &dyn Files) -> Result<Vec<u8>, ImportError> {
-    if uri.starts_with(DATA_URI) {
-        let text = uri.split_once(BASE64_MARK).map(|(_, text)| text.trim_end_matches('='));
+    let uri = uri.trim();
+    if uri.get(..DATA_URI.len()).is_some_and(|start| start.eq_ignore_ascii_case(DATA_URI)) {
+        let text: String = uri.split_ascii_whitespace().collect();
+        let text = text.split_once(BASE64_MARK).map(|(_, text)| text.trim_end_matches('='));
         return text.and_then(|text| BASE64.decode(text).ok()).ok_or(ImportError::Base64 { buffer: idx });
     }
-    let path = percent_decode_str(uri).decode_utf8_lossy();
+    // Some exporters write backslashes, and queries against caches.
+    let path = percent_decode_str(uri.split('?').next().unwrap_or(uri)).decode_utf8_lossy().replace('\\', "/");
     let fault = |problem: String| ImportError::ExternalBuffer { uri: path.chars().take(SHOWN_URI).collect(), problem };
     if uri.contains("://") {
         return Err(fault("a level's files lie beside it, not in a network: export the level as one .glb".to_owned()));

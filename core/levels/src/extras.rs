@@ -15,7 +15,11 @@ impl<'a> Extras<'a> {
     pub(super) fn new<P>(node: &Node<P>, of: &'a str) -> Result<Self, ImportError> {
         let json = node.extras.as_ref().map_or("{}", |extras| extras.get());
         match serde_json::from_str(json) {
-            Ok(Value::Object(values)) => Ok(Self { of, values }),
+            Ok(Value::Object(mut values)) => {
+                // Null stands for no value.
+                values.retain(|_, value| !value.is_null());
+                Ok(Self { of, values })
+            }
             // Extras that are not an object have no meaning here.
             Ok(_) => Ok(Self { of, values: serde_json::Map::new() }),
             Err(error) => Err(ImportError::Json(format!("extras of {of}: {error}"))),

@@ -47,6 +47,11 @@ pub enum Warning {
         /// Number of such nodes.
         count: usize,
     },
+    /// A group has the name of a feature, but holds most of the level.
+    Group {
+        /// Name of the node.
+        node: String,
+    },
     /// A node that is called a device is too large for one.
     LargeDevice {
         /// Name of the node.
@@ -106,6 +111,9 @@ impl fmt::Display for Warning {
                 "{count} nodes are solid, although their names begin like those of features, as `{name}` with \
                  `{word}`: a separator must follow the word, as in `{word}_1`"
             ),
+            Self::Group { node } => {
+                write!(f, "node `{node}` holds most of the level, so its name has no meaning; rename it")
+            }
             Self::LargeDevice { node, side } => write!(
                 f,
                 "node `{node}` stays solid: {side:.0} m are too much for the device that its name begins with; if it \

@@ -26,12 +26,25 @@ const READ_EXTENSIONS: [&str; 6] = [
     "KHR_node_visibility",
 ];
 /// How extensions begin that change no geometry, so that a level may require them.
-const HARMLESS_EXTENSIONS: [&str; 13] = [
+const HARMLESS_EXTENSIONS: [&str; 26] = [
     "KHR_materials_",
     "KHR_texture_",
     "KHR_lights_",
     "KHR_animation_",
+    "ADOBE_materials",
+    "AGI_",
+    "CESIUM_primitive_outline",
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_structural_metadata",
+    "FB_ngon_encoding",
+    "GODOT_",
     "KHR_audio",
+    "KHR_environment_map",
+    "KHR_implicit_shapes",
+    "KHR_node_",
+    "MOZ_",
+    "VRM",
     "KHR_interactivity",
     "KHR_physics_",
     "KHR_xmp",

@@ -3,7 +3,7 @@
 //! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`); what the nodes stand for (`named`, `sidecar`) and
 //! what does not belong (`belongs`); features (`found`); sides (`sides`); the place on the map (`place`).
 
-use crate::belongs;
+use crate::belongs::{self, Finding};
 use crate::container::Files;
 use crate::faults::{ImportError, Warning};
 use crate::file::{FileError, decode};
@@ -143,7 +143,9 @@ fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Resul
     }
     let mut report = report(&scene, &meanings, &owners, &frame);
     if !is_exported {
-        leave_out(&mut scene, (&owners, &meanings), &mut report, &mut warnings);
+        let is_judged = judged(&scene, &owners, &meanings);
+        let findings = belongs::judge(&scene, &is_judged, ignore_names);
+        leave_out(&mut scene, &findings, &mut report, &mut warnings);
     }
     let mut nodes: Vec<Node> = scene.into_iter().map(|node| node.map(|point| point.as_vec3())).collect();
     let mut found = Found::default();
@@ -253,25 +255,31 @@ fn keep_colliders(nodes: &[Node<DVec3>], meanings: &mut [Meaning], owners: &mut 
     }
 }
 
-/// Leaves out what does not belong to a level, and notes it.
-fn leave_out(
-    nodes: &mut [Node<DVec3>],
-    (owners, meanings): (&[Option<usize>], &[Meaning]),
-    report: &mut [NodeReport],
-    warnings: &mut Vec<Warning>,
-) {
-    let is_judged: Vec<bool> =
-        owners.iter().zip(meanings).map(|(owner, it)| owner.is_none() && !it.is_declared_solid).collect();
-    let findings = belongs::judge(nodes, &is_judged);
-    for finding in &findings {
-        let (node, report) = (&nodes[finding.node], &mut report[finding.node]);
-        report.reason = finding.reason();
-        if finding.is_whole() {
-            report.role = Role::LeftOut;
-        }
-        warnings.push(Warning::LeftOut { text: finding.text(&node_label(&node.name, node.file_idx)) });
+/// The nodes that may turn out to be no part of the level: those that are solid and that no designer declared solid,
+/// nor a node above them.
+fn judged(nodes: &[Node<DVec3>], owners: &[Option<usize>], meanings: &[Meaning]) -> Vec<bool> {
+    let mut is_declared: Vec<bool> = Vec::with_capacity(nodes.len());
+    for (node, meaning) in nodes.iter().zip(meanings) {
+        let is_inside = node.parent.is_some_and(|parent| is_declared[parent]);
+        is_declared.push(meaning.is_declared_solid || is_inside);
     }
-    belongs::apply(nodes, &findings);
+    owners.iter().zip(is_declared).map(|(owner, is_declared)| owner.is_none() && !is_declared).collect()
+}
+
+/// Leaves out what does not belong to a level, and notes it.
+fn leave_out(nodes: &mut [Node<DVec3>], findings: &[Finding], report: &mut [NodeReport], warnings: &mut Vec<Warning>) {
+    for finding in findings {
+        // Many exporters put the mesh into a node without a name below that with the name.
+        let line = std::iter::successors(Some(&nodes[finding.node]), |node| node.parent.map(|above| &nodes[above]));
+        let own = &nodes[finding.node];
+        let named = line.take(3).find(|node| !node.name.is_empty()).unwrap_or(own);
+        report[finding.node].reason = finding.reason();
+        warnings.push(Warning::LeftOut { text: finding.text(&node_label(&named.name, named.file_idx)) });
+    }
+    belongs::apply(nodes, findings);
+    for finding in findings.iter().filter(|finding| nodes[finding.node].triangles.is_empty()) {
+        report[finding.node].role = Role::LeftOut;
+    }
 }
 
 /// The error about a level that is too large, for which another unit is asked about, or else a node named.

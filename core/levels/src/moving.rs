@@ -229,11 +229,13 @@ pub(super) fn from_node(
         velocity: extras.vector("velocity")?.map(metres),
         start: StopIdx(u8::from(extras.flag("open")? == Some(true))),
     };
-    Ok(Some(assemble(node.name.clone(), kind, solid(triangles), bounds, motion)))
+    let triangles = solid(triangles);
+    // What has no area holds nothing.
+    Ok((!triangles.is_empty()).then(|| assemble(node.name.clone(), kind, triangles, bounds, motion)))
 }
 
-/// The name of a mover that is a node: files do not keep names short and unique. It is that of the node, with the number
-/// of the node if it is too long or another mover has it.
+/// The name of a mover that is a node: files do not keep names short and unique. It is the name of the node, with the
+/// number of the node if it is too long or another mover has it.
 pub(super) fn distinct_name(name: &str, node_idx: usize, others: &[Mover]) -> String {
     let is_free = (1..=MAX_NAME_LEN).contains(&name.len()) && others.iter().all(|other| other.name != name);
     if is_free {

@@ -28,11 +28,13 @@ use surefoot_world::Aabb;
 use surefoot_world::map::{DeviceKind, Liquid, MoverKind};
 
 /// Words with which the names of features and helpers begin.
-const WORDS: [(&str, Word); 16] = [
+const WORDS: [(&str, Word); 18] = [
     ("lava", Word::Pool(Liquid::Lava)),
     ("water", Word::Pool(Liquid::Water)),
     ("pad", Word::Device(DeviceKind::Pad)),
     ("zip_line", Word::Device(DeviceKind::ZipLine)),
+    ("zip line", Word::Device(DeviceKind::ZipLine)),
+    ("zipline", Word::Device(DeviceKind::ZipLine)),
     ("teleporter", Word::Device(DeviceKind::Teleporter)),
     ("jetpack", Word::Device(DeviceKind::Jetpack)),
     ("door", Word::Mover(MoverKind::Door)),
@@ -58,8 +60,11 @@ enum Word {
 
 /// Words in the rest of a name that make it speak of something else: a door's frame, a water tower.
 const NOT_IT: [(&str, &[&str]); 5] = [
-    ("door", &["frame", "way", "step", "arch", "sill", "handle", "wall", "jamb", "mat", "knob"]),
-    ("water", &["tower", "tank", "pipe", "wheel", "mill", "pump", "cooler", "barrel", "bottle"]),
+    ("door", &["frame", "way", "step", "arch", "sill", "handle", "wall", "jamb", "mat", "knob", "trim", "lintel"]),
+    (
+        "water",
+        &["tower", "tank", "pipe", "wheel", "mill", "pump", "cooler", "barrel", "bottle", "trough", "fall", "front"],
+    ),
     ("lava", &["lamp", "rock", "stone"]),
     ("lift", &["shaft", "frame", "button"]),
     ("elevator", &["shaft", "frame", "button"]),
@@ -89,10 +94,19 @@ fn beginning(name: &str) -> Beginning {
         }
         let parts = rest.split(|letter: char| !letter.is_alphabetic());
         let others = NOT_IT.iter().find(|(it, _)| *it == word).map_or(&[][..], |(_, others)| others);
-        let is_other = parts.into_iter().any(|part| others.contains(&part));
+        let is_other =
+            |part: &str| others.contains(&part) || part.strip_suffix('s').is_some_and(|it| others.contains(&it));
+        let is_other = parts.into_iter().any(is_other);
         return if is_other { Beginning::Nothing } else { Beginning::Word(word, meaning) };
     }
     Beginning::Nothing
+}
+
+/// Whether a name begins with a word, and does not speak of something around it.
+pub(super) fn is_called(name: &str, word: &str) -> bool {
+    let lower = name.to_lowercase();
+    let is_whole = lower.strip_prefix(word).is_some_and(|rest| !rest.starts_with(char::is_alphabetic));
+    is_whole && !matches!(beginning(&lower), Beginning::Nothing if word == "door")
 }
 
 /// Finds what each node stands for. Incomplete pairs and near misses stay solid, with a warning.
@@ -104,6 +118,7 @@ pub(super) fn meanings(
     warnings: &mut Vec<Warning>,
 ) -> Result<Vec<Meaning>, ImportError> {
     let whole = with_children(nodes);
+    let triangle_count: usize = nodes.iter().map(|node| node.triangles.len()).sum();
     let mut near_misses = Vec::new();
     let mut meanings = Vec::with_capacity(nodes.len());
     for (node, whole) in nodes.iter().zip(&whole) {
@@ -117,6 +132,12 @@ pub(super) fn meanings(
                 let named = if ignore_names { None } else { named(node, &extras, paths, &mut near_misses) };
                 // What moves has a shape.
                 let may_move = may_move && whole.bounds.is_some();
+                let is_group = node.triangles.is_empty() && 2 * whole.triangle_count > triangle_count;
+                if is_group && named.as_ref().is_some_and(|it| it.kind.is_some()) {
+                    warnings.push(Warning::Group { node: node.name.clone() });
+                    meanings.push(Meaning { reason: "it holds most of the level".to_owned(), ..Meaning::default() });
+                    continue;
+                }
                 let named = named.filter(|it| may_move || !matches!(it.kind, Some(Kind::Mover(_))));
                 let side = whole.bounds.map_or(0.0, |Aabb { low, high }| (high.x - low.x).max(high.z - low.z));
                 if side > MAX_DEVICE_M && matches!(named, Some(Meaning { kind: Some(Kind::Device(..)), .. })) {
@@ -178,7 +199,9 @@ fn named(
     if let Some(start) = HELPER_STARTS.iter().find(|start| name.starts_with(*start)) {
         return Some(Meaning::new(Kind::Helper, format!("its name begins with `{}`", start.to_uppercase())));
     }
-    if let Some(end) = HELPER_ENDS.iter().find(|end| name.ends_with(*end)) {
+    // Copies have numbers.
+    let stem = name.trim_end_matches(|letter: char| letter.is_ascii_digit() || letter == '.');
+    if let Some(end) = HELPER_ENDS.iter().find(|end| stem.ends_with(*end)) {
         return Some(Meaning::new(Kind::Helper, format!("its name ends with `{end}`")));
     }
     let (word, meaning) = match beginning(&name) {
@@ -194,7 +217,13 @@ fn named(
     let kind = match meaning {
         Word::Pool(liquid) => Kind::Pool(liquid),
         Word::Device(kind) => Kind::Device(kind, split_end(&name).filter(|_| kind.is_transport())),
-        Word::Mover(kind) => Kind::Mover(moving::named_kind(kind, node, extras, paths)?),
+        Word::Mover(kind) => match moving::named_kind(kind, node, extras, paths) {
+            Some(kind) => Kind::Mover(kind),
+            None => {
+                let lacks = if kind == MoverKind::Conveyor { "a `velocity`" } else { "a path" };
+                return Some(Meaning { reason: format!("it lacks {lacks}"), ..Meaning::default() });
+            }
+        },
         Word::Helper => Kind::Helper,
     };
     Some(Meaning::new(kind, format!("its name begins with `{word}`")))

@@ -20,7 +20,12 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scene, ImportError> {
     for (line, statement) in Statements::new(bytes) {
         builder.add(line, &statement)?;
     }
-    Ok(Scene { nodes: builder.finish(), former_size: None })
+    let has_faces = builder.face_count > 0;
+    let nodes = builder.finish();
+    if !has_faces && nodes.is_empty() {
+        return Err(ImportError::Obj("it has no faces (lines that begin with `f`): export the level again".to_owned()));
+    }
+    Ok(Scene { nodes, former_size: None })
 }
 
 fn fault(line: usize, problem: &str) -> ImportError {
@@ -37,7 +42,10 @@ fn vertices(bytes: &[u8]) -> Result<Vec<DVec3>, ImportError> {
         if keyword == b"v" {
             let mut numbers = words(rest).map(|word| parse::<f64>(word).filter(|number| number.is_finite()));
             let mut next = || numbers.next().flatten();
-            let (Some(x), Some(y), Some(z)) = (next(), next(), next()) else { return Err(fault(line, PROBLEM)) };
+            let (Some(x), Some(y), Some(z)) = (next(), next(), next()) else {
+                let hint = if rest.contains(&b',') { "; write decimal points, not commas" } else { "" };
+                return Err(fault(line, &format!("{PROBLEM}{hint}")));
+            };
             vertices.push(DVec3::new(x, y, z));
         }
     }
@@ -212,6 +220,12 @@ impl<'a> Iterator for Statements<'a> {
         let line = self.line_count;
         let is_name = matches!(split_keyword(first).0, b"o" | b"g");
         let (content, mut is_continued) = split_end(first, is_name);
+        // Folders such as `mtllib C:\levels\` end so as well.
+        is_continued &= match split_keyword(content) {
+            (b"usemtl" | b"mtllib", _) => false,
+            (b"o" | b"g", name) => name.is_empty(),
+            _ => true,
+        };
         let mut statement = Cow::Borrowed(content);
         while is_continued {
             let Some(next) = self.next_line() else { break };

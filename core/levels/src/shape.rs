@@ -144,7 +144,9 @@ impl<'a> Shaper<'a> {
         let mode = primitive.mode.filter(|_| !is_draco).unwrap_or(TRIANGLES);
         // Every primitive costs one triangle, so that the work is bounded even if it has none.
         self.spend(1)?;
-        if mode < TRIANGLES {
+        // Primitives without positions are skipped (glTF 2.0, section 3.7.2.1).
+        let has_positions = is_draco || primitive.attributes.contains_key("POSITION");
+        if mode < TRIANGLES || !has_positions {
             shape.skipped_count += 1;
             return Ok(());
         }

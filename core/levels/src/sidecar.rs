@@ -123,7 +123,8 @@ struct JetpackEntry {
 
 impl Sidecar {
     pub(super) fn parse(json: &str) -> Result<Self, ImportError> {
-        serde_json::from_str(json).map_err(|error| ImportError::Sidecar(error.to_string()))
+        serde_json::from_str(json.trim_start_matches('\u{feff}'))
+            .map_err(|error| ImportError::Sidecar(error.to_string()))
     }
 
     /// Whether names of nodes have no meaning.

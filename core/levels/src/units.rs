@@ -7,6 +7,7 @@ mod flats;
 mod stairs;
 
 use self::flats::flats;
+use crate::named::is_called;
 use surefoot_world::{Aabb, Vec3};
 
 /// Diagonal to which a level is brought for measuring: welding joins what is closer than 1/100,000 of it.
@@ -156,7 +157,7 @@ fn evidence(solids: &[[Vec3; 3]], Aabb { low, high }: Aabb, named: &[(&str, Aabb
     let mut steps: Vec<f64> = in_metres(stairs::rises(&flats.pieces));
     let mut doorways: Vec<f64> = in_metres(doorways::heights(&flats));
     let begins = |begin: &'static str| {
-        let is_meant = move |(name, _): &&(&str, Aabb)| name.to_lowercase().starts_with(begin);
+        let is_meant = move |(name, _): &&(&str, Aabb)| is_called(name, begin);
         named.iter().filter(is_meant).map(|(_, bounds)| f64::from(bounds.high.y - bounds.low.y))
     };
     doorways.extend(begins("door"));

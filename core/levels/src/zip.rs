@@ -31,7 +31,8 @@ impl<'a> Zip<'a> {
         // What macOS adds is no level.
         let is_level = |name: &&String, end: &str| {
             let name = name.to_lowercase();
-            name.ends_with(end) && !name.starts_with("__macosx/")
+            let file = name.rsplit('/').next().unwrap_or(&name);
+            name.ends_with(end) && !name.starts_with("__macosx/") && !file.starts_with("._")
         };
         let found = LEVELS.iter().find_map(|end| {
             let levels: Vec<&String> = names.iter().filter(|name| is_level(name, end)).collect();

@@ -734,7 +734,7 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
         (changed("/bufferViews/0/buffer", json!(9)), "mesh `flat` refers to buffer 9"),
         (changed("/meshes/0/primitives/0/indices", json!(9)), "mesh `flat` refers to accessor 9"),
         (changed("/meshes/0/primitives/0/attributes/POSITION", json!(9)), "mesh `flat` refers to accessor 9"),
-        (changed("/meshes/0/primitives/0/attributes", json!({})), "mesh `flat` has no positions"),
+        (changed("/meshes/0/primitives/0/attributes", json!({})), "no solid triangles"),
         (changed("/meshes/0/primitives/0/mode", json!(9)), "unknown primitive mode"),
         (changed("/nodes/0/mesh", json!(9)), "node `floor` refers to mesh 9"),
         (changed("/nodes/0/children", json!([9])), "node `floor` refers to node 9"),

@@ -40,10 +40,12 @@ pub(super) fn sky_names(nodes: &[Node<DVec3>]) -> Vec<SkyName> {
         let words = words(&node.name);
         let own = match () {
             () if is_plain(&words, &SKY, &SKY_SHAPES) => SkyName::Sky,
-            () if has(&words, &BACKDROP) || has(&words, &SKY) => SkyName::Backdrop,
+            // `Sky_Lounge` and `Cloud_City` are names of places.
+            () if is_plain(&words, &BACKDROP, &SKY_SHAPES) => SkyName::Backdrop,
             () => SkyName::Other,
         };
-        names.push(node.parent.map_or(own, |parent| own.max(names[parent])));
+        let above = node.parent.map_or(SkyName::Other, |parent| names[parent]);
+        names.push(own.max(above));
     }
     names
 }

@@ -24,6 +24,8 @@ const STRAY_AREA: f64 = 0.01;
 const STRAY_WALKABLE: f64 = 0.001;
 /// Share of a part's area up to which its walkable faces do not count.
 const CARD: f64 = 0.05;
+/// The same for parts with the name of a sky or backdrop: half of a sphere could be stood on.
+const NAMED_CARD: f64 = 0.6;
 
 /// A node, or a piece of one that is not joined to the rest of it.
 pub(super) struct Part {
@@ -68,9 +70,10 @@ impl Part {
         (0..self.count(nodes)).map(move |place| &all[at(place)])
     }
 
-    /// Whether it is only to be looked at: next to nothing of it can be stood on, or its name says so.
+    /// Whether it is only to be looked at: next to nothing of it can be stood on, or little and its name says so.
     pub(super) fn is_card(&self) -> bool {
-        self.name != SkyName::Other || self.area > 0.0 && self.walkable <= CARD * self.area
+        let most = if self.name == SkyName::Other { CARD } else { NAMED_CARD };
+        self.area > 0.0 && self.walkable <= most * self.area
     }
 }
 

@@ -91,7 +91,7 @@ fn moved(mut nodes: Vec<Node<DVec3>>, by: DVec3, times: f64) -> Vec<Node<DVec3>>
 }
 
 fn findings(nodes: &[Node<DVec3>]) -> Vec<Finding> {
-    judge(nodes, &vec![true; nodes.len()])
+    judge(nodes, &vec![true; nodes.len()], false)
 }
 
 /// The findings as texts.
@@ -280,7 +280,13 @@ fn strays_are_left_out_by_their_triangles() {
     assert_eq!(remaining(one).size(), remaining(village()).size());
     // One triangle of many things.
     let sky = node("Stuff", [dome(480.0, 0.0), vec![stray]].concat());
-    assert_eq!(texts(&with(village(), [sky])), ["Stuff was left out: it is a sky around the level"]);
+    assert_eq!(
+        texts(&with(village(), [sky])),
+        [
+            "552 triangles of Stuff were left out: it is a sky around the level",
+            "1 triangles of Stuff were left out: it is far from the rest of the level",
+        ]
+    );
 }
 
 #[test]
@@ -322,7 +328,7 @@ fn a_level_is_never_left_empty() {
     // What is no longer judged does not count.
     let nodes = with(village(), [sky()]);
     let solid: Vec<bool> = nodes.iter().map(|node| node.name != "Skybox").collect();
-    assert_eq!(judge(&nodes, &solid), []);
+    assert_eq!(judge(&nodes, &solid, false), []);
 }
 
 #[test]

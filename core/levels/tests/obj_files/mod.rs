@@ -311,8 +311,8 @@ fn each_fault_of_an_obj_level_has_its_own_message() {
     let not_three = "line 9: a `v` line does not begin with three finite numbers";
     let not_there = "line 10: face 1 refers to vertex 99, but the file has only 8: export the level again";
     let cases = [
-        (String::new(), "no solid triangles"),
-        ("\u{feff}".to_owned(), "no solid triangles"),
+        (String::new(), "it has no faces"),
+        ("\u{feff}".to_owned(), "it has no faces"),
         (floor.replace("v 40 0 40", "v 40 x 40"), not_three),
         (floor.replace("v 40 0 40", "v 40 0"), not_three),
         (floor.replace("v 40 0 40", "v 40 0 # 40"), not_three),
