@@ -224,7 +224,7 @@ macro_rules! wire_enum {
 }
 
 wire_enum!(MapKind = wire::MapKind: Terrain Islands Interior Arena Tower Open);
-wire_enum!(End = wire::Outcome: Reached Fell Burnt Drowned NoProgress Unreachable);
+wire_enum!(End = wire::Outcome: Reached Fell Burnt Drowned NoProgress Unreachable ReachedNear);
 wire_enum!(Ability = wire::Ability: Walk Jump DoubleJump Pad ZipLine Teleporter Jetpack);
 wire_enum!(Surface = wire::Surface: Ground Water Lava Pad ZipLine Teleporter Jetpack);
 wire_enum!(MoverKind = wire::MoverKind: Door Lift Platform Floor Conveyor Crate);

@@ -200,6 +200,8 @@ places! {
     wire::PlayerMove: places position, vectors velocity;
     wire::MovePlayersRequest: places moves;
 
+    wire::SetGoalResponse: places goal_used;
+    wire::SetGoalResult: places goal_used;
     wire::SampleGroundResponse: places points;
     wire::Survey: places cut_off;
     wire::SurveyMapResponse: places surveys;
@@ -222,6 +224,7 @@ places! {
     wire::Spawned: places position;
     wire::AttemptBegan: places goal;
     wire::AttemptEnded: places goal;
+    wire::TargetReached: places goal;
     wire::Jumped: places position;
     wire::Landed: places position;
     wire::Rode: places position;
@@ -275,6 +278,6 @@ macro_rules! cases {
 cases! {
     wire::Piece: shape = wire::piece::Shape: Block Plank Pool;
     wire::NpcEvent: event = wire::npc_event::Event:
-        Spawned AttemptBegan AttemptEnded Jumped Landed Rode Died Teleported;
+        Spawned AttemptBegan AttemptEnded TargetReached Jumped Landed Rode Died Teleported;
     plan::Edit: edit = plan::edit::Edit: ForbidEdge ForceEdge PriceEdge AddVertex MoveVertex RemoveVertex;
 }

@@ -58,6 +58,10 @@ reasons! {
     VertexNotFound NotFound "The graph has no such vertex.",
     LayerNotFound NotFound "The level has no such layer.",
     NpcDown FailedPrecondition "The NPC fell, burned or drowned: teleport it first.",
+    GoalInSolid FailedPrecondition
+        "The goal lies in solid ground or too close to it, and there is no place to stand within `snap`: move it.",
+    GoalInAir FailedPrecondition "There is no ground within `snap` of the goal: move it.",
+    NoGoal FailedPrecondition "The NPC has no goal that could be moved: set one first.",
     NpcInTheWay FailedPrecondition "A piece would enclose an NPC that finds no place nearby: move the NPC first.",
     NoGround FailedPrecondition "The map has no navigable ground.",
     GameRefused FailedPrecondition "The game could not create the environment; the message has the reason.",

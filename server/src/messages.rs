@@ -5,7 +5,7 @@ use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
 use serde::{Deserialize, Serialize};
 use surefoot_world::map::Piece;
-use surefoot_world::{Action, CharacterProfile, End, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Vec3};
+use surefoot_world::{Action, Arrival, CharacterProfile, End, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Vec3};
 
 /// How a world's time passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -165,8 +165,8 @@ pub struct Answer {
     pub tick: Tick,
     /// Decisions, each for another NPC.
     pub decisions: Vec<Decision>,
-    /// New waypoints, m, with the attempts that they are for.
-    pub waypoints: Vec<(NpcId, u32, Vec3)>,
+    /// New waypoints, m, what counts as having arrived there, and the attempts that they are for.
+    pub waypoints: Vec<(NpcId, u32, (Vec3, Arrival))>,
     /// Attempts to give up, and their outcome: no progress, or an unreachable goal.
     pub gave_up: Vec<(NpcId, u32, End)>,
     /// New plans, with the attempts that they are for.

@@ -130,15 +130,22 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
     let point = |point| Some(convert::to_wire(point));
     let kind = match event.kind {
         EventKind::Spawned { position } => Event::Spawned(wire::Spawned { position: point(position) }),
-        EventKind::AttemptBegan { attempt, goal } => {
+        EventKind::AttemptBegan { attempt, goal, .. } => {
             Event::AttemptBegan(wire::AttemptBegan { attempt, goal: point(goal) })
         }
-        EventKind::AttemptEnded { attempt, end, goal, seconds } => Event::AttemptEnded(wire::AttemptEnded {
-            attempt,
-            outcome: convert::outcome(end).into(),
-            goal: goal.and_then(point),
-            seconds: seconds.0,
-        }),
+        EventKind::TargetReached { attempt, goal } => {
+            Event::TargetReached(wire::TargetReached { attempt, goal: point(goal) })
+        }
+        EventKind::TargetLost { attempt } => Event::TargetLost(wire::TargetLost { attempt }),
+        EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds } => {
+            Event::AttemptEnded(wire::AttemptEnded {
+                attempt,
+                outcome: convert::outcome(end).into(),
+                goal: goal.and_then(point),
+                seconds: seconds.0,
+                distance_m,
+            })
+        }
         EventKind::Jumped { ability, position } => {
             Event::Jumped(wire::Jumped { ability: ability.to_wire().into(), position: point(position) })
         }
@@ -161,7 +168,7 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
 
 pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     let WorldStats { counters, times, without_worker } = stats;
-    let [reached, fell, burnt, drowned, no_progress, unreachable] = counters.ends;
+    let [reached, fell, burnt, drowned, no_progress, unreachable, reached_near] = counters.ends;
     wire::WorldStats {
         tick_us_p50: times.quantile_us(0.5),
         tick_us_p99: times.quantile_us(0.99),
@@ -175,6 +182,7 @@ pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
         drowned,
         no_progress,
         unreachable,
+        reached_near,
         ticks_late: counters.ticks_late,
         tick_histogram: times.counts().to_vec(),
         answers_stale: counters.stale,
@@ -217,6 +225,7 @@ pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
         outcome: convert::outcome(Some(ended.end)).into(),
         goal: ended.goal.map(convert::to_wire),
         seconds: ended.seconds.0,
+        distance_m: ended.distance_m,
     }
 }
 

@@ -9,7 +9,7 @@ use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Action, End, Map, OBSERVATION_LEN, TICKS_PER_DECISION, Tick, Vec3};
+use surefoot_world::{Action, Arrival, End, Map, OBSERVATION_LEN, TICKS_PER_DECISION, Tick, Vec3};
 use tokio::sync::mpsc::{Receiver, channel};
 
 const GOAL: Vec3 = Vec3::new(40.0, 1.0, 10.0);
@@ -182,7 +182,7 @@ fn answers_of_a_worker_that_the_npc_is_not_assigned_to_are_ignored() {
     stage.world.is_ready();
     let batch = worker.batches().pop().unwrap();
     let mut forged = forward_to(&batch);
-    forged.waypoints.push((npc, 1, Vec3::new(1.0, 1.0, 1.0)));
+    forged.waypoints.push((npc, 1, (Vec3::new(1.0, 1.0, 1.0), Arrival::Pass)));
     forged.gave_up.push((npc, 1, End::NoProgress));
     stage.world.answer(WorkerId(99), forged);
     let state = stage.world.npc(npc).unwrap();
@@ -283,10 +283,10 @@ fn what_is_about_an_earlier_attempt_changes_nothing() {
     stage.step_decision();
     let first = worker.batches().pop().unwrap();
     // The client changes its mind before the worker's answer arrives.
-    assert_eq!(stage.world.set_goal(npc, Vec3::new(20.0, 1.0, 5.0)).unwrap(), 2);
+    assert_eq!(stage.world.set_goal(npc, Vec3::new(20.0, 1.0, 5.0)).unwrap().attempt, 2);
     let mut late = forward_to(&first);
     late.gave_up.push((npc, 1, End::NoProgress));
-    late.waypoints.push((npc, 1, Vec3::new(1.0, 1.0, 1.0)));
+    late.waypoints.push((npc, 1, (Vec3::new(1.0, 1.0, 1.0), Arrival::Pass)));
     stage.world.answer(worker.id, late);
     let state = stage.world.npc(npc).unwrap();
     assert_eq!((state.status, state.waypoint, state.last_outcome), (NpcStatus::Seeking, None, None));

@@ -13,7 +13,7 @@ use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Action, End, Map, TICKS_PER_SECOND, Vec3};
+use surefoot_world::{Action, Arrival, End, Map, TICKS_PER_SECOND, Vec3};
 use tokio::sync::mpsc::{Receiver, channel};
 
 const SEEDS: u64 = 1000;
@@ -382,7 +382,11 @@ impl Worker {
                     let action = Action { forward: 1.0, turn: rng.random_range(-1.0..1.0), ..Action::default() };
                     answer.decisions.push(Decision { npc, attempt, action: Some(action) });
                     match rng.random_range(0..20) {
-                        0 => answer.waypoints.push((npc, attempt, Vec3::new(mark_of(attempt), 1.0, 10.0))),
+                        0 => answer.waypoints.push((
+                            npc,
+                            attempt,
+                            (Vec3::new(mark_of(attempt), 1.0, 10.0), Arrival::Pass),
+                        )),
                         1 => answer.gave_up.push((npc, attempt, End::NoProgress)),
                         _ => {}
                     }

@@ -83,7 +83,7 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         tick: 0,
         npc_ids: npc_ids.clone(),
         actions: convert::pack(actions),
-        waypoints: vec![wire::Waypoint { npc_id: npc_ids[0], position: at(12.0, 1.0, 3.0), attempt: 1 }],
+        waypoints: vec![wire::Waypoint { npc_id: npc_ids[0], position: at(12.0, 1.0, 3.0), attempt: 1, stands: true }],
         gave_up: vec![wire::GivenUp { npc_id: npc_ids[1], attempt: 1, unreachable: true }],
         attempts: vec![1, 1],
         ..Default::default()

@@ -81,9 +81,14 @@ pub async fn world_of(server: &Running, file: Vec<u8>, mode: wire::TimeMode) -> 
     Stage { client, world_id, origin, height: size.unwrap().height as f32 }
 }
 
-/// A worker that plans on graphs of 120 vertices.
+/// A worker for 8 NPCs that plans on graphs of 120 vertices.
 pub fn start_planning_worker(server: &Running, planner: &Running) -> Worker {
-    let config = worker_config(server, Some(planner), 8);
+    start_planning_worker_for(8, server, planner)
+}
+
+/// A worker for so many NPCs that plans on graphs of 120 vertices.
+pub fn start_planning_worker_for(capacity: u32, server: &Running, planner: &Running) -> Worker {
+    let config = worker_config(server, Some(planner), capacity);
     let graph = config.graph.with(|it| (it.vertices, it.neighbours, it.repeats) = (120, 12, 2)).unwrap();
     start_worker_of(WorkConfig { graph, ..config }, Policy::shipped().unwrap())
 }

@@ -100,7 +100,7 @@ async fn npcs_are_where_the_levels_file_says() {
     assert_near(state(&mut client, 0).await.position, on_map[0]);
     assert_near(state(&mut client, LEVEL).await.position, places[0]);
 
-    let request = wire::SetGoalRequest { npc_id, goal: Some(places[1]), coordinates: LEVEL };
+    let request = wire::SetGoalRequest { npc_id, goal: Some(places[1]), coordinates: LEVEL, ..Default::default() };
     client.set_goal(request).await.unwrap();
     assert_near(state(&mut client, 0).await.goal, on_map[1]);
     assert_near(state(&mut client, LEVEL).await.goal, places[1]);
@@ -128,10 +128,10 @@ async fn npcs_are_where_the_levels_file_says() {
     let listed = client.list_npcs(wire::ListNpcsRequest { world_id, ..Default::default() }).await.unwrap();
     assert_near(listed.into_inner().npcs[1].goal, on_map[5]);
 
-    let mistaken = wire::SetGoalRequest { npc_id, goal: Some(places[1]), coordinates: 0 };
+    let mistaken = wire::SetGoalRequest { npc_id, goal: Some(places[1]), coordinates: 0, ..Default::default() };
     let refusal = client.set_goal(mistaken).await.unwrap_err();
     assert!(refusal.message().contains("outside the map") && refusal.message().contains("in the level ("), "{refusal}");
-    let unknown = wire::SetGoalRequest { npc_id, goal: Some(places[1]), coordinates: 7 };
+    let unknown = wire::SetGoalRequest { npc_id, goal: Some(places[1]), coordinates: 7, ..Default::default() };
     let refusal = client.set_goal(unknown).await.unwrap_err();
     assert!(refusal.code() == Code::InvalidArgument && refusal.message().contains("coordinates"), "{refusal}");
     server.stop().await;

@@ -51,6 +51,8 @@ fn names(events: &[wire::NpcEvent]) -> Vec<&'static str> {
         Event::Died(_) => "died",
         Event::Teleported(_) => "teleported",
         Event::Removed(_) => "removed",
+        Event::TargetReached(_) => "target_reached",
+        Event::TargetLost(_) => "target_lost",
     };
     events.iter().map(name).collect()
 }

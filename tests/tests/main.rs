@@ -1,6 +1,7 @@
 //! Tests of the whole system over real sockets, in one program.
 
 mod architecture;
+mod arrivals;
 mod bad_input;
 mod bodies;
 mod clients;

@@ -1,9 +1,12 @@
 //! NPCs that follow goals which move, over real sockets.
 
 use e2e::stage::{level, start_planning_worker, world_of};
-use e2e::{distance, spawn, start_planner, start_server, watch, watch_until};
+use e2e::{LIMIT, distance, spawn, start_planner, start_server, watch, watch_until};
 use surefoot_planner_service::PlannerConfig;
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::npc_event::Event;
+use surefoot_proto::world::v1::set_goal_request::Target;
 use surefoot_server::ServerConfig;
 use tokio_stream::StreamExt;
 
@@ -73,6 +76,100 @@ async fn an_npc_whose_goal_is_set_in_every_frame_stays_at_its_target() {
     assert!(last.status() != wire::NpcStatus::Down && calls > 200, "{last:?} after {calls} calls");
     assert!(since_contact > calls / 2, "in contact for {since_contact} of {calls} frames");
     assert!(10 * near >= 8 * since_contact, "near in {near} of {since_contact} frames");
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+/// Reads events until one `is_wanted`, and returns it.
+async fn event_until(
+    events: &mut tonic::Streaming<wire::WatchEventsResponse>,
+    is_wanted: impl Fn(&Event) -> bool,
+) -> Event {
+    let reading = async {
+        loop {
+            let message = events.next().await.expect("an endless stream").unwrap();
+            if let Some(event) = message.events.into_iter().filter_map(|it| it.event).find(&is_wanted) {
+                return event;
+            }
+        }
+    };
+    tokio::time::timeout(LIMIT, reading).await.expect("in time")
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_npc_keeps_to_a_player_until_its_goal_is_cleared() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
+    let mut stage = world_of(&server, rooms(), wire::TimeMode::Realtime).await;
+    let (world_id, start, first) = (stage.world_id, stage.at([5.0, 0.0, 10.0]), stage.at([12.0, 0.0, 10.0]));
+    let npc_id = spawn(&mut stage.client, world_id, start).await;
+    let request = wire::WatchEventsRequest { world_id, ..Default::default() };
+    let mut events = stage.client.watch_events(request).await.unwrap().into_inner();
+    let request = wire::SpawnPlayerRequest { world_id, position: Some(first), ..Default::default() };
+    let player_id = stage.client.spawn_player(request).await.unwrap().into_inner().player_id;
+
+    let (target, radius) = (Some(Target::TargetPlayerId(player_id)), 2.0);
+    let request = wire::SetGoalRequest { npc_id, target, radius, keep: true, ..Default::default() };
+    let attempt = stage.client.set_goal(request).await.unwrap().into_inner().attempt;
+    let has_reached = |event: &Event| matches!(event, Event::TargetReached(_));
+    assert!(matches!(event_until(&mut events, has_reached).await, Event::TargetReached(it) if it.attempt == attempt));
+
+    // Through the doorway to the other room.
+    let second = stage.at([33.0, 0.0, 12.0]);
+    let moves = vec![wire::PlayerMove { player_id, position: Some(second), ..Default::default() }];
+    stage.client.move_players(wire::MovePlayersRequest { world_id, moves, ..Default::default() }).await.unwrap();
+    let Event::TargetReached(reached) = event_until(&mut events, has_reached).await else { unreachable!() };
+    assert_eq!(reached.attempt, attempt, "the same attempt goes on");
+    assert!(distance(reached.goal.unwrap(), second) < 0.5);
+
+    stage.client.remove_player(wire::RemovePlayerRequest { world_id, player_id }).await.unwrap();
+    event_until(&mut events, |event| matches!(event, Event::TargetLost(it) if it.attempt == attempt)).await;
+    let cleared = stage.client.clear_goals(wire::ClearGoalsRequest { npc_ids: vec![npc_id] }).await.unwrap();
+    assert_eq!(cleared.into_inner().results, [wire::ItemResult { error: None }]);
+    let Event::AttemptEnded(ended) = event_until(&mut events, |it| matches!(it, Event::AttemptEnded(_))).await else {
+        unreachable!()
+    };
+    assert_eq!((ended.attempt, ended.outcome()), (attempt, wire::Outcome::Unspecified));
+
+    let npc_move = wire::TargetMove { npc_id, position: Some(first), ..Default::default() };
+    let moved = stage.client.move_targets(wire::MoveTargetsRequest { moves: vec![npc_move] }).await.unwrap();
+    let error = moved.into_inner().results[0].error.clone().expect("there is no goal to move");
+    assert_eq!(error.reason, Reason::NoGoal.name());
+    let request = wire::SetGoalRequest { npc_id, target, ..Default::default() };
+    let refused = stage.client.set_goal(request).await.unwrap_err();
+    assert_eq!(Reason::of(&refused), Some(Reason::PlayerNotFound));
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_batch_of_moves_leads_npcs_that_keep_their_attempts() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
+    let mut stage = world_of(&server, rooms(), wire::TimeMode::Realtime).await;
+    let npc_id = {
+        let start = stage.at([5.0, 0.0, 10.0]);
+        spawn(&mut stage.client, stage.world_id, start).await
+    };
+    let goal = Some(stage.at([15.0, 0.0, 10.0]));
+    let request = wire::SetGoalRequest { npc_id, goal, keep: true, ..Default::default() };
+    let attempt = stage.client.set_goal(request).await.unwrap().into_inner().attempt;
+    // Farther than a goal that SetGoal takes for the same.
+    let position = Some(stage.at([35.0, 0.0, 16.0]));
+    let moves = vec![wire::TargetMove { npc_id, position, ..Default::default() }];
+    let moved = stage.client.move_targets(wire::MoveTargetsRequest { moves }).await.unwrap().into_inner();
+    assert_eq!(moved.results, [wire::ItemResult { error: None }]);
+    let is_there = |snapshot: &wire::WatchWorldResponse| {
+        snapshot.npcs.iter().all(|npc| distance(npc.position.unwrap(), position.unwrap()) <= 1.0)
+    };
+    let npc = watch_until(&mut stage.client, stage.world_id, is_there).await.npcs[0];
+    assert_eq!((npc.attempts_begun, npc.attempts_ended, npc.status()), (attempt, 0, wire::NpcStatus::Seeking));
     worker.stop().await;
     planner.stop().await;
     server.stop().await;

@@ -202,10 +202,8 @@ fn plan() -> impl Strategy<Value = wire::NpcPlan> {
 
 fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
     let position = prop::option::weighted(0.95, (number(), number(), number()));
-    let waypoint = (npc(), position, attempt()).prop_map(|(npc_id, position, attempt)| wire::Waypoint {
-        npc_id,
-        position: position.map(|(x, y, z)| wire::Vec3 { x, y, z }),
-        attempt,
+    let waypoint = (npc(), position, attempt(), any::<bool>()).prop_map(|(npc_id, position, attempt, stands)| {
+        wire::Waypoint { npc_id, position: position.map(|(x, y, z)| wire::Vec3 { x, y, z }), attempt, stands }
     });
     let carried = (npc(), prop::option::weighted(0.95, plan()), attempt())
         .prop_map(|(npc_id, plan, attempt)| wire::CarriedPlan { npc_id, plan, attempt });

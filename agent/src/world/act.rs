@@ -24,7 +24,8 @@ impl WorldTask {
         for seen in &batch.sightings {
             let npc = self.npcs.get_mut(&seen.id).expect("seen in this batch");
             // An NPC whose state is unknown moves freely.
-            let style = if seen.state.is_some() { npc.attempt.style() } else { Style::Free };
+            let known = seen.state.as_ref().zip(self.ground.map().zip(self.ground.body()));
+            let style = known.map_or(Style::Free, |(state, (map, body))| npc.attempt.style(map, body, &state.body));
             memory.extend_from_slice(&npc.memory);
             noise.extend(npc.noise.draw(style));
             styles.push(style);

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use surefoot_proto::convert;
 use surefoot_proto::plans::npc_plan_to_wire;
 use surefoot_proto::world::v1 as wire;
-use surefoot_world::{Action, End, MoverAt, Npc as State, Vec3};
+use surefoot_world::{Action, Arrival, End, MoverAt, Npc as State, Vec3};
 
 /// Largest answer in one message, bytes; servers accept 1 MiB unless configured.
 pub(super) const MAX_ANSWER_BYTES: usize = 512 * 1024;
@@ -99,7 +99,8 @@ impl Answer {
             let Some(npc) = npcs.get_mut(&npc_id) else { continue };
             if let Some(waypoint) = npc.news.waypoint.take() {
                 let position = Some(convert::to_wire(waypoint));
-                answer.waypoints.push(wire::Waypoint { npc_id, position, attempt });
+                let stands = npc.attempt.follower.arrival() == Arrival::Stand;
+                answer.waypoints.push(wire::Waypoint { npc_id, position, attempt, stands });
             }
             if std::mem::take(&mut npc.news.has_plan) {
                 let plan = npc.attempt.follower.current_plan().map(npc_plan_to_wire);
@@ -170,7 +171,9 @@ mod tests {
             npc_ids: (0..count).map(|id| u64::MAX - id).collect(),
             actions: (0..count * 16).map(|byte| byte as u8).collect(),
             attempts: (0..count as u32).collect(),
-            waypoints: (0..count).map(|npc_id| wire::Waypoint { npc_id, position: None, attempt: 1 }).collect(),
+            waypoints: (0..count)
+                .map(|npc_id| wire::Waypoint { npc_id, position: None, attempt: 1, stands: true })
+                .collect(),
             plans: (0..count)
                 .map(|npc_id| wire::CarriedPlan { npc_id, plan: Some(plan.clone()), attempt: 1 })
                 .collect(),

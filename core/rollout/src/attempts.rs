@@ -211,7 +211,7 @@ impl Rollout {
             .zip(goals)
             .map(|(idx, goal)| {
                 let noise = NoiseStream::new(self.noise_share, self.seed, idx);
-                Walker::start(&mut worlds[0], goal, noise, router.map(|_| self.follow))
+                Walker::start(&mut worlds[0], goal, noise, (self.follow, router.is_some()))
             })
             .collect();
         walkers.iter().for_each(|walker| decisions.begin(walker.deciding.row_idx));
@@ -236,7 +236,7 @@ impl Rollout {
             if npcs.is_empty() {
                 break;
             }
-            npcs.iter_mut().for_each(|npc| npc.style = walkers[npc.slot.0 as usize].style());
+            npcs.iter_mut().for_each(|npc| npc.style = walkers[npc.slot.0 as usize].style(&worlds[0]));
             let noise = npcs.iter().flat_map(|npc| walkers[npc.slot.0 as usize].noise.draw(npc.style)).collect();
             let mut batch = DecisionBatch { worlds: &mut worlds, npcs: &npcs };
             let outcomes = decisions.decide(&mut batch, policy, Noise::Rows(noise)).to_vec();
@@ -273,14 +273,14 @@ struct Walker {
 }
 
 impl Walker {
-    /// Spawns an NPC that follows plans with the configuration `by_plan`, or heads straight for the goal without one.
-    fn start(world: &mut World, goal: &Goal, noise: NoiseStream, by_plan: Option<FollowConfig>) -> Self {
+    /// Spawns an NPC that follows plans if there are any, and otherwise heads straight for the goal.
+    fn start(world: &mut World, goal: &Goal, noise: NoiseStream, (config, has_plans): (FollowConfig, bool)) -> Self {
         let slot = world.spawn(goal.start, goal.yaw);
-        world.set_waypoint(slot, goal.goal);
+        world.head_for(slot, goal.goal, config.arrival);
         Self {
             deciding: DecidingNpc::of(slot),
             noise,
-            attempt: by_plan.map(|config| Attempt::new(Follower::new(goal.goal, config))),
+            attempt: has_plans.then(|| Attempt::new(Follower::new(goal.goal, config))),
             measured: Measured::begin(goal.start),
             track: vec![goal.start],
             actions: Vec::new(),
@@ -292,8 +292,9 @@ impl Walker {
         self.attempt.as_ref().map(|attempt| &attempt.follower)
     }
 
-    fn style(&self) -> Style {
-        self.attempt.as_ref().map_or(Style::Free, Attempt::style)
+    fn style(&self, world: &World) -> Style {
+        let npc = world.npc(self.deciding.slot).expect("a running NPC");
+        self.attempt.as_ref().map_or(Style::Free, |it| it.style(world.map(), world.profile_of(npc), &npc.body))
     }
 
     /// Records one decision.
@@ -377,7 +378,7 @@ impl Guide<'_> {
             Step::Keep => {}
             Step::HeadFor(waypoint) => {
                 attempt.extend_forecast();
-                world.set_waypoint(slot, waypoint);
+                world.head_for(slot, waypoint, attempt.follower.arrival());
             }
             Step::Plan => self.plan(world, walker, body.feet),
             Step::End(end) => walker.measured.end = Some(end),
@@ -396,7 +397,8 @@ impl Guide<'_> {
             search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
             plan
         });
-        world.set_waypoint(walker.deciding.slot, waypoint);
+        let arrival = attempt_of(&mut walker.attempt).follower.arrival();
+        world.head_for(walker.deciding.slot, waypoint, arrival);
     }
 
     /// Lets an NPC watch the movers, call those that it needs, and plan again if they bar its plan.

@@ -201,9 +201,11 @@ impl Rehearsal {
             });
             let slot = world.adopt(forecast.npc);
             // A running NPC keeps its episode, because the observation contains the patience used.
-            let heads_for = forecast.npc.episode.filter(|episode| episode.end.is_none()).map(|episode| episode.goal);
-            if let Some(waypoint) = forecast.follower.waypoint().filter(|waypoint| heads_for != Some(*waypoint)) {
-                world.set_waypoint(slot, waypoint);
+            let episode = forecast.npc.episode.filter(|episode| episode.end.is_none());
+            let heads_for = episode.map(|episode| (episode.goal, episode.arrival));
+            let way = forecast.follower.waypoint().map(|waypoint| (waypoint, forecast.follower.arrival()));
+            if let Some((waypoint, arrival)) = way.filter(|way| heads_for != Some(*way)) {
+                world.head_for(slot, waypoint, arrival);
             }
             all_hidden.extend_from_slice(&forecast.hidden);
             running.push(Running { idx, slot, until, decisions: 0, forecast, arrival: None });
@@ -281,7 +283,7 @@ impl Running {
             return None;
         }
         match follower.record_decision(body.feet, end) {
-            Step::HeadFor(waypoint) => world.set_waypoint(self.slot, waypoint),
+            Step::HeadFor(waypoint) => world.head_for(self.slot, waypoint, follower.arrival()),
             Step::Keep => {}
             Step::Plan | Step::End(_) => return Some(failed(leg, false)),
         }

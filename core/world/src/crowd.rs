@@ -21,6 +21,8 @@ const ASIDE_SPEED_PER_TICK: f32 = 0.5;
 const ASIDE_M: f32 = 0.3;
 /// Smallest cosine of the angle between the directions of two NPCs that go the same way.
 const SAME_WAY: f32 = 0.3;
+/// How far ahead a body that touches others looks for a ledge, s.
+const LOOK_AHEAD_S: f32 = 0.25;
 /// The ground ahead of a push is searched from this height above the feet, m, to this depth below them, m.
 const KNEE_M: f32 = 0.5;
 const MAX_DROP_M: f32 = 1.0;
@@ -127,10 +129,11 @@ impl CrowdScratch {
                 let profile = &profiles[usize::from(npc.profile.0)];
                 let away = *push / length;
                 let push = away * length.min(MAX_PUSH_M);
-                if !npc.body.is_grounded() || is_safe(map, npc.body.feet, push, profile) {
+                if is_safe(map, npc.body.feet, push, profile) {
                     npc.body.shove(map.mesh(), profile, push, scratch);
                 }
                 block(npc, map, profile, away, *goes_around);
+                keep_on_ground(npc, map, profile);
             }
         }
     }
@@ -198,6 +201,21 @@ fn block(npc: &mut Npc, map: &Map, profile: &CharacterProfile, away: Vec3, goes_
     if let Some(side) = [right, -right].into_iter().find(is_open).filter(|_| npc.body.is_grounded()) {
         let lacking = ASIDE_SPEED - npc.body.velocity.dot(side);
         npc.body.velocity += side * lacking.clamp(0.0, ASIDE_SPEED_PER_TICK);
+    }
+}
+
+/// Stops the part of a body's motion that would carry it over a ledge or into lava while it touches others, unless it
+/// heads there itself.
+fn keep_on_ground(npc: &mut Npc, map: &Map, profile: &CharacterProfile) {
+    let flat = Vec3::new(npc.body.velocity.x, 0.0, npc.body.velocity.z);
+    let ahead = flat * LOOK_AHEAD_S;
+    if !npc.body.is_grounded() || ahead.length() < 1.0e-3 || is_safe(map, npc.body.feet, ahead, profile) {
+        return;
+    }
+    let wish = npc.body.wish(profile, &npc.action).with_y(0.0).normalize_or_zero();
+    let along = wish * flat.dot(wish).max(0.0);
+    if wish == Vec3::ZERO || is_safe(map, npc.body.feet, wish * ahead.length(), profile) {
+        (npc.body.velocity.x, npc.body.velocity.z) = (along.x, along.z);
     }
 }
 

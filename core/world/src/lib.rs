@@ -12,6 +12,7 @@
 
 mod aabb;
 mod ability;
+pub mod arrival;
 pub mod cells;
 pub mod character;
 mod crates;
@@ -41,6 +42,7 @@ mod world;
 
 pub use aabb::Aabb;
 pub use ability::{Ability, AbilitySet};
+pub use arrival::Arrival;
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use crates::CrateState;
 pub use editing::Enclosed;

@@ -361,6 +361,14 @@ impl Movers {
         }
     }
 
+    /// Distance of the first mover that a ray hits within `most` metres.
+    pub(crate) fn cast_ray(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<f32> {
+        let end = origin + direction * most;
+        let (low, high) = (origin.min(end), origin.max(end));
+        let near = self.posed.iter().filter(|posed| posed.touches(low, high));
+        near.filter_map(|posed| posed.cast_ray(origin, direction, most)).min_by(f32::total_cmp)
+    }
+
     /// Calls `found` with the index and distance, m, of each ray that hits a mover within `range` metres, once for each
     /// mover that it hits.
     pub(crate) fn cast_cone(&self, eye: Vec3, directions: &[Vec3], range: f32, mut found: impl FnMut(usize, f32)) {

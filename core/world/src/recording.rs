@@ -8,13 +8,13 @@ use crate::movers::MoverOrder;
 use crate::npc::{MAX_PROFILES, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::player::{Player, PlayerSlot};
 use crate::sealed::{self, SealError};
-use crate::{MoverId, TaskConfig, Tick, Vec3};
+use crate::{Arrival, MoverId, TaskConfig, Tick, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// First bytes of a recording's file.
 const MAGIC: &[u8; 8] = b"SFREPLAY";
 /// Changes whenever older recordings cannot be read or would replay differently.
-pub const REPLAY_VERSION: u32 = 6;
+pub const REPLAY_VERSION: u32 = 7;
 /// Ticks between two hashes of the state.
 pub const CHECK_EVERY_TICKS: u64 = 600;
 
@@ -28,8 +28,8 @@ pub enum Input {
     Despawn(NpcSlot),
     /// `World::teleport`.
     Teleport(NpcSlot, Vec3, f32),
-    /// `World::set_waypoint`.
-    SetWaypoint(NpcSlot, Vec3),
+    /// `World::head_for`.
+    HeadFor(NpcSlot, Vec3, Arrival),
     /// `World::clear_waypoint`.
     ClearWaypoint(NpcSlot),
     /// `World::decide`.
@@ -55,7 +55,7 @@ impl Input {
     pub(crate) fn npc(&self) -> Option<NpcSlot> {
         match self {
             Self::Teleport(slot, ..)
-            | Self::SetWaypoint(slot, _)
+            | Self::HeadFor(slot, ..)
             | Self::ClearWaypoint(slot)
             | Self::Decide(slot, _)
             | Self::Close(slot) => Some(*slot),

@@ -70,7 +70,7 @@ fn apply(world: &mut World, input: &Input) -> Result<(), String> {
         Input::Spawn(profile, feet, yaw) => _ = world.spawn_as(*profile, *feet, *yaw),
         Input::Despawn(slot) => _ = world.despawn(*slot),
         Input::Teleport(slot, feet, yaw) => world.teleport(*slot, *feet, *yaw),
-        Input::SetWaypoint(slot, waypoint) => world.set_waypoint(*slot, *waypoint),
+        Input::HeadFor(slot, waypoint, arrival) => world.head_for(*slot, *waypoint, *arrival),
         Input::ClearWaypoint(slot) => world.clear_waypoint(*slot),
         Input::Decide(slot, action) => world.decide(*slot, *action),
         Input::Close(slot) => _ = world.close_decision(*slot),

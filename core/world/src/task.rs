@@ -1,6 +1,6 @@
 //! The point-goal task: reward, patience and the ends of an episode.
 
-use crate::Vec3;
+use crate::{Arrival, Vec3};
 use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantArray};
 
@@ -56,6 +56,8 @@ pub enum End {
     NoProgress,
     /// No path leads to the goal: the NPC went to the nearest place that it can reach and stopped there.
     Unreachable,
+    /// Other NPCs stand at the goal: the NPC stopped as near as they let it.
+    ReachedNear,
 }
 
 impl End {
@@ -64,7 +66,7 @@ impl End {
 
     /// Whether the episode was truncated, so that the value of the next state still counts.
     pub fn is_truncation(self) -> bool {
-        matches!(self, End::NoProgress | End::Unreachable)
+        matches!(self, End::NoProgress | End::Unreachable | End::ReachedNear)
     }
 
     /// Whether the NPC was harmed.
@@ -83,7 +85,7 @@ impl End {
         match self {
             End::Reached => 1.0,
             End::Fell | End::Burnt | End::Drowned => -1.0,
-            End::NoProgress | End::Unreachable => 0.0,
+            End::NoProgress | End::Unreachable | End::ReachedNear => 0.0,
         }
     }
 }
@@ -93,6 +95,8 @@ impl End {
 pub struct Episode {
     /// Position that the feet must reach, m.
     pub goal: Vec3,
+    /// What counts as having reached it.
+    pub arrival: Arrival,
     /// Smallest distance to the goal so far, m.
     pub best_distance: f32,
     /// Decisions since `best_distance` last shrank.
@@ -106,19 +110,27 @@ pub struct Episode {
 }
 
 impl Episode {
-    /// Starts an attempt at `goal` from `feet`.
+    /// Starts an attempt to touch `goal` from `feet`.
     pub fn new(goal: Vec3, feet: Vec3) -> Self {
-        Self { goal, best_distance: feet.distance(goal), stalled_decisions: 0, decisions: 0, end: None, progress: 0.0 }
+        let best_distance = feet.distance(goal);
+        let arrival = Arrival::Touch;
+        Self { goal, arrival, best_distance, stalled_decisions: 0, decisions: 0, end: None, progress: 0.0 }
     }
 
-    /// Records the position of the feet after a tick, and ends the episode if they are at the goal.
+    /// The same attempt with another rule of arrival.
+    #[must_use]
+    pub fn arriving(self, arrival: Arrival) -> Self {
+        Self { arrival, ..self }
+    }
+
+    /// Records the position of the feet after a tick, and ends the episode if touching the goal is enough and they do.
     pub fn note_tick(&mut self, feet: Vec3, config: &TaskConfig) {
         let distance = feet.distance(self.goal);
         if distance < self.best_distance {
             self.progress += self.best_distance - distance;
             self.best_distance = distance;
         }
-        if distance <= config.goal_radius {
+        if self.arrival == Arrival::Touch && distance <= config.goal_radius {
             self.end = Some(End::Reached);
         }
     }

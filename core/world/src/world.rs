@@ -1,5 +1,6 @@
 //! A world: many NPCs on one map.
 
+use crate::arrival::{Arrival, Place};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::crates::Pusher;
 use crate::crowd::CrowdScratch;
@@ -17,6 +18,7 @@ use crate::{AbilitySet, MoverAt, MoverId, TICKS_PER_DECISION, Tick, Vec3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+mod footing;
 mod players;
 mod profiles;
 mod sensing;
@@ -254,12 +256,17 @@ impl World {
         self.list(BodySlot::Npc(slot));
     }
 
-    /// Starts an episode towards `waypoint`, m; the body keeps its motion. An NPC that follows a plan has one episode
-    /// for each waypoint.
+    /// Starts an episode that ends when the NPC touches `waypoint`, m; the body keeps its motion.
     pub fn set_waypoint(&mut self, slot: NpcSlot, waypoint: Vec3) {
-        self.note(Input::SetWaypoint(slot, waypoint));
+        self.head_for(slot, waypoint, Arrival::Touch);
+    }
+
+    /// Starts an episode that ends when the NPC has arrived at `waypoint`, m; the body keeps its motion. An NPC that
+    /// follows a plan has one episode for each waypoint.
+    pub fn head_for(&mut self, slot: NpcSlot, waypoint: Vec3, arrival: Arrival) {
+        self.note(Input::HeadFor(slot, waypoint, arrival));
         let npc = self.npc_mut(slot);
-        npc.episode = Some(Episode::new(waypoint, npc.body.feet));
+        npc.episode = Some(Episode::new(waypoint, npc.body.feet).arriving(arrival));
     }
 
     /// Drops the episode; the NPC comes to rest.
@@ -318,12 +325,12 @@ impl World {
     /// Moves the NPCs one by one, each by all ticks, so that its surroundings stay in the cache.
     fn move_npcs(&mut self, tick_count: u32) {
         self.neighbours.forget();
-        let Self { map, config, npcs, used_in_tick, scratch, .. } = self;
+        let Self { map, config, npcs, used_in_tick, scratch, movers, .. } = self;
         for ((npc, used), scratch) in npcs.iter_mut().zip(used_in_tick).zip(scratch) {
             let Some(npc) = npc else { continue };
             let profile = &config.profiles[usize::from(npc.profile.0)];
             for _ in 0..tick_count {
-                *used = tick_npc(npc, map, profile, &config.task, scratch);
+                *used = tick_npc(npc, Place { map, movers, profile }, &config.task, scratch);
             }
         }
         self.tick = self.tick + u64::from(tick_count);
@@ -343,7 +350,7 @@ impl World {
                 continue;
             }
             let carried = movers.carry(map, profile, &mut npc.body, scratch);
-            *used = tick_npc(npc, map, profile, &config.task, scratch);
+            *used = tick_npc(npc, Place { map, movers, profile }, &config.task, scratch);
             if carried != Vec3::ZERO && !npc.body.is_grounded() {
                 // A body that leaves a mover keeps the mover's speed.
                 npc.body.velocity += Vec3::new(carried.x, carried.y.max(0.0), carried.z);
@@ -453,27 +460,24 @@ impl World {
     }
 }
 
-fn tick_npc(
-    npc: &mut Npc,
-    map: &Map,
-    profile: &CharacterProfile,
-    task: &TaskConfig,
-    scratch: &mut MoveScratch,
-) -> AbilitySet {
+fn tick_npc(npc: &mut Npc, at: Place<'_>, task: &TaskConfig, scratch: &mut MoveScratch) -> AbilitySet {
     if npc.harm.is_some() || npc.episode.and_then(|episode| episode.end) == Some(End::NoProgress) {
         return AbilitySet::default();
     }
     let before = npc.body;
-    let used = npc.body.tick(map, profile, &npc.action, scratch);
+    let used = npc.body.tick(at.map, at.profile, &npc.action, scratch);
     if !(npc.body.feet.is_finite() && npc.body.velocity.is_finite()) {
         // A position that is not finite must not spread: the body stays at its last position and counts as fallen.
         npc.body = before;
         npc.harm = Some(End::Fell);
     }
     npc.used_abilities = npc.used_abilities.union(used);
-    npc.harm = npc.harm.or_else(|| hazard_end(npc, map, task));
+    npc.harm = npc.harm.or_else(|| hazard_end(npc, at.map, task));
     if let Some(episode) = npc.episode.as_mut().filter(|episode| episode.end.is_none()) {
         episode.note_tick(npc.body.feet, task);
+        if episode.arrival.is_met(at, &npc.body, episode.goal, task.goal_radius) {
+            episode.end = Some(End::Reached);
+        }
         episode.end = episode.end.or(npc.harm);
     }
     used

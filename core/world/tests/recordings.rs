@@ -6,7 +6,7 @@ use surefoot_world::map::{MapSize, Piece, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::{Input, REPLAY_VERSION, Recording, ReplayError};
 use surefoot_world::{
-    Action, CharacterProfile, Map, MapSpec, MoverState, Npc, NpcSlot, Player, ProfileIdx, RawCharacterProfile,
+    Action, Arrival, CharacterProfile, Map, MapSpec, MoverState, Npc, NpcSlot, Player, ProfileIdx, RawCharacterProfile,
     TaskConfig, Tick, Vec3, World,
 };
 
@@ -102,7 +102,7 @@ fn what_cannot_have_happened_is_refused() {
         }),
         ("not in order", |parts, _| parts.start_tick = 11),
         ("not in order", |parts, at| {
-            parts.inputs = [5, 4].map(|tick| (tick, Input::SetWaypoint(NpcSlot(0), at))).to_vec();
+            parts.inputs = [5, 4].map(|tick| (tick, Input::HeadFor(NpcSlot(0), at, Arrival::Touch))).to_vec();
         }),
         ("not in order", |parts, _| parts.inputs.push((11, Input::ClearWaypoint(NpcSlot(0))))),
         ("too few state hashes", |parts, _| parts.end_tick = u64::MAX),
@@ -137,7 +137,8 @@ fn an_npc_that_gave_up_far_outside_the_map_does_not_stop_a_replay() {
     let mut parts = Parts::new(&map);
     let far = Vec3::new(3.0e38, 1.0, -3.0e38);
     // The attempt ends before its first tick, so nothing notices that the NPC left the map.
-    parts.inputs = vec![(0, Input::Spawn(ProfileIdx(0), far, 0.0)), (0, Input::SetWaypoint(NpcSlot(1), Vec3::ONE))];
+    parts.inputs =
+        vec![(0, Input::Spawn(ProfileIdx(0), far, 0.0)), (0, Input::HeadFor(NpcSlot(1), Vec3::ONE, Arrival::Touch))];
     parts.inputs.extend((0..TaskConfig::default().patience).map(|_| (0, Input::Close(NpcSlot(1)))));
     parts.inputs.push((0, Input::Decide(NpcSlot(1), Action::default())));
     parts.checks[0].1 = parts.inputs.len() as u64;

@@ -223,6 +223,7 @@ fn end_number(end: Option<End>) -> i32 {
         Some(End::Drowned) => 4,
         Some(End::NoProgress) => 5,
         Some(End::Unreachable) => 6,
+        Some(End::ReachedNear) => 7,
     }
 }
 

@@ -37,9 +37,9 @@ const METHODS: &[Methods] = &[
         "surefoot.world.v1.WorldService",
         GAMES,
         "GetServer CreateWorld GetWorld ListWorlds DropWorld SampleGround SurveyMap SpawnNpc BatchSpawnNpcs \
-         DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals TeleportNpc BatchTeleportNpcs GetNpc BatchGetNpcs \
-         ListNpcs WatchWorld WatchEvents WatchStats FollowNpc GetMesh GetFeatures ListMovers SetMover EditMap \
-         ListPieces SpawnPlayer MovePlayers RemovePlayer",
+         DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals MoveTargets ClearGoals TeleportNpc \
+         BatchTeleportNpcs GetNpc BatchGetNpcs ListNpcs WatchWorld WatchEvents WatchStats FollowNpc GetMesh \
+         GetFeatures ListMovers SetMover EditMap ListPieces SpawnPlayer MovePlayers RemovePlayer",
     ),
     ("surefoot.world.v1.WorldService", WORKERS, "Work"),
     ("surefoot.world.v1.DirectoryService", ALL_ROLES, "LocateWorld ListServers"),

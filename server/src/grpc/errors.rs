@@ -11,6 +11,7 @@ use std::time::Duration;
 use surefoot_net::levels::{MapError, grpc as levels};
 use surefoot_net::status;
 use surefoot_proto::reason::Reason;
+use surefoot_world::arrival::NoFooting;
 use tonic::Status;
 use tracing::warn;
 
@@ -35,6 +36,13 @@ impl From<NpcError> for Status {
             }
             NpcError::TooManyBodies(world) => status::quota(Reason::TooManyBodies, format!("world:{world}"), message),
             NpcError::Outside { field, .. } => status::invalid(field, message),
+            NpcError::NoFooting(NoFooting::InSolid, _) => status::failure(Reason::GoalInSolid, message),
+            NpcError::NoFooting(NoFooting::InAir, _) => status::failure(Reason::GoalInAir, message),
+            NpcError::NoGoal(_) => status::failure(Reason::NoGoal, message),
+            NpcError::OwnTarget(_) => status::invalid("target_npc_id", message),
+            NpcError::NoPlayer(_, player) => {
+                status::not_found(Reason::PlayerNotFound, "player", player.to_string(), message)
+            }
             NpcError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             NpcError::Down(_) => status::failure(Reason::NpcDown, message),
             NpcError::NoGround(_) => status::failure(Reason::NoGround, message),

@@ -128,6 +128,8 @@ world_service! {
     npcs::batch_despawn_npcs(wire::BatchDespawnNpcsRequest) -> wire::BatchDespawnNpcsResponse;
     npcs::set_goal(wire::SetGoalRequest) -> wire::SetGoalResponse;
     npcs::batch_set_goals(wire::BatchSetGoalsRequest) -> wire::BatchSetGoalsResponse;
+    npcs::move_targets(wire::MoveTargetsRequest) -> wire::MoveTargetsResponse;
+    npcs::clear_goals(wire::ClearGoalsRequest) -> wire::ClearGoalsResponse;
     npcs::teleport_npc(wire::TeleportNpcRequest) -> wire::TeleportNpcResponse;
     npcs::batch_teleport_npcs(wire::BatchTeleportNpcsRequest) -> wire::BatchTeleportNpcsResponse;
     npcs::get_npc(wire::GetNpcRequest) -> wire::GetNpcResponse;

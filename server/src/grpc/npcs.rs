@@ -1,7 +1,7 @@
 //! The calls about NPCs. In a batch, each item has its own result.
 
 use super::{Call, Reply, WorldApi, frame_on};
-use crate::hosted::{HostedWorld, NpcError, NpcState, SpawnOrder};
+use crate::hosted::{GoalOrder, GoalSet, HostedWorld, NpcError, NpcState, Pursuit, SpawnOrder, Target};
 use crate::ids::{NpcId, WorldId};
 use crate::wire::{finite, npc_to_wire, region as convert_region};
 use crate::worlds::{NpcAccess, WorldsError};
@@ -10,9 +10,10 @@ use surefoot_net::idempotency::Repeatable;
 use surefoot_net::paging::{PageSize, page_by_id};
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
-use surefoot_proto::coordinates::{Coordinates, Place};
+use surefoot_proto::coordinates::{CallFrame, Coordinates, Place};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
+use surefoot_world::PlayerSlot;
 use surefoot_world::map::LevelFrame;
 use tonic::Status;
 
@@ -96,9 +97,11 @@ pub async fn batch_despawn_npcs(
 
 pub async fn set_goal(api: &WorldApi, call: Call<wire::SetGoalRequest>) -> Reply<wire::SetGoalResponse> {
     let (caller, request) = call;
-    let (npc, goal) = goal_of(&request)?;
-    let set = move |world: &mut HostedWorld| set_goal_on(world, npc, goal);
-    Ok(wire::SetGoalResponse { attempt: api.worlds.with_npc(&caller, NpcAccess::Change, npc, set).await? })
+    let (npc, order) = goal_of(&request)?;
+    let set = move |world: &mut HostedWorld| set_goal_on(world, npc, order);
+    let (GoalSet { attempt, goal, moved_by_m }, frame) =
+        api.worlds.with_npc(&caller, NpcAccess::Change, npc, set).await?;
+    Ok(frame.to_level(wire::SetGoalResponse { attempt, goal_used: Some(convert::to_wire(goal)), moved_by_m }))
 }
 
 pub async fn batch_set_goals(
@@ -110,10 +113,39 @@ pub async fn batch_set_goals(
     check_count(goals.len(), "goals")?;
     let items = goals.iter().map(|goal| Ok(goal_of(goal)?)).collect();
     let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, set_goal_on).await;
-    let results = results.into_iter().map(|result| wire::SetGoalResult {
-        result: Some(result.map_or_else(|error| Kind::Error(item_error(error)), Kind::Attempt)),
+    let results = results.into_iter().map(|result| match result {
+        Ok((GoalSet { attempt, goal, moved_by_m }, frame)) => frame.to_level(wire::SetGoalResult {
+            result: Some(Kind::Attempt(attempt)),
+            goal_used: Some(convert::to_wire(goal)),
+            moved_by_m,
+        }),
+        Err(error) => {
+            wire::SetGoalResult { result: Some(Kind::Error(item_error(error))), ..wire::SetGoalResult::default() }
+        }
     });
     Ok(wire::BatchSetGoalsResponse { results: results.collect() })
+}
+
+pub async fn move_targets(api: &WorldApi, call: Call<wire::MoveTargetsRequest>) -> Reply<wire::MoveTargetsResponse> {
+    let (caller, wire::MoveTargetsRequest { moves }) = call;
+    check_count(moves.len(), "moves")?;
+    let place =
+        |it: &wire::TargetMove| Ok((NpcId(it.npc_id), Place::read(it.position.as_ref(), it.coordinates, "position")?));
+    let items = moves.iter().map(place).collect();
+    let move_to = |world: &mut HostedWorld, npc, place: Place| {
+        let place = place.on_map(world.map().frame());
+        world.move_target(npc, place)
+    };
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, move_to).await;
+    Ok(wire::MoveTargetsResponse { results: results.into_iter().map(|it| item_result(it.map(drop))).collect() })
+}
+
+pub async fn clear_goals(api: &WorldApi, call: Call<wire::ClearGoalsRequest>) -> Reply<wire::ClearGoalsResponse> {
+    let (caller, wire::ClearGoalsRequest { npc_ids }) = call;
+    let items = ids("npc_ids", npc_ids)?;
+    let clear = |world: &mut HostedWorld, npc, ()| world.clear_goal(npc);
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, clear).await;
+    Ok(wire::ClearGoalsResponse { results: results.into_iter().map(item_result).collect() })
 }
 
 pub async fn teleport_npc(api: &WorldApi, call: Call<wire::TeleportNpcRequest>) -> Reply<wire::TeleportNpcResponse> {
@@ -189,8 +221,33 @@ fn spawn_order(spawn: &wire::Spawn) -> Result<SpawnOrder, FieldError> {
 }
 
 /// The NPC and its goal.
-fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, Place), FieldError> {
-    Ok((NpcId(request.npc_id), Place::read(request.goal.as_ref(), request.coordinates, "goal")?))
+fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, WireGoal), FieldError> {
+    use wire::set_goal_request::Target as Kind;
+    let target = request.target.as_ref().map(|target| match *target {
+        Kind::TargetNpcId(npc) => Target::Npc(NpcId(npc)),
+        Kind::TargetPlayerId(player) => Target::Player(PlayerSlot(player)),
+    });
+    let place = match target {
+        Some(_) => None,
+        None => Some(Place::read(request.goal.as_ref(), request.coordinates, "goal")?),
+    };
+    let usual = Pursuit::default();
+    let radius = if request.radius == 0.0 { usual.radius } else { request.radius };
+    convert::in_range(f64::from(radius), 0.3, 50.0, "radius")?;
+    let snap = request.snap.unwrap_or(usual.snap);
+    convert::in_range(f64::from(snap), 0.0, 10.0, "snap")?;
+    let coordinates = Coordinates::read(request.coordinates)?;
+    let pursuit = Pursuit { target, radius, keeps: request.keep, snap };
+    Ok((NpcId(request.npc_id), WireGoal { place, coordinates, pursuit }))
+}
+
+/// A goal in the coordinates of its request.
+#[derive(Debug, Clone, Copy)]
+struct WireGoal {
+    /// `None` if the goal is a target.
+    place: Option<Place>,
+    coordinates: Coordinates,
+    pursuit: Pursuit,
 }
 
 /// The NPC, its position, and its heading, rad.
@@ -201,9 +258,10 @@ fn teleport_of(request: &wire::TeleportNpcRequest) -> Result<(NpcId, (Place, f32
 
 // Only the world of an NPC knows the frame of its map.
 
-fn set_goal_on(world: &mut HostedWorld, npc: NpcId, goal: Place) -> Result<u32, NpcError> {
-    let goal = goal.on_map(world.map().frame());
-    world.set_goal(npc, goal)
+fn set_goal_on(world: &mut HostedWorld, npc: NpcId, goal: WireGoal) -> Result<(GoalSet, CallFrame), NpcError> {
+    let frame = *world.map().frame();
+    let order = GoalOrder { goal: goal.place.map(|place| place.on_map(&frame)), pursuit: goal.pursuit };
+    Ok((world.set_goal(npc, order)?, goal.coordinates.on(&frame)))
 }
 
 fn teleport_on(world: &mut HostedWorld, npc: NpcId, (position, yaw): (Place, f32)) -> Result<(), NpcError> {

@@ -1,4 +1,4 @@
-//! Calls of clients to a world: spawn, despawn, set a goal, teleport, read state.
+//! Calls of clients to a world: spawn, despawn, teleport, read state. `goals` has those about goals.
 
 use super::events::EventKind;
 use super::motion::Motion;
@@ -10,6 +10,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use std::time::SystemTime;
+use surefoot_world::arrival::NoFooting;
 use surefoot_world::character::{self, Body};
 use surefoot_world::map::Liquid;
 use surefoot_world::sense::Sight;
@@ -31,10 +32,28 @@ pub enum NpcError {
     Outside { field: &'static str, span: String },
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
+    #[error("{}", no_footing(*.0, *.1))]
+    NoFooting(NoFooting, f32),
+    #[error("npc {0} has no goal to move: set one first")]
+    NoGoal(NpcId),
+    #[error("npc {0} cannot be its own target")]
+    OwnTarget(NpcId),
+    #[error("world {0} has no player {1}")]
+    NoPlayer(WorldId, u32),
     #[error("npc {0} belongs to another client")]
     NotOwner(NpcId),
     #[error(transparent)]
     NoGround(#[from] navigable::NoGround),
+}
+
+fn no_footing(why: NoFooting, snap: f32) -> String {
+    match why {
+        NoFooting::InSolid => format!(
+            "the goal lies in solid ground or too close to it, and the NPC cannot stand anywhere within {snap} m: move \
+             the goal or raise snap"
+        ),
+        NoFooting::InAir => format!("there is no ground within {snap} m of the goal: move the goal or raise snap"),
+    }
 }
 
 /// Most bodies of one world.
@@ -53,11 +72,6 @@ pub struct SpawnOrder {
     pub body: Option<CharacterProfile>,
 }
 
-/// Distance between two goals of an NPC up to which they are one target that moves: in metres, and as a share of the
-/// NPC's distance from the first. A plan to a goal that is farther away is of more use elsewhere too.
-const SAME_TARGET_M: f32 = 4.0;
-const SAME_TARGET_SHARE: f32 = 0.25;
-
 impl HostedWorld {
     /// Adds an NPC and sets its goal, if there is one. On an error, no NPC is added.
     pub fn spawn_to(&mut self, order: SpawnOrder, limit: usize, ticket: Ticket) -> Result<NpcId, NpcError> {
@@ -69,8 +83,11 @@ impl HostedWorld {
             None => ProfileIdx::default(),
         };
         let id = self.spawn_as(body, order.position, order.yaw, limit, ticket)?;
-        if let Some(goal) = order.goal {
-            self.set_goal(id, goal)?;
+        if let Some(goal) = order.goal
+            && let Err(error) = self.set_goal(id, goal)
+        {
+            self.despawn(id)?;
+            return Err(error);
         }
         Ok(id)
     }
@@ -109,50 +126,11 @@ impl HostedWorld {
         self.log_replaced_attempt(id);
         self.leave_worker(id);
         let record = self.records.remove(&id).ok_or(NpcError::Unknown(id))?;
+        self.gatherings.release(id);
         self.unassigned.remove(&id);
         self.log_event(id, EventKind::Removed);
         self.world.despawn(record.slot);
         Ok(())
-    }
-
-    /// Sends an NPC to a goal, m; returns the number of the attempt that begins, or of the attempt under way if its
-    /// goal merely moves.
-    pub fn set_goal(&mut self, id: NpcId, goal: Vec3) -> Result<u32, NpcError> {
-        self.check_inside(goal, "goal")?;
-        let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
-        if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
-            return Err(NpcError::Down(id));
-        }
-        if let Some(attempt) = self.move_goal(id, goal) {
-            return Ok(attempt);
-        }
-        self.log_replaced_attempt(id);
-        let tick = self.tick();
-        let record = self.records.get_mut(&id).expect("just found");
-        record.clear_goal();
-        record.goal = Some(goal);
-        record.attempts += 1;
-        record.began = tick;
-        let attempt = record.attempts;
-        self.world.set_waypoint(record.slot, goal);
-        self.log_event(id, EventKind::AttemptBegan { attempt, goal });
-        Ok(attempt)
-    }
-
-    /// Moves the goal of the attempt under way and returns its number, if the new goal is near the present one. The
-    /// NPC keeps its plan, so that clients may follow a moving target with one call in each of their frames.
-    fn move_goal(&mut self, id: NpcId, goal: Vec3) -> Option<u32> {
-        let record = self.records.get_mut(&id)?;
-        let former = record.goal?;
-        let feet = self.world.npc(record.slot)?.body.feet;
-        if former.distance(goal) > SAME_TARGET_M.max(SAME_TARGET_SHARE * feet.distance(former)) {
-            return None;
-        }
-        record.goal = Some(goal);
-        if record.waypoint.is_none() && goal != former {
-            self.world.set_waypoint(record.slot, goal);
-        }
-        Some(record.attempts)
     }
 
     /// Places an NPC at `position` (m) with heading `yaw` (rad), at rest and without a goal. Revives an NPC that is
@@ -163,6 +141,7 @@ impl HostedWorld {
         let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
         record.clear_goal();
         record.motion = Motion::default();
+        self.gatherings.release(id);
         self.world.teleport(record.slot, position, yaw);
         self.log_event(id, EventKind::Teleported { position });
         Ok(())
@@ -253,7 +232,7 @@ impl HostedWorld {
         if is_outside { Err(map.frame().describe_span(extent)) } else { Ok(()) }
     }
 
-    fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
+    pub(super) fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
         self.within_map(point).map_err(|span| NpcError::Outside { field, span })
     }
 

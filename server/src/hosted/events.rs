@@ -1,5 +1,6 @@
 //! The bounded, ordered log of a world's events. Readers follow it at their own pace.
 
+use super::goals::Pursuit;
 use crate::ids::NpcId;
 use std::collections::VecDeque;
 use std::time::SystemTime;
@@ -37,6 +38,20 @@ pub enum EventKind {
         attempt: u32,
         /// The goal, m.
         goal: Vec3,
+        /// How the NPC goes there.
+        pursuit: Pursuit,
+    },
+    /// An NPC that keeps to its target has arrived there.
+    TargetReached {
+        /// Number of the attempt.
+        attempt: u32,
+        /// Where the target is, m.
+        goal: Vec3,
+    },
+    /// The target was removed or is down.
+    TargetLost {
+        /// Number of the attempt.
+        attempt: u32,
     },
     /// An attempt ended.
     AttemptEnded {
@@ -46,6 +61,8 @@ pub enum EventKind {
         end: Option<End>,
         /// The goal, m.
         goal: Option<Vec3>,
+        /// Distance of the feet from it, m.
+        distance_m: f32,
         /// Duration of the attempt.
         seconds: Seconds,
     },

@@ -5,6 +5,7 @@
 
 use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
+use super::goals::Pursuit;
 use super::saved::{SavedError, WorldSave};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
@@ -14,11 +15,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{CharacterProfile, End, Seconds, Tick, Vec3};
+use surefoot_world::{Arrival, CharacterProfile, End, Seconds, Tick, Vec3};
 
 const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
 /// Changed whenever [`FleetSave`] or anything inside it is.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Most events that are saved with a world, so that readers can resume on the server that takes it over.
 const SAVED_EVENTS: usize = 4096;
 
@@ -61,8 +62,8 @@ struct Entry {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 enum Change {
     Spawned { position: Vec3, newcomer: Option<Newcomer> },
-    Began { attempt: u32, goal: Vec3 },
-    Ended { attempt: u32, end: Option<End>, goal: Option<Vec3>, seconds: Seconds },
+    Began { attempt: u32, goal: Vec3, pursuit: Pursuit },
+    Ended { attempt: u32, end: Option<End>, goal: Option<Vec3>, distance_m: f32, seconds: Seconds },
     Teleported { position: Vec3, yaw: f32 },
     Removed,
 }
@@ -128,8 +129,10 @@ impl Entry {
     fn to_event(&self) -> NpcEvent {
         let kind = match self.change {
             Change::Spawned { position, .. } => EventKind::Spawned { position },
-            Change::Began { attempt, goal } => EventKind::AttemptBegan { attempt, goal },
-            Change::Ended { attempt, end, goal, seconds } => EventKind::AttemptEnded { attempt, end, goal, seconds },
+            Change::Began { attempt, goal, pursuit } => EventKind::AttemptBegan { attempt, goal, pursuit },
+            Change::Ended { attempt, end, goal, distance_m, seconds } => {
+                EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds }
+            }
             Change::Teleported { position, .. } => EventKind::Teleported { position },
             Change::Removed => EventKind::Removed,
         };
@@ -182,15 +185,20 @@ impl HostedWorld {
                 });
                 Change::Spawned { position, newcomer }
             }
-            EventKind::AttemptBegan { attempt, goal } => Change::Began { attempt, goal },
-            EventKind::AttemptEnded { attempt, end, goal, seconds } => Change::Ended { attempt, end, goal, seconds },
+            EventKind::AttemptBegan { attempt, goal, pursuit } => Change::Began { attempt, goal, pursuit },
+            EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds } => {
+                Change::Ended { attempt, end, goal, distance_m, seconds }
+            }
             EventKind::Teleported { position } => {
                 Change::Teleported { position, yaw: body.map_or(0.0, |npc| npc.body.yaw) }
             }
             EventKind::Removed => Change::Removed,
-            EventKind::Jumped { .. } | EventKind::Landed { .. } | EventKind::Rode { .. } | EventKind::Died { .. } => {
-                return None;
-            }
+            EventKind::TargetReached { .. }
+            | EventKind::TargetLost { .. }
+            | EventKind::Jumped { .. }
+            | EventKind::Landed { .. }
+            | EventKind::Rode { .. }
+            | EventKind::Died { .. } => return None,
         })
     }
 
@@ -230,14 +238,15 @@ impl HostedWorld {
         let slot = record.slot;
         match entry.change {
             Change::Spawned { .. } => {}
-            Change::Began { attempt, goal } => {
+            Change::Began { attempt, goal, pursuit } => {
                 record.clear_goal();
-                (record.goal, record.attempts, record.began) = (Some(goal), attempt, saved);
-                self.world.set_waypoint(slot, goal);
+                (record.goal, record.pursuit) = (Some(goal), pursuit);
+                (record.attempts, record.began) = (attempt, saved);
+                self.world.head_for(slot, goal, Arrival::Stand);
             }
-            Change::Ended { attempt, end, seconds, .. } => {
+            Change::Ended { attempt, end, distance_m, seconds, .. } => {
                 if let Some(end) = end.filter(|_| record.goal.is_some() && record.attempts == attempt) {
-                    record.note_end(end, tick);
+                    record.note_end(end, tick, distance_m);
                     if let Some(last) = record.history.back_mut() {
                         last.seconds = seconds;
                     }

@@ -1,6 +1,7 @@
 //! The save of a world, and its file format.
 
 use super::commands::MAX_BODIES;
+use super::goals::{Pursuit, Retry};
 use super::snapshot::Counters;
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::{NpcId, WorldId};
@@ -16,7 +17,7 @@ use std::time::Duration;
 use surefoot_net::durable;
 use surefoot_world::map::{Piece, PieceError};
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
+use surefoot_world::{Arrival, CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
 use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
@@ -27,7 +28,7 @@ const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// in [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A
 /// server of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a
 /// server that was upgraded takes them over.
-const VERSION: u32 = 9;
+const VERSION: u32 = 10;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -85,6 +86,8 @@ struct SavedNpc {
     slot: NpcSlot,
     owner: String,
     goal: Option<Vec3>,
+    pursuit: Pursuit,
+    retry: Option<Retry>,
     last_outcome: Option<End>,
     attempts: u32,
     attempts_ended: u32,
@@ -267,6 +270,8 @@ impl HostedWorld {
             slot: record.slot,
             owner: record.ticket.client().to_owned(),
             goal: record.goal,
+            pursuit: record.pursuit,
+            retry: record.retry,
             last_outcome: record.last_outcome,
             attempts: record.attempts,
             attempts_ended: record.attempts_ended,
@@ -297,13 +302,14 @@ impl HostedWorld {
         world.counters = saved.counters.clone();
         for npc in &saved.npcs {
             let mut record = NpcRecord::new(npc.slot, npc_quota.grant(&npc.owner));
-            (record.goal, record.last_outcome) = (npc.goal, npc.last_outcome);
+            (record.goal, record.pursuit, record.retry) = (npc.goal, npc.pursuit, npc.retry);
+            record.last_outcome = npc.last_outcome;
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = saved.state.tick();
             world.add_record(npc.id, record);
             if let Some(goal) = npc.goal {
                 // The world's state may have a waypoint of a plan that was not saved.
-                world.world.set_waypoint(npc.slot, goal);
+                world.world.head_for(npc.slot, goal, Arrival::Stand);
             }
         }
         world.assign_workers();

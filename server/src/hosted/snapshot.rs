@@ -155,6 +155,8 @@ pub struct EndedAttempt {
     pub end: End,
     /// Goal of the attempt, m.
     pub goal: Option<Vec3>,
+    /// Distance of the feet from the goal, m.
+    pub distance_m: f32,
     /// Duration of the attempt.
     pub seconds: Seconds,
 }

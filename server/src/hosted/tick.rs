@@ -83,7 +83,8 @@ impl HostedWorld {
                 }
             }
             hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
-            let (Some(goal), Some(worker)) = (record.goal, record.worker) else { continue };
+            let seeks = record.heads_for().zip(record.worker).filter(|_| !record.is_at_target);
+            let Some((goal, worker)) = seeks else { continue };
             self.world.close_decision(record.slot);
             let npc = self.world.npc(record.slot).expect("every record has an NPC");
             let new_batch = || {
@@ -146,10 +147,10 @@ impl HostedWorld {
                 record.plan = Some(Arc::new(plan));
             }
         }
-        for (id, attempt, position) in answer.waypoints {
+        for (id, attempt, (position, arrival)) in answer.waypoints {
             if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {
                 record.waypoint = Some(position);
-                self.world.set_waypoint(record.slot, position);
+                self.world.head_for(record.slot, position, arrival);
             }
         }
         for (id, attempt, end) in answer.gave_up {
@@ -161,16 +162,15 @@ impl HostedWorld {
 
     /// Ends the attempts whose outcome this tick decided.
     fn settle(&mut self) {
-        let goal_radius = self.world.task().goal_radius;
-        let mut ended = Vec::new();
-        for (&id, record) in &self.records {
-            let Some(goal) = record.goal else { continue };
-            let npc = self.world.npc(record.slot).expect("every record has an NPC");
+        self.follow_targets();
+        let mut ended: Vec<(NpcId, End)> = self.gather().into_iter().map(|id| (id, End::ReachedNear)).collect();
+        let seeking = self.records.iter().filter(|(_, record)| record.goal.is_some()).map(|(&id, _)| id);
+        for id in seeking.collect::<Vec<_>>() {
+            let npc = self.world.npc(self.records[&id].slot).expect("every record has an NPC");
             let stuck = npc.episode.and_then(|episode| episode.end).filter(|end| *end == End::NoProgress);
-            let reached = (npc.body.feet.distance(goal) <= goal_radius).then_some(End::Reached);
-            if let Some(end) = reached.or(npc.harm).or(stuck) {
-                ended.push((id, end));
-            }
+            let failed = npc.harm.or(stuck);
+            let arrived = || if self.keeps_still(id) { None } else { self.arrival_of(id) };
+            ended.extend(failed.or_else(arrived).map(|end| (id, end)));
         }
         for (id, end) in ended {
             self.end_attempt(id, end);
@@ -180,24 +180,36 @@ impl HostedWorld {
     fn end_attempt(&mut self, id: NpcId, end: End) {
         let tick = self.tick();
         let record = self.records.get_mut(&id).expect("an attempt has a record");
-        record.note_end(end, tick);
-        let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(tick));
+        let Some(goal) = record.goal else { return };
+        let distance_m = self.world.npc(record.slot).map_or(0.0, |npc| npc.body.feet.distance(goal));
+        record.note_end(end, tick, distance_m);
+        let (pursuit, reserved) = (record.pursuit, record.reserved);
         record.clear_goal();
         self.world.clear_waypoint(record.slot);
         if let Some(worker) = record.worker {
             let ended = AttemptEnd { npc: id, attempt: record.attempts, end };
             self.outbox.entry(worker).or_default().ended.push(ended);
         }
+        let (attempt, seconds) = (record.attempts, record.lasted(tick));
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
-        self.log_event(id, EventKind::AttemptEnded { attempt, end: Some(end), goal, seconds });
+        self.log_event(id, EventKind::AttemptEnded { attempt, end: Some(end), goal: Some(goal), distance_m, seconds });
+        match end {
+            End::Reached | End::ReachedNear => self.stay_at(id, goal, reserved),
+            _ => self.gatherings.release(id),
+        }
+        if end.is_truncation() && pursuit.keeps {
+            self.retry_later(id, goal, pursuit);
+        }
     }
 
     /// Logs that the current attempt, if any, ends without an outcome because it is replaced.
     pub(super) fn log_replaced_attempt(&mut self, id: NpcId) {
         let Some(record) = self.records.get(&id).filter(|record| record.goal.is_some()) else { return };
         let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(self.tick()));
-        self.log_event(id, EventKind::AttemptEnded { attempt, end: None, goal, seconds });
+        let feet = self.world.npc(record.slot).map(|npc| npc.body.feet);
+        let distance_m = goal.zip(feet).map_or(0.0, |(goal, feet)| feet.distance(goal));
+        self.log_event(id, EventKind::AttemptEnded { attempt, end: None, goal, distance_m, seconds });
     }
 }
 

@@ -1,6 +1,8 @@
 //! A hosted world: the world itself, and the server's data about its NPCs.
 
 use super::events::{EventKind, EventLog};
+use super::gathering::{Gatherings, Reserved};
+use super::goals::{Pursuit, Retry};
 use super::motion::Motion;
 use super::outbox::Outbox;
 use super::snapshot::{Counters, EndedAttempt, NpcPlan};
@@ -21,7 +23,15 @@ use surefoot_world::{
 #[derive(Debug)]
 pub(super) struct NpcRecord {
     pub slot: NpcSlot,
+    /// Where the goal of the attempt under way is now, m.
     pub goal: Option<Vec3>,
+    pub pursuit: Pursuit,
+    /// The NPC's place at a goal that others share; kept while it stands there.
+    pub reserved: Option<Reserved>,
+    /// Whether an NPC that keeps to its target is there.
+    pub is_at_target: bool,
+    /// The attempt that follows one that failed, of an NPC that keeps to its target.
+    pub retry: Option<Retry>,
     pub waypoint: Option<Vec3>,
     pub last_outcome: Option<End>,
     /// Attempts that began.
@@ -53,6 +63,10 @@ impl NpcRecord {
         Self {
             slot,
             goal: None,
+            pursuit: Pursuit::default(),
+            reserved: None,
+            is_at_target: false,
+            retry: None,
             waypoint: None,
             last_outcome: None,
             attempts: 0,
@@ -69,8 +83,8 @@ impl NpcRecord {
         }
     }
 
-    /// Records how the attempt under way ended at `tick`.
-    pub fn note_end(&mut self, end: End, tick: Tick) {
+    /// Records how the attempt under way ended at `tick`, with the feet so far from the goal, m.
+    pub fn note_end(&mut self, end: End, tick: Tick, distance_m: f32) {
         if self.history.len() == MAX_HISTORY {
             self.history.pop_front();
         }
@@ -78,6 +92,7 @@ impl NpcRecord {
             attempt: self.attempts,
             end,
             goal: self.goal,
+            distance_m,
             seconds: self.lasted(tick),
         });
         self.last_outcome = Some(end);
@@ -92,6 +107,9 @@ impl NpcRecord {
     /// Clears the goal with the waypoint, the plan and the pending decision.
     pub fn clear_goal(&mut self) {
         self.goal = None;
+        self.reserved = None;
+        self.is_at_target = false;
+        self.retry = None;
         self.waypoint = None;
         self.awaiting = None;
         self.plan = None;
@@ -124,6 +142,7 @@ pub struct HostedWorld {
     /// Time for which the step has waited for answers (lockstep).
     pub(super) waited: Duration,
     pub(super) map_revision: u64,
+    pub(super) gatherings: Gatherings,
 }
 
 impl HostedWorld {
@@ -147,6 +166,7 @@ impl HostedWorld {
             notified: BTreeSet::new(),
             waited: Duration::ZERO,
             map_revision: 0,
+            gatherings: Gatherings::default(),
         }
     }
 

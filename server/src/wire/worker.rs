@@ -12,8 +12,8 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use surefoot_world::{
-    Action, Chance, End, MoverAt, MoverId, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Seconds,
-    StopIdx, Tick, Vec3,
+    Action, Arrival, Chance, End, MoverAt, MoverId, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN,
+    Seconds, StopIdx, Tick, Vec3,
 };
 use tonic::Status;
 
@@ -40,9 +40,10 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
         answer.invalid += u64::from(action.is_none());
         answer.decisions.push(Decision { npc: NpcId(npc), attempt, action });
     }
-    for wire::Waypoint { npc_id, position, attempt } in batch.waypoints {
+    for wire::Waypoint { npc_id, position, attempt, stands } in batch.waypoints {
+        let arrival = if stands { Arrival::Stand } else { Arrival::Pass };
         match convert::point(position.as_ref(), "actions.waypoints.position") {
-            Ok(position) => answer.waypoints.push((NpcId(npc_id), attempt, position)),
+            Ok(position) => answer.waypoints.push((NpcId(npc_id), attempt, (position, arrival))),
             Err(_) => answer.invalid += 1,
         }
     }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{Attach, LegKey, Plan, Query, Traffic};
-use surefoot_world::{Ability, CharacterProfile, End, Map, MoverAt, Vec3};
+use surefoot_world::{Ability, Arrival, CharacterProfile, End, Map, MoverAt, Vec3};
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
@@ -44,12 +44,15 @@ pub struct FollowConfig {
     pub attach: Attach,
     /// Whether NPCs move composed on legs on which a rehearsal has arrived.
     pub composes: bool,
+    /// What counts as having arrived at the goal (paper: a touch).
+    pub arrival: Arrival,
 }
 
 impl Default for FollowConfig {
     fn default() -> Self {
         let (remembers, attach) = (true, Attach::Several);
-        Self { replan_after: 50, patience: 300, max_replans: 16, remembers, attach, composes: true }
+        let arrival = Arrival::Stand;
+        Self { replan_after: 50, patience: 300, max_replans: 16, remembers, attach, composes: true, arrival }
     }
 }
 
@@ -57,7 +60,8 @@ impl FollowConfig {
     /// The paper's rules, with its limits read as decisions.
     pub fn of_paper() -> Self {
         let (remembers, attach) = (false, Attach::Nearest);
-        Self { replan_after: 50, patience: 300, max_replans: u32::MAX, remembers, attach, composes: false }
+        let arrival = Arrival::Touch;
+        Self { replan_after: 50, patience: 300, max_replans: u32::MAX, remembers, attach, composes: false, arrival }
     }
 }
 
@@ -280,6 +284,15 @@ impl Follower {
     /// Current waypoint, m; `None` without a plan.
     pub fn waypoint(&self) -> Option<Vec3> {
         self.plan.as_ref().map(|plan| self.detour.via.unwrap_or(plan.waypoints[self.leg]))
+    }
+
+    /// What counts as having arrived at the current waypoint: waypoints before the goal are passed.
+    pub fn arrival(&self) -> Arrival {
+        match self.config.arrival {
+            Arrival::Touch => Arrival::Touch,
+            arrival if self.is_last_leg() => arrival,
+            Arrival::Pass | Arrival::Stand => Arrival::Pass,
+        }
     }
 
     /// The waypoints from the current one on, m; none without a plan.

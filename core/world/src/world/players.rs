@@ -50,7 +50,8 @@ impl World {
         true
     }
 
-    pub(super) fn player(&self, slot: PlayerSlot) -> Option<&Player> {
+    /// The player in a slot, if there is one.
+    pub fn player(&self, slot: PlayerSlot) -> Option<&Player> {
         self.players.get(slot.0 as usize).and_then(Option::as_ref)
     }
 

@@ -59,6 +59,7 @@ const OUTCOME_NAMES: Record<Outcome, string> = {
   [Outcome.DROWNED]: 'Drowned',
   [Outcome.NO_PROGRESS]: 'Gave up',
   [Outcome.UNREACHABLE]: 'Unreachable',
+  [Outcome.REACHED_NEAR]: 'Reached, beside others',
 }
 
 export function outcomeName(outcome: Outcome): string {

@@ -17,7 +17,7 @@ use surefoot_planner::export::import_json;
 use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};
 use surefoot_policy::Policy;
 use surefoot_rollout::{DEFAULT_NOISE_SHARE, FollowConfig};
-use surefoot_world::MapSpec;
+use surefoot_world::{Arrival, MapSpec};
 
 /// Subfolder of `--out` for finished units.
 const UNITS: &str = "units";
@@ -175,14 +175,23 @@ enum Cost {
     Steps,
 }
 
+/// What counts as having arrived at a goal.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Arrive {
+    /// Standing within 1 m of it where the body could walk straight to it
+    Stand,
+    /// Being within 1 m of it, in the air or behind a wall as well; always so for the suites paper and sweep
+    Paper,
+}
+
 /// Rules of attempts in which the paper differs from ours.
 #[derive(clap::Args)]
 pub(super) struct Rules {
     /// Follow the paper. Start and goal snap to the nearest vertex, edges cost their steps, failed legs are not
     /// remembered, and re-plans have no limit. Nothing is rehearsed or composed, NPCs do not sense zip lines and
-    /// teleporters, devices get no vertices or candidates, and all probes are run. The default model is general-lstm.
-    /// --patience and --replan-after still apply
-    #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "no_transports"])]
+    /// teleporters, devices get no vertices or candidates, and all probes are run. NPCs arrive as with --arrive paper.
+    /// The default model is general-lstm. --patience and --replan-after still apply
+    #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "arrive", "no_transports"])]
     pub(super) faithful: bool,
     /// Decisions without progress that end an attempt
     #[arg(
@@ -212,20 +221,25 @@ pub(super) struct Rules {
     /// Let plans use legs again that failed earlier in the same attempt
     #[arg(long)]
     forget: bool,
+    /// What counts as having arrived at a goal
+    #[arg(long, default_value = "stand")]
+    arrive: Arrive,
     /// Hide zip lines and teleporters from the NPCs' observations
     #[arg(long)]
     no_transports: bool,
 }
 
 impl Rules {
-    fn follow(&self, composes: bool) -> FollowConfig {
+    fn follow(&self, composes: bool, is_of_paper: bool) -> FollowConfig {
         let limits =
             FollowConfig { patience: self.patience, replan_after: self.replan_after, ..FollowConfig::of_paper() };
         if self.faithful {
             return limits;
         }
         let attach = if self.attach == Joined::Nearest { Attach::Nearest } else { Attach::Several };
-        FollowConfig { max_replans: self.max_replans, remembers: !self.forget, attach, composes, ..limits }
+        let touches = is_of_paper || self.arrive == Arrive::Paper;
+        let arrival = if touches { Arrival::Touch } else { Arrival::Stand };
+        FollowConfig { max_replans: self.max_replans, remembers: !self.forget, attach, composes, arrival, ..limits }
     }
 
     fn price(&self) -> Price {
@@ -289,7 +303,7 @@ impl Args {
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,
             rehearses: !self.no_rehearsals && !is_of_paper,
-            follow: self.rules.follow(self.style.composes()),
+            follow: self.rules.follow(self.style.composes(), is_of_paper),
             price: self.rules.price(),
             game,
             graph,

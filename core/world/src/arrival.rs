@@ -1,0 +1,201 @@
+//! When a body has arrived at a place.
+
+use crate::Vec3;
+use crate::character::{Body, CharacterProfile, MoveScratch, is_clear};
+use crate::float::horizontal;
+use crate::map::{Liquid, Map};
+use crate::movers::Movers;
+use crate::navigable::DOWN;
+use serde::{Deserialize, Serialize};
+
+/// Distance between two points of a walk at which the ground is searched, m.
+const STRIDE_M: f32 = 0.25;
+/// Height above a step up to which a body still stands on the ground, m: the lowest point of a capsule on a slope is
+/// not above the ground that it touches.
+const SLACK_M: f32 = 0.25;
+/// Heights above the feet at which nothing solid may lie between a body and a place, as shares of the body's height.
+const OPEN_AT: [f32; 2] = [0.25, 0.75];
+/// Distance from a place to stand at which there must be ground all around, in radii of the body.
+const RIM_RADII: f32 = 1.2;
+/// Faces of liquids and devices above the ground that a search for ground passes.
+const MAX_FACES: usize = 4;
+
+/// What counts as having arrived at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Arrival {
+    /// The feet are within the radius, wherever they are (paper).
+    #[default]
+    Touch,
+    /// The feet are within the radius, and nothing solid lies between the body and the place: for waypoints, which are
+    /// passed on the run or in flight.
+    Pass,
+    /// The body stands on walkable ground within the radius and could walk straight to the place, so no wall, gap or
+    /// floor lies between.
+    Stand,
+}
+
+/// Distance by which a goal may be moved to a place to stand, unless the client says otherwise, m.
+pub const SNAP_M: f32 = 2.0;
+/// Distance between the places that are tried around a goal, m, and directions that are tried.
+const SNAP_STEP_M: f32 = 0.25;
+const SNAP_SPOKES: u8 = 12;
+/// Heights above a goal from which the ground below it is searched, m.
+const ABOVE_M: [f32; 3] = [0.3, 1.0, 2.0];
+
+/// Why there is no place to stand near a goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoFooting {
+    /// The goal lies in solid ground, or a body does not fit there.
+    InSolid,
+    /// There is no ground that can be walked on.
+    InAir,
+}
+
+/// Map and movers around a body.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place<'a> {
+    pub map: &'a Map,
+    pub movers: &'a Movers,
+    pub profile: &'a CharacterProfile,
+}
+
+impl Arrival {
+    /// Whether a body has arrived within `radius` metres of `goal`, m.
+    pub(crate) fn is_met(self, at: Place<'_>, body: &Body, goal: Vec3, radius: f32) -> bool {
+        body.feet.distance(goal) <= radius
+            && match self {
+                Self::Touch => true,
+                Self::Pass => at.is_open(body.feet, goal),
+                Self::Stand => body.is_grounded() && at.walks_straight(body.feet, goal),
+            }
+    }
+}
+
+/// Whether a body could walk straight from one place on a map to another, m. Movers do not count.
+pub fn walks_straight(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
+    Place { map, movers: &Movers::default(), profile }.walks_straight(from, to)
+}
+
+impl Place<'_> {
+    fn walks_straight(self, from: Vec3, to: Vec3) -> bool {
+        self.is_open(from, to) && self.has_ground(from, to)
+    }
+
+    /// The place to stand that is nearest to `goal`, at most `snap` metres away: the goal itself if a body can stand
+    /// there, a place below or above it if there is one, otherwise one beside it on the same side of walls.
+    pub(crate) fn footing(self, goal: Vec3, snap: f32, scratch: &mut MoveScratch) -> Result<Vec3, NoFooting> {
+        let below = self.footing_at(goal, snap, scratch).map(|place| (place, place.distance(goal)));
+        match below {
+            Some((_, distance)) if distance <= SLACK_M => return Ok(goal),
+            Some((place, distance)) if distance <= snap => return Ok(place),
+            _ => {}
+        }
+        let is_solid = self.map.mesh().solid_depth_at(goal + Vec3::Y * (0.5 * self.profile.height)) > 0;
+        let mut nearest: Option<Vec3> = None;
+        for step in 1..=(snap / SNAP_STEP_M) as u32 {
+            for spoke in 0..SNAP_SPOKES {
+                let angle = std::f32::consts::TAU * f32::from(spoke) / f32::from(SNAP_SPOKES);
+                let (sin, cos) = libm::sincosf(angle);
+                let beside = goal + Vec3::new(cos, 0.0, sin) * (step as f32 * SNAP_STEP_M);
+                let is_nearer = |place: &Vec3| {
+                    let distance = place.distance(goal);
+                    distance <= snap && nearest.is_none_or(|other| distance < other.distance(goal))
+                };
+                let place = self.footing_at(beside, snap, scratch).filter(is_nearer);
+                nearest = place.filter(|place| is_solid || self.is_open(goal, *place)).or(nearest);
+            }
+        }
+        let is_blocked = is_solid || self.ground_below(goal + Vec3::Y * ABOVE_M[0], snap).is_some();
+        nearest.ok_or(if is_blocked { NoFooting::InSolid } else { NoFooting::InAir })
+    }
+
+    /// The place to stand right below a point, or a little above it.
+    pub(crate) fn footing_at(self, point: Vec3, most: f32, scratch: &mut MoveScratch) -> Option<Vec3> {
+        let extent = self.map.extent();
+        if !(0.0..extent.x).contains(&point.x) || !(0.0..extent.z).contains(&point.z) {
+            return None;
+        }
+        ABOVE_M.iter().find_map(|above| {
+            let from = point + Vec3::Y * above;
+            let place = from - Vec3::Y * self.ground_below(from, above + most)?;
+            let feet = place + Vec3::Y * (0.5 * SLACK_M);
+            let stands = self.is_level(place)
+                && is_clear(self.map.mesh(), self.profile, feet, 0.02, scratch)
+                && self.map.mesh().solid_depth_at(feet + Vec3::Y * (0.5 * self.profile.height)) == 0
+                && self.map.liquid_at(place, 0.0) != Some(Liquid::Lava);
+            stands.then_some(place)
+        })
+    }
+
+    /// Whether the ground at a place is not too steep to stand on. Movers are level.
+    fn is_level(self, place: Vec3) -> bool {
+        let hit = self.map.mesh().cast_ray(place + Vec3::Y * 0.1, DOWN, 0.2).filter(|hit| hit.surface.is_solid());
+        let normal = |triangle: u32| self.map.mesh().triangles()[triangle as usize].normal();
+        hit.is_none_or(|hit| normal(hit.triangle_idx).y >= libm::cosf(self.profile.max_slope))
+    }
+
+    /// The place to stand at a horizontal offset from another, m, to which a body could walk straight. There is none
+    /// at devices, in liquids, and where the body would stand over a rim.
+    pub(crate) fn beside(self, from: Vec3, offset: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
+        let most = self.profile.step_height + horizontal(offset) * libm::tanf(self.profile.max_slope);
+        let above = from + offset + Vec3::Y * most;
+        let place = above.with_y(above.y - self.ground_below(above, 2.0 * most)?);
+        let has_rim = (0..6u8).any(|spoke| {
+            let (sin, cos) = libm::sincosf(f32::from(spoke) * std::f32::consts::FRAC_PI_3);
+            let rim = place + Vec3::new(cos, 0.0, sin) * (RIM_RADII * self.profile.radius);
+            !self.has_ground(place, rim)
+        });
+        // A capsule on a slope touches beside its lowest point.
+        let feet = place + Vec3::Y * (SLACK_M * 0.5);
+        let stands = !has_rim
+            && self.walks_straight(from, place)
+            && is_clear(self.map.mesh(), self.profile, feet, 0.02, scratch)
+            && self.map.liquid_at(place, -0.1).is_none()
+            && self.map.device_at(place).is_none();
+        stands.then_some(place)
+    }
+
+    /// Whether nothing solid lies between bodies at two places.
+    fn is_open(self, from: Vec3, to: Vec3) -> bool {
+        let offset = to - from;
+        let length = offset.length();
+        length < f32::EPSILON
+            || OPEN_AT.iter().all(|share| {
+                let from = from + Vec3::Y * (share * self.profile.height);
+                let direction = offset / length;
+                let hit = self.map.mesh().cast_ray(from, direction, length);
+                hit.is_none_or(|hit| !hit.surface.is_solid()) && self.movers.cast_ray(from, direction, length).is_none()
+            })
+    }
+
+    /// Whether the ground on the straight way between two places is nowhere too steep, and is continuous.
+    fn has_ground(self, from: Vec3, to: Vec3) -> bool {
+        let offset = to - from;
+        let run = horizontal(offset);
+        let stride_count = (run / STRIDE_M).ceil().max(1.0);
+        let rise = self.profile.step_height + run / stride_count * libm::tanf(self.profile.max_slope) + SLACK_M;
+        let mut height = from.y;
+        for stride in 1..=stride_count as u32 {
+            let above = (from + offset * (stride as f32 / stride_count)).with_y(height + rise);
+            let Some(depth) = self.ground_below(above, 2.0 * rise) else { return false };
+            height = above.y - depth;
+        }
+        (to.y - height).abs() <= rise
+    }
+
+    /// Depth of the ground below a point, m, at most `most`.
+    fn ground_below(self, above: Vec3, most: f32) -> Option<f32> {
+        let (mut built, mut searched) = (None, 0.0);
+        for _ in 0..MAX_FACES {
+            let Some(hit) = self.map.mesh().cast_ray(above + DOWN * searched, DOWN, most - searched) else { break };
+            searched += hit.distance;
+            if hit.surface.is_solid() {
+                built = Some(searched);
+                break;
+            }
+            searched += 0.001;
+        }
+        let moving = self.movers.cast_ray(above, DOWN, most);
+        built.into_iter().chain(moving).min_by(f32::total_cmp)
+    }
+}

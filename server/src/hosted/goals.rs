@@ -1,0 +1,332 @@
+//! The goals of NPCs: places and targets that move, when an NPC has arrived there, and its place among others.
+
+use super::commands::NpcError;
+use super::events::EventKind;
+use super::gathering::{NEAR_M, PLACE_RADIUS_M, Reserved, touch};
+use super::world::{HostedWorld, NpcRecord};
+use crate::ids::NpcId;
+use serde::{Deserialize, Serialize};
+use surefoot_world::arrival::{NoFooting, SNAP_M};
+use surefoot_world::{Action, Arrival, End, PlayerSlot, TICKS_PER_DECISION, TICKS_PER_SECOND, Tick, Vec3};
+
+/// Distance between two goals of an NPC up to which they are one target that moves: in metres, and as a share of the
+/// NPC's distance from the first. A plan to a goal that is farther away is of more use elsewhere too.
+const SAME_TARGET_M: f32 = 4.0;
+const SAME_TARGET_SHARE: f32 = 0.25;
+/// How much farther than its radius a target gets away from an NPC that keeps to it, until the NPC follows again, m.
+const KEEP_SLACK_M: f32 = 0.5;
+/// Distance that a target moves before the goal follows it, m.
+const TARGET_STEP_M: f32 = 0.1;
+/// Time after which an NPC that keeps to its target tries again to reach it.
+const RETRY_TICKS: u64 = 3 * TICKS_PER_SECOND as u64;
+
+/// A body that a goal follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Target {
+    /// An NPC of the same world.
+    Npc(NpcId),
+    /// A player of the same world.
+    Player(PlayerSlot),
+}
+
+/// How an NPC goes to its goal.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pursuit {
+    /// The body that the goal follows; `None` if only clients move the goal.
+    pub target: Option<Target>,
+    /// Distance within which the NPC arrives, m.
+    pub radius: f32,
+    /// Whether the attempt goes on after the NPC has arrived.
+    pub keeps: bool,
+    /// Distance by which the goal may be moved to a place to stand, m.
+    pub snap: f32,
+}
+
+impl Default for Pursuit {
+    fn default() -> Self {
+        Self { target: None, radius: 1.0, keeps: false, snap: SNAP_M }
+    }
+}
+
+/// A goal that a client sets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GoalOrder {
+    /// The goal, m; `None`: where the target is.
+    pub goal: Option<Vec3>,
+    /// How the NPC goes there.
+    pub pursuit: Pursuit,
+}
+
+impl From<Vec3> for GoalOrder {
+    fn from(goal: Vec3) -> Self {
+        Self { goal: Some(goal), pursuit: Pursuit::default() }
+    }
+}
+
+/// A goal that was set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GoalSet {
+    /// Number of the attempt that begins, or of the attempt under way if its goal merely moves.
+    pub attempt: u32,
+    /// The place to stand that the NPC goes to, m.
+    pub goal: Vec3,
+    /// Its distance from the goal that was asked for, m.
+    pub moved_by_m: f32,
+}
+
+/// A goal to which an NPC that keeps to its target returns.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Retry {
+    goal: Vec3,
+    pursuit: Pursuit,
+    at: Tick,
+}
+
+impl HostedWorld {
+    /// Sends an NPC to a goal, or to the nearest place where it can stand.
+    pub fn set_goal(&mut self, id: NpcId, order: impl Into<GoalOrder>) -> Result<GoalSet, NpcError> {
+        let GoalOrder { goal, pursuit } = order.into();
+        let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
+        if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
+            return Err(NpcError::Down(id));
+        }
+        let slot = record.slot;
+        let asked = match (pursuit.target, goal) {
+            (Some(target), _) => self.place_of(id, target)?,
+            (None, goal) => goal.unwrap_or_default(),
+        };
+        self.check_inside(asked, "goal")?;
+        let goal = match (self.world.footing(slot, asked, pursuit.snap), pursuit.target) {
+            (Ok(goal), _) => goal,
+            // A body in the air comes down again.
+            (Err(_), Some(_)) => asked,
+            (Err(why), None) => return Err(NpcError::NoFooting(why, pursuit.snap)),
+        };
+        let attempt = self.continue_attempt(id, goal, pursuit).unwrap_or_else(|| {
+            self.log_replaced_attempt(id);
+            self.begin_attempt(id, goal, pursuit)
+        });
+        Ok(GoalSet { attempt, goal, moved_by_m: goal.distance(asked) })
+    }
+
+    /// Moves the goal of the attempt under way, m, as a target that moves. Returns the number of the attempt.
+    pub fn move_target(&mut self, id: NpcId, goal: Vec3) -> Result<u32, NpcError> {
+        self.check_inside(goal, "position")?;
+        let slot = self.records.get(&id).ok_or(NpcError::Unknown(id))?.slot;
+        let no_footing = NpcError::NoFooting(NoFooting::InAir, SNAP_M);
+        let goal = self.world.footing_below(slot, goal).ok_or(no_footing)?;
+        let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
+        if let Some(retry) = &mut record.retry {
+            retry.goal = goal;
+            return Ok(record.attempts);
+        }
+        if record.goal.is_none() {
+            return Err(NpcError::NoGoal(id));
+        }
+        record.pursuit.target = None;
+        self.move_goal(id, goal);
+        Ok(self.records[&id].attempts)
+    }
+
+    /// Ends the attempt under way, if there is one; the NPC comes to rest.
+    pub fn clear_goal(&mut self, id: NpcId) -> Result<(), NpcError> {
+        self.log_replaced_attempt(id);
+        let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
+        record.clear_goal();
+        self.world.clear_waypoint(record.slot);
+        self.gatherings.release(id);
+        Ok(())
+    }
+
+    /// Where the target of an NPC is, m.
+    fn place_of(&self, id: NpcId, target: Target) -> Result<Vec3, NpcError> {
+        match target {
+            Target::Npc(other) if other == id => Err(NpcError::OwnTarget(id)),
+            Target::Npc(other) => {
+                let slot = self.records.get(&other).ok_or(NpcError::Unknown(other))?.slot;
+                let npc = self.world.npc(slot).filter(|npc| npc.harm.is_none());
+                npc.map(|npc| npc.body.feet).ok_or(NpcError::Down(other))
+            }
+            Target::Player(slot) => {
+                let player = self.world.player(slot).ok_or(NpcError::NoPlayer(self.id, slot.0))?;
+                Ok(player.feet)
+            }
+        }
+    }
+
+    /// Begins an attempt and returns its number.
+    fn begin_attempt(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) -> u32 {
+        let tick = self.tick();
+        self.gatherings.release(id);
+        let record = self.records.get_mut(&id).expect("an NPC that exists");
+        record.clear_goal();
+        (record.goal, record.pursuit) = (Some(goal), pursuit);
+        record.attempts += 1;
+        record.began = tick;
+        let attempt = record.attempts;
+        self.world.head_for(record.slot, goal, Arrival::Stand);
+        self.log_event(id, EventKind::AttemptBegan { attempt, goal, pursuit });
+        attempt
+    }
+
+    /// Lets the attempt under way go on to `goal`, m, if it has the same target or the goal is near the present one.
+    /// The NPC keeps its plan, so that clients may follow a moving target with one call in each of their frames.
+    fn continue_attempt(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) -> Option<u32> {
+        let record = self.records.get_mut(&id)?;
+        if let Some(retry) = record.retry.as_mut().filter(|it| pursuit.keeps && it.pursuit.target == pursuit.target) {
+            (retry.goal, retry.pursuit) = (goal, pursuit);
+            return Some(record.attempts);
+        }
+        let former = record.goal?;
+        let feet = self.world.npc(record.slot)?.body.feet;
+        let is_near = former.distance(goal) <= SAME_TARGET_M.max(SAME_TARGET_SHARE * feet.distance(former));
+        let has_same_target = pursuit.target == record.pursuit.target;
+        if !(has_same_target && (pursuit.target.is_some() || is_near)) {
+            return None;
+        }
+        record.pursuit = pursuit;
+        let attempt = record.attempts;
+        self.move_goal(id, goal);
+        Some(attempt)
+    }
+
+    /// Moves the goal of the attempt under way, m.
+    fn move_goal(&mut self, id: NpcId, goal: Vec3) {
+        let Some(record) = self.records.get_mut(&id) else { return };
+        if record.goal.replace(goal) == Some(goal) {
+            return;
+        }
+        if record.reserved.take().is_some() {
+            self.gatherings.release(id);
+        }
+        if record.waypoint.is_none() {
+            self.world.head_for(record.slot, goal, Arrival::Stand);
+        }
+    }
+
+    /// Lets goals follow their targets, and NPCs that keep to their targets try again.
+    pub(super) fn follow_targets(&mut self) {
+        let tick = self.tick();
+        let moving = self.records.iter().filter_map(|(&id, record)| {
+            let target = record.pursuit.target.filter(|_| record.goal.is_some())?;
+            Some((id, self.place_of(id, target).ok()))
+        });
+        for (id, place) in moving.collect::<Vec<_>>() {
+            match place {
+                Some(place) => self.follow_to(id, place),
+                None => self.lose_target(id),
+            }
+        }
+        let due = self.records.iter().filter_map(|(&id, record)| Some((id, record.retry?)));
+        for (id, retry) in due.filter(|(_, retry)| retry.at <= tick).collect::<Vec<_>>() {
+            let place = retry.pursuit.target.map(|target| self.place_of(id, target).ok());
+            let target = retry.pursuit.target.filter(|_| place.is_none_or(|place| place.is_some()));
+            let goal = place.flatten().unwrap_or(retry.goal);
+            self.begin_attempt(id, goal, Pursuit { target, ..retry.pursuit });
+        }
+    }
+
+    /// Moves the goal of an NPC to the place to stand at its target, m; while the target is in the air, it stays.
+    fn follow_to(&mut self, id: NpcId, place: Vec3) {
+        let Some(record) = self.records.get(&id) else { return };
+        if record.goal.is_none_or(|goal| goal.distance(place) > TARGET_STEP_M)
+            && let Some(goal) = self.world.footing_below(record.slot, place)
+        {
+            self.move_goal(id, goal);
+        }
+    }
+
+    /// The target of an NPC is gone or down: its goal stays where the target was last.
+    fn lose_target(&mut self, id: NpcId) {
+        let Some(record) = self.records.get_mut(&id) else { return };
+        record.pursuit.target = None;
+        let attempt = record.attempts;
+        self.log_event(id, EventKind::TargetLost { attempt });
+    }
+
+    /// Lets an NPC that keeps to its target try again later, after an attempt that did not reach it.
+    pub(super) fn retry_later(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) {
+        let at = self.tick() + RETRY_TICKS;
+        if let Some(record) = self.records.get_mut(&id) {
+            record.retry = Some(Retry { goal, pursuit, at });
+        }
+    }
+
+    /// Whether the NPC of a record has arrived at its goal: at its place there, if it shares the goal with others.
+    pub(super) fn arrival_of(&mut self, id: NpcId) -> Option<End> {
+        let record = &self.records[&id];
+        let goal = record.goal?;
+        let is_within = |place, radius| self.world.has_arrived(record.slot, place, radius, Arrival::Stand);
+        let is_at_goal = is_within(goal, record.pursuit.radius);
+        let Some(reserved) = record.reserved.filter(|reserved| reserved.at != goal) else {
+            return is_at_goal.then_some(End::Reached);
+        };
+        let end = if is_at_goal { End::Reached } else { End::ReachedNear };
+        is_within(reserved.at, PLACE_RADIUS_M).then_some(end)
+    }
+
+    /// Gives NPCs that come near a goal which others share a place there. Where others block an NPC for a while, it
+    /// stays beside them: returns these NPCs.
+    pub(super) fn gather(&mut self) -> Vec<NpcId> {
+        let tick = self.tick();
+        let mut blocked = Vec::new();
+        if !self.has_solid_npcs() {
+            return blocked;
+        }
+        let Self { records, world, gatherings, .. } = self;
+        for (&id, record) in records.iter_mut() {
+            let is_due = (tick + u64::from(record.slot.0)).0.is_multiple_of(u64::from(TICKS_PER_DECISION));
+            let Some(goal) = record.goal.filter(|_| is_due && !record.pursuit.keeps) else { continue };
+            let body = world.npc(record.slot).expect("every record has an NPC").body;
+            if !body.is_grounded() || body.feet.distance(goal) > NEAR_M && record.reserved.is_none() {
+                continue;
+            }
+            let place = record.reserved.get_or_insert_with(|| gatherings.reserve(world, (id, record.slot), goal));
+            if place.is_blocked(body.feet, tick) {
+                blocked.push(id);
+            }
+        }
+        blocked.retain(|&id| self.is_beside_others(id));
+        blocked
+    }
+
+    /// Lets an NPC that has arrived keep its place: the reserved one, or where it stands.
+    pub(super) fn stay_at(&mut self, id: NpcId, goal: Vec3, reserved: Option<Reserved>) {
+        let Some(record) = self.records.get(&id) else { return };
+        let feet = self.world.npc(record.slot).expect("every record has an NPC").body.feet;
+        if reserved.is_some_and(|reserved| reserved.at.distance(feet) > PLACE_RADIUS_M) {
+            self.gatherings.settle(id, goal, feet);
+        }
+    }
+
+    /// Whether an NPC touches one that has arrived at the same goal.
+    fn is_beside_others(&self, id: NpcId) -> bool {
+        let record = &self.records[&id];
+        let Some(goal) = record.goal else { return false };
+        let others = self.gatherings.npcs_at(goal).filter(|other| *other != id).filter_map(|it| self.records.get(&it));
+        others.filter(|other| other.goal.is_none()).any(|other| touch(&self.world, record.slot, other.slot))
+    }
+
+    /// Whether an NPC that keeps to its target is there. Records when it arrives and when the target gets away.
+    pub(super) fn keeps_still(&mut self, id: NpcId) -> bool {
+        let Some(record) = self.records.get_mut(&id) else { return false };
+        let (Some(goal), Pursuit { radius, keeps: true, .. }) = (record.goal, record.pursuit) else { return false };
+        let slack = if record.is_at_target { KEEP_SLACK_M } else { 0.0 };
+        let is_there = self.world.has_arrived(record.slot, goal, radius + slack, Arrival::Stand);
+        let was_there = std::mem::replace(&mut record.is_at_target, is_there);
+        let (slot, attempt) = (record.slot, record.attempts);
+        if is_there && !was_there {
+            record.awaiting = None;
+            self.world.decide(slot, Action::default());
+            self.log_event(id, EventKind::TargetReached { attempt, goal });
+        }
+        is_there
+    }
+}
+
+impl NpcRecord {
+    /// Where the NPC heads, m: its place at the goal.
+    pub fn heads_for(&self) -> Option<Vec3> {
+        self.goal.map(|goal| self.reserved.map_or(goal, |reserved| reserved.at))
+    }
+}
