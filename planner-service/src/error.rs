@@ -64,6 +64,8 @@ pub enum PlannerError {
     BadReceipt,
     #[error("{field} has {found} {what}; at most {limit} are allowed in {scope}")]
     TooManyEdits { field: &'static str, found: usize, what: &'static str, limit: usize, scope: &'static str },
+    #[error("the area has more than {0} cells, the maximum: choose a larger resolution, or less time")]
+    TooManyCells(usize),
     /// Place and span are for people.
     #[error("{field} is {place}: more than {MARGIN_M} m outside the map, which spans {span}")]
     OutsideMap { field: &'static str, place: String, span: String },

@@ -235,6 +235,12 @@ impl Hosted {
         queries.iter().map(|query| view.router.find_path_in(traffic, query, &costs)).collect()
     }
 
+    /// Calls `read` with the router and the current costs.
+    pub fn with_router<T>(&self, read: impl FnOnce(&Router, &EdgeCosts) -> T) -> T {
+        let view = self.view();
+        read(&view.router, &view.costs())
+    }
+
     /// Adds traversals to the live evidence and reprices their edges. Returns the number of traversals along edges
     /// that the graph has. With a `call`, the next exchange or [`store_live`](Self::store_live) stores them with its
     /// receipt.

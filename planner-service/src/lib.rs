@@ -2,9 +2,10 @@
 //!
 //! `planner` is the service without its transport; start reading there. `grpc` decodes requests, calls the planner
 //! and encodes responses. `wire` converts types. Only these two, `peers`, `layers` and `serve` use wire types.
-//! `hosted` is one graph in memory. [`store`] keeps graphs on disk, `layer_files` layers, and `receipts` the answers
-//! of calls that may be repeated. [`provers`] run the probes of builds. [`replicas`] is the interface of a store that
-//! several planners share. Building and searching are in the library `surefoot-planner`.
+//! `hosted` is one graph in memory. `tactics` answers questions about many places. [`store`] keeps graphs on disk,
+//! `layer_files` layers, and `receipts` the answers of calls that may be repeated. [`provers`] run the probes of
+//! builds. [`replicas`] is the interface of a store that several planners share. Building and searching are in the
+//! library `surefoot-planner`.
 
 mod builds;
 mod config;
@@ -30,6 +31,7 @@ mod revision;
 mod serve;
 pub mod store;
 mod stores;
+mod tactics;
 mod wire;
 
 pub use config::PlannerConfig;

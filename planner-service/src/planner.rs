@@ -38,10 +38,10 @@ pub struct Planner {
     pub(crate) reports: Arc<Reports>,
     pub(crate) peers: Arc<Peers>,
     policy: Policy,
-    maps: Arc<RecentMaps>,
+    pub(crate) maps: Arc<RecentMaps>,
     /// Limits the number of probes on demand that run at a time.
     probing: Arc<Semaphore>,
-    plans: Arc<AtomicU64>,
+    pub(crate) plans: Arc<AtomicU64>,
 }
 
 impl Planner {

@@ -1,5 +1,9 @@
 //! Conversions between the wire types of `surefoot.planner.v1` and the planner's own types. Incoming values are
 //! checked here.
+//!
+//! This file has builds, graphs and layers; [`tactics`] has questions about many places.
+
+pub mod tactics;
 
 use crate::config::PlannerConfig;
 use crate::error::{Failure, PlannerError};

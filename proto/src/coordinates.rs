@@ -241,6 +241,9 @@ places! {
     plan::Traffic: places crowds;
     plan::FindPathRequest: places query;
     plan::FindPathsRequest: places queries traffic;
+    plan::Around: places centre;
+    plan::RankPlacesRequest: places query places around hidden_from sees;
+    plan::FindReachableRequest: places query;
     plan::EdgeEdit: places from to;
     plan::ForceEdge: places from to;
     plan::PriceEdge: places from to;
@@ -253,6 +256,11 @@ places! {
     plan::Plan: places waypoints nearest_reachable;
     plan::FindPathResponse: places plan;
     plan::FindPathsResponse: places plans;
+    plan::RankedPlace: places place;
+    plan::RankPlacesResponse: places places;
+    plan::ReachedVertex: places position;
+    plan::ReachedCell: places centre;
+    plan::FindReachableResponse: places vertices cells;
     plan::GetGraphResponse: places vertices;
     plan::GetLayersResponse: places layers;
     plan::ProbeEdgeResponse: packed track;

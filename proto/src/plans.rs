@@ -5,6 +5,7 @@ use crate::planner::v1 as wire;
 use crate::world::v1 as world;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
+use surefoot_planner::search::many::RankBy;
 use surefoot_planner::{
     Attach, BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride,
     Stop, Traffic, VertexId,
@@ -12,6 +13,7 @@ use surefoot_planner::{
 use surefoot_world::{Ability, Chance, MoverId, Seconds, StopIdx, StopSet};
 
 crate::wire_enum!(NoPath = wire::NoPath: StartOffGraph GoalOffGraph DifferentIslands OneWay);
+crate::wire_enum!(RankBy = wire::RankBy: Cost Seconds);
 crate::wire_enum!(Probing = wire::Probing: Exhaustive Frugal);
 crate::wire_enum!(
     Placement = wire::Placement: Random Spaced Density Trajectories TrajectoriesTested Flood FloodGrandchildren

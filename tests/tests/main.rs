@@ -32,6 +32,7 @@ mod round_trips;
 mod security;
 mod shared;
 mod studio;
+mod tactics;
 mod targets;
 mod trust;
 mod untrusted;

@@ -3,7 +3,7 @@
 //!
 //! - [`build`] makes a graph: place vertices, select candidate edges, probe them, keep those that are proved.
 //! - [`graph`] is the result; each edge has its [`evidence`].
-//! - [`search`] answers a query with a [`plan`], around traffic if there is any.
+//! - [`search`] answers a query with a [`plan`], around traffic if there is any. [`places`] finds places to ask about.
 //! - [`change`] follows changes: designers' edits, a changed map, and evidence that NPCs report.
 //! - [`export`] writes graphs and links for engines; [`store`] is the trait for persistence.
 //!
@@ -18,6 +18,7 @@ mod grid;
 pub mod ids;
 pub mod legs;
 pub mod needs;
+pub mod places;
 pub mod plan;
 pub mod price;
 #[cfg(test)]

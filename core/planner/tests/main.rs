@@ -5,5 +5,7 @@ mod bounds;
 mod build;
 mod candidates;
 mod links;
+mod many;
+mod places;
 mod ride_stops;
 mod search;

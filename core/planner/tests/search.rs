@@ -32,16 +32,16 @@ fn router(graph: NavGraph) -> Router {
 }
 
 /// Scatters vertices so that straight-line distance is a weak guide to the cost of a path.
-fn scattered(count: u32) -> Vec<Vec3> {
+pub fn scattered(count: u32) -> Vec<Vec3> {
     (0..count).map(|idx| Vec3::new((idx * 37 % 101) as f32, (idx * 13 % 7) as f32, (idx * 53 % 89) as f32)).collect()
 }
 
 /// Edges as (from, to, decisions, successes, failures).
-fn edges_strategy() -> impl Strategy<Value = Vec<(u32, u32, u32, u32, u32)>> {
+pub fn edges_strategy() -> impl Strategy<Value = Vec<(u32, u32, u32, u32, u32)>> {
     prop::collection::vec((0..40u32, 0..40u32, 1..60u32, 1..4u32, 0..3u32), 0..200)
 }
 
-fn edges_of(tuples: Vec<(u32, u32, u32, u32, u32)>) -> Vec<Edge> {
+pub fn edges_of(tuples: Vec<(u32, u32, u32, u32, u32)>) -> Vec<Edge> {
     let mut seen = std::collections::BTreeSet::new();
     tuples
         .into_iter()

@@ -97,6 +97,28 @@ pub fn stand_at(
     rise: f32,
     scratch: &mut MoveScratch,
 ) -> Option<Vec3> {
+    rest_on(map, profile, nearest_floor(map, profile, point, rise)?, scratch)
+}
+
+/// The point of the floor nearest to `point` where the character has room, off devices and out of liquids; `None` if
+/// there is none there, or the floor is more than `rise` metres higher or lower. Simulates no body, so that it takes
+/// a fraction of the time of [`stand_at`].
+pub fn room_at(
+    map: &CollisionMap,
+    profile: &CharacterProfile,
+    point: Vec3,
+    rise: f32,
+    scratch: &mut MoveScratch,
+) -> Option<Vec3> {
+    let floor = nearest_floor(map, profile, point, rise)?;
+    let has_room = is_clear(map.mesh(), profile, above(floor, profile), 0.01, scratch)
+        && map.liquid_at(floor, -0.1).is_none()
+        && map.device_at(floor).is_none();
+    has_room.then_some(floor)
+}
+
+/// The floor nearest to `point`, at most `rise` metres higher or lower.
+fn nearest_floor(map: &CollisionMap, profile: &CharacterProfile, point: Vec3, rise: f32) -> Option<Vec3> {
     let extent = map.extent();
     if !(0.0..extent.x).contains(&point.x) || !(0.0..extent.z).contains(&point.z) {
         return None;
@@ -105,7 +127,7 @@ pub fn stand_at(
     let offset = |floor: &Vec3| (floor.y - point.y).abs();
     let nearest =
         floors[..floor_count].iter().map(|(floor, _)| *floor).min_by(|a, b| offset(a).total_cmp(&offset(b)))?;
-    if offset(&nearest) <= rise { rest_on(map, profile, nearest, scratch) } else { None }
+    (offset(&nearest) <= rise).then_some(nearest)
 }
 
 /// The nearest place to stand among sixteen candidates around `point`: `reach` or half of `reach` metres away
@@ -169,11 +191,16 @@ pub fn floors(map: &CollisionMap, profile: &CharacterProfile, x: f32, z: f32) ->
     (found, count)
 }
 
+/// The feet of a body that was put on the floor at `floor`. A capsule on a slope touches beside its lowest point, so
+/// they are a little higher than the floor.
+fn above(floor: Vec3, profile: &CharacterProfile) -> Vec3 {
+    let clearance = profile.radius * (1.0 / libm::cosf(profile.max_slope) - 1.0) + 0.02;
+    floor + Vec3::new(0.0, clearance, 0.0)
+}
+
 /// Simulates a body until it rests on the floor at `floor`; `None` if it cannot stand there.
 fn rest_on(map: &CollisionMap, profile: &CharacterProfile, floor: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
-    // A capsule on a slope touches beside its lowest point, so it starts a little higher than the floor.
-    let clearance = profile.radius * (1.0 / libm::cosf(profile.max_slope) - 1.0) + 0.02;
-    let start = floor + Vec3::new(0.0, clearance, 0.0);
+    let start = above(floor, profile);
     if !is_clear(map.mesh(), profile, start, 0.01, scratch) {
         return None;
     }

@@ -5,9 +5,9 @@ use crate::envs::{place, points};
 use crate::error::{chain, file, value};
 use crate::level::Level;
 use crate::picture;
-use crate::plan::Plan;
+use crate::plan::{Arrival, Plan};
 use crate::policy::Policy;
-use numpy::PyArray2;
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
@@ -17,13 +17,14 @@ use std::time::Duration;
 use surefoot_planner::export::{About, Format, export_about, frame_of, import_json};
 use surefoot_planner::reachability;
 use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
+use surefoot_planner::search::many::{self, RankBy, SharedEnd};
 use surefoot_planner::{
-    AbilitySet, BuildError, BuildSettings, Built, Caution, NavGraph, Progress, Query, Router, VertexId,
+    AbilitySet, BuildError, BuildSettings, Built, Caution, EdgeCosts, NavGraph, Progress, Query, Router, VertexId,
 };
 use surefoot_report::render::View;
 use surefoot_rollout::{ProbeContext, graphs};
 use surefoot_world::map::LevelFrame;
-use surefoot_world::{Ability, DECISION_SECONDS, DVec3, Map};
+use surefoot_world::{Ability, DECISION_SECONDS, DVec3, Map, Seconds, Vec3};
 
 /// Interval at which a build checks for an interrupt.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -37,6 +38,9 @@ pub struct Graph {
     /// How the level's own coordinates relate to the map's, if that is known.
     frame: Option<LevelFrame>,
 }
+
+/// Indices of vertices, and a time for each, s.
+type VertexTimes<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f32>>);
 
 /// Builds a graph, and calls `progress` with the numbers of finished and of known probes.
 fn build(
@@ -84,6 +88,26 @@ impl Graph {
     fn graph(&self) -> &NavGraph {
         self.router.graph()
     }
+}
+
+/// A place of a query on the map; `frame` is that of its coordinates, `None` for the map's.
+fn on_map(name: &str, at: [f64; 3], frame: Option<LevelFrame>) -> PyResult<Vec3> {
+    let at = DVec3::from_array(at);
+    place(name, frame.map_or(at.as_vec3(), |frame| frame.to_map(at)).to_array())
+}
+
+fn query([start, goal]: [Vec3; 2], without: &[String], caution: f32) -> PyResult<Query> {
+    let ability = |name: &String| {
+        name.parse().ok().filter(|ability| *ability != Ability::Walk).ok_or_else(|| {
+            let names: Vec<&str> = Ability::ALL[1..].iter().map(|ability| ability.name()).collect();
+            value(format!("there is no ability {name} to rule out: there are {}", names.join(", ")))
+        })
+    };
+    Ok(Query {
+        without: without.iter().map(ability).collect::<PyResult<AbilitySet>>()?,
+        caution: Caution::new(caution).ok_or_else(|| value(format!("caution is {caution}, but must be 0 to 1")))?,
+        ..Query::new(start, goal)
+    })
 }
 
 #[pymethods]
@@ -149,22 +173,59 @@ impl Graph {
         coordinates: &str,
     ) -> PyResult<Plan> {
         let frame = self.frame_of(coordinates)?;
-        let on_map = |name: &str, at: [f64; 3]| {
-            let at = DVec3::from_array(at);
-            place(name, frame.map_or(at.as_vec3(), |frame| frame.to_map(at)).to_array())
-        };
-        let ability = |name: &String| {
-            name.parse().ok().filter(|ability| *ability != Ability::Walk).ok_or_else(|| {
-                let names: Vec<&str> = Ability::ALL[1..].iter().map(|ability| ability.name()).collect();
-                value(format!("there is no ability {name} to rule out: there are {}", names.join(", ")))
-            })
-        };
-        let query = Query {
-            without: without.iter().map(ability).collect::<PyResult<AbilitySet>>()?,
-            caution: Caution::new(caution).ok_or_else(|| value(format!("caution is {caution}, but must be 0 to 1")))?,
-            ..Query::new(on_map("start", start)?, on_map("goal", goal)?)
-        };
+        let ends = [on_map("start", start, frame)?, on_map("goal", goal, frame)?];
+        let query = query(ends, &without, caution)?;
         Ok(Plan::of(&py.detach(|| self.router.find_path(&query)), frame))
+    }
+
+    #[pyo3(signature = (
+        places, *, start = None, goal = None, by = "cost", best = None, without = Vec::new(), caution = 1.0,
+        coordinates = "map"
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn rank(
+        &self,
+        py: Python<'_>,
+        places: Vec<[f64; 3]>,
+        start: Option<[f64; 3]>,
+        goal: Option<[f64; 3]>,
+        by: &str,
+        best: Option<usize>,
+        without: Vec<String>,
+        caution: f32,
+        coordinates: &str,
+    ) -> PyResult<Vec<Arrival>> {
+        let frame = self.frame_of(coordinates)?;
+        let (shared, end) = match (start, goal) {
+            (Some(start), None) => (SharedEnd::Start, on_map("start", start, frame)?),
+            (None, Some(goal)) => (SharedEnd::Goal, on_map("goal", goal, frame)?),
+            _ => return Err(value("either start or goal must be given")),
+        };
+        let query = query([end; 2], &without, caution)?;
+        let by: RankBy = by.parse().map_err(|_| value(format!("by is {by}, but must be cost or seconds")))?;
+        let places =
+            places.into_iter().map(|place| on_map("a place", place, frame)).collect::<PyResult<Vec<Vec3>>>()?;
+        let arrivals = py.detach(|| self.router.arrivals(&query, shared, &places, &EdgeCosts::new()));
+        let order = many::best(&arrivals, by, best.unwrap_or(usize::MAX));
+        Ok(order.into_iter().map(|idx| Arrival::of(idx, &arrivals[idx])).collect())
+    }
+
+    #[pyo3(signature = (start, seconds, *, without = Vec::new(), caution = 1.0, coordinates = "map"))]
+    fn reachable<'py>(
+        &self,
+        py: Python<'py>,
+        start: [f64; 3],
+        seconds: f32,
+        without: Vec<String>,
+        caution: f32,
+        coordinates: &str,
+    ) -> PyResult<VertexTimes<'py>> {
+        let start = on_map("start", start, self.frame_of(coordinates)?)?;
+        let query = query([start; 2], &without, caution)?;
+        let reached = py.detach(|| self.router.reachable(&query, Seconds(seconds), &EdgeCosts::new()));
+        let vertices = reached.iter().map(|reached| reached.vertex.0).collect();
+        let times = reached.iter().map(|reached| reached.seconds.0).collect();
+        Ok((PyArray1::from_vec(py, vertices), PyArray1::from_vec(py, times)))
     }
 
     /// Positions of the vertices, m.
@@ -217,12 +278,12 @@ impl Graph {
         py.import("json")?.call_method1("loads", (text,))
     }
 
-    fn reachable_from<'py>(&self, py: Python<'py>, vertex: u32) -> PyResult<Bound<'py, numpy::PyArray1<bool>>> {
+    fn reachable_from<'py>(&self, py: Python<'py>, vertex: u32) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let vertex = VertexId(vertex);
         if !self.graph().has_vertex(vertex) {
             return Err(value(format!("there is no vertex {}: 0 to {}", vertex.0, self.graph().vertex_count() - 1)));
         }
-        Ok(numpy::PyArray1::from_vec(py, self.graph().reachable_from(vertex)))
+        Ok(PyArray1::from_vec(py, self.graph().reachable_from(vertex)))
     }
 
     #[pyo3(signature = (*, pixels_per_m = 3.0, view = "top"))]

@@ -32,7 +32,7 @@ mod _native {
     #[pymodule_export]
     use crate::level::Level;
     #[pymodule_export]
-    use crate::plan::{Leg, Plan};
+    use crate::plan::{Arrival, Leg, Plan};
     #[pymodule_export]
     use crate::policy::Policy;
     #[pymodule_export]

@@ -2,6 +2,7 @@
 
 use crate::arrays::rows;
 use pyo3::prelude::*;
+use surefoot_planner::search::many;
 use surefoot_planner::{NoPath, Plan as Inner, Stop};
 use surefoot_world::Vec3;
 use surefoot_world::map::LevelFrame;
@@ -65,12 +66,6 @@ impl Plan {
             chance: leg.chance.get(),
             death_chance: leg.death_chance.into(),
         };
-        let no_path = plan.no_path.map(|reason| match reason {
-            NoPath::StartOffGraph => "start_off_graph",
-            NoPath::GoalOffGraph => "goal_off_graph",
-            NoPath::DifferentIslands => "different_islands",
-            NoPath::OneWay => "one_way",
-        });
         let arrives = plan.no_path.is_none();
         Self {
             waypoints: plan.waypoints.clone(),
@@ -79,7 +74,67 @@ impl Plan {
             seconds: plan.seconds().0.into(),
             chance: if arrives { plan.arrival_chance().get() } else { 0.0 },
             death_chance: plan.death_chance(),
-            no_path,
+            no_path: plan.no_path.map(name_of),
+        }
+    }
+}
+
+fn name_of(reason: NoPath) -> &'static str {
+    match reason {
+        NoPath::StartOffGraph => "start_off_graph",
+        NoPath::GoalOffGraph => "goal_off_graph",
+        NoPath::DifferentIslands => "different_islands",
+        NoPath::OneWay => "one_way",
+    }
+}
+
+/// A place of many, and what the plan to it or from it promises.
+#[pyclass(frozen, get_all, module = "surefoot")]
+#[derive(Debug, Clone)]
+pub struct Arrival {
+    index: usize,
+    /// Infinite without a path, as the cost.
+    seconds: f64,
+    cost: f64,
+    chance: f64,
+    death_chance: f64,
+    /// Why there is no path.
+    no_path: Option<&'static str>,
+}
+
+impl Arrival {
+    pub fn of(index: usize, arrival: &Result<many::Arrival, NoPath>) -> Self {
+        match arrival {
+            Ok(arrival) => Self {
+                index,
+                seconds: arrival.seconds.0.into(),
+                cost: arrival.cost.0.into(),
+                chance: arrival.arrival_chance.get(),
+                death_chance: arrival.death_chance,
+                no_path: None,
+            },
+            Err(reason) => Self {
+                index,
+                seconds: f64::INFINITY,
+                cost: f64::INFINITY,
+                chance: 0.0,
+                death_chance: 0.0,
+                no_path: Some(name_of(*reason)),
+            },
+        }
+    }
+}
+
+#[pymethods]
+impl Arrival {
+    fn __bool__(&self) -> bool {
+        self.no_path.is_none()
+    }
+
+    fn __repr__(&self) -> String {
+        match self.no_path {
+            None => format!("<Arrival {}, {:.1} s, chance {:.2}>", self.index, self.seconds, self.chance),
+            Some(reason) => format!("<Arrival {}, none, {reason}>", self.index),
         }
     }
 }

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from ._native import VERSION, Graph, Leg, Level, Plan, Policy, Server, body_names, connect, state_fields
+from ._native import VERSION, Arrival, Graph, Leg, Level, Plan, Policy, Server, body_names, connect, state_fields
 from .buffers import BufferEnv
 from .single import PointGoalEnv
 from .vector import VectorEnv
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __version__ = VERSION
 __all__ = [
+    "Arrival",
     "BufferEnv",
     "Graph",
     "Leg",

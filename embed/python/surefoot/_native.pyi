@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 _Floats: TypeAlias = npt.NDArray[np.float32]
+_Indices: TypeAlias = npt.NDArray[np.uint32]
 _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Ends: TypeAlias = tuple[npt.NDArray[np.int64], list[str], _Floats]
 _Places: TypeAlias = npt.NDArray[np.floating[Any]]
@@ -217,6 +218,38 @@ class Graph:
         `caution` is 0 to 1: with 0 dying costs no more than any failure.
         """
 
+    def rank(
+        self,
+        places: Sequence[_Point] | _Places,
+        *,
+        start: _Point | None = None,
+        goal: _Point | None = None,
+        by: Literal["cost", "seconds"] = "cost",
+        best: int | None = None,
+        without: Sequence[str] = (),
+        caution: float = 1.0,
+        coordinates: Literal["map", "level"] = "map",
+    ) -> list[Arrival]:
+        """Finds what the plans from `start` to each place promise, or from each place to `goal`.
+
+        The best come first: those of the lowest cost, of which risks are a part, or the quickest. Places without a
+        path are last. The other arguments are those of `plan`.
+        """
+
+    def reachable(
+        self,
+        start: _Point,
+        seconds: float,
+        *,
+        without: Sequence[str] = (),
+        caution: float = 1.0,
+        coordinates: Literal["map", "level"] = "map",
+    ) -> tuple[_Indices, _Floats]:
+        """The vertices that an NPC reaches from a place within some seconds, and the time to each.
+
+        The times are those of the cheapest paths, even if riskier ones are faster.
+        """
+
     @property
     def vertices(self) -> _Floats:
         """Positions of the vertices, m: x, y and z for each."""
@@ -271,6 +304,36 @@ class Leg:
     @property
     def death_chance(self) -> float:
         """Chance of dying on it, 0 to 1."""
+
+@final
+class Arrival:
+    """A place of many, and what the plan to it or from it promises; it is true if there is a path."""
+
+    @property
+    def index(self) -> int:
+        """Index of the place."""
+
+    @property
+    def seconds(self) -> float:
+        """Expected duration, s; infinite without a path."""
+
+    @property
+    def cost(self) -> float:
+        """What the plan minimises, s: its duration plus terms for risks; infinite without a path."""
+
+    @property
+    def chance(self) -> float:
+        """Estimated chance of arriving, for an NPC that rehearses its legs and plans again when one fails."""
+
+    @property
+    def death_chance(self) -> float:
+        """Estimated chance of dying on the way, for an NPC that does not rehearse."""
+
+    @property
+    def no_path(self) -> Literal["start_off_graph", "goal_off_graph", "different_islands", "one_way"] | None:
+        """Why there is no path."""
+
+    def __bool__(self) -> bool: ...
 
 @final
 class Plan:

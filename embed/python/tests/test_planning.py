@@ -31,6 +31,34 @@ def test_a_plan_leads_from_start_to_goal(graph: surefoot.Graph, level: surefoot.
     assert all(leg.ability == "walk" for plan in on_foot if plan for leg in plan.legs)
 
 
+def test_many_places_have_the_plans_of_each_pair(graph: surefoot.Graph) -> None:
+    here, places = graph.vertices[0], graph.vertices
+    for is_start in (True, False):
+        ranked = graph.rank(places, start=here) if is_start else graph.rank(places, goal=here)
+        assert sorted(place.index for place in ranked) == list(range(len(graph)))
+        for place in ranked:
+            other = places[place.index]
+            plan = graph.plan(here, other) if is_start else graph.plan(other, here)
+            assert (bool(place), place.no_path) == (bool(plan), plan.no_path)
+            if place:
+                assert place.seconds == pytest.approx(plan.seconds, rel=1e-3)
+                assert place.chance == pytest.approx(plan.chance, rel=1e-3)
+        costs = [place.cost for place in ranked]
+        assert costs == sorted(costs)
+    quickest = graph.rank(places, start=here, by="seconds", best=3)
+    assert len(quickest) == 3 and quickest[0].seconds <= quickest[2].seconds
+    with pytest.raises(ValueError, match="start or goal"):
+        graph.rank(places)
+    with pytest.raises(ValueError, match="start or goal"):
+        graph.rank(places, start=here, goal=here)
+
+
+def test_more_is_reached_in_more_time(graph: surefoot.Graph) -> None:
+    few, times = graph.reachable(graph.vertices[0], 3.0)
+    many, _ = graph.reachable(graph.vertices[0], 60.0)
+    assert set(few) <= set(many) and len(many) > len(few) and times.max() <= 3.0
+
+
 def test_graphs_survive_files(graph: surefoot.Graph, level: surefoot.Level, tmp_path: Path) -> None:
     graph.save(tmp_path / "graph.json")
     other = surefoot.Graph.load(tmp_path / "graph.json")

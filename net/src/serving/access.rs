@@ -49,7 +49,7 @@ const METHODS: &[Methods] = &[
     (
         "surefoot.planner.v1.PlannerService",
         ALL_ROLES,
-        "StartBuild WatchBuild GetGraph FindPath FindPaths ReportTraversals WatchGraph",
+        "StartBuild WatchBuild GetGraph FindPath FindPaths RankPlaces FindReachable ReportTraversals WatchGraph",
     ),
     (
         "surefoot.planner.v1.PlannerService",

@@ -38,6 +38,7 @@ impl From<PlannerError> for Status {
             PlannerError::RequestIdReused(_) => status::failure(Reason::RequestIdReused, message),
             PlannerError::LayersChanged => status::failure(Reason::LayersChanged, message),
             PlannerError::TooManyEdits { field, .. } => status::too_large(field, message),
+            PlannerError::TooManyCells(_) => status::too_large("resolution", message),
             PlannerError::OutsideMap { field, .. } => status::invalid(field, message),
             PlannerError::LayersUnreadable(_) | PlannerError::Store { .. } => {
                 status::failure(Reason::StoreFailed, message)

@@ -14,7 +14,8 @@ use crate::planner::Planner;
 use crate::revision::Revision;
 use crate::wire::{
     build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
-    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, traffic_of, unapplied_to_wire, wanted,
+    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, tactics, traffic_of, unapplied_to_wire,
+    wanted,
 };
 use prost::Message;
 use streams::{BuildProgress, GraphChanges};
@@ -32,6 +33,7 @@ use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::PlannerService;
 use surefoot_proto::plans::{plan_to_wire, query, traversal};
 use surefoot_world::Seed;
+use tokio::task::spawn_blocking;
 use tonic::{Request, Response, Status};
 
 /// Maximum number of traversals in one report.
@@ -144,7 +146,7 @@ impl PlannerService for PlannerApi {
         let wire::GetGraphRequest { graph_id, coordinates } = request.into_inner();
         let hosted = self.planner.get_usable(&graph_id).await?;
         let frame = self.frame_on(&hosted, coordinates)?;
-        let encoded = tokio::task::spawn_blocking(move || frame.to_level(graph_to_wire(&hosted))).await;
+        let encoded = spawn_blocking(move || frame.to_level(graph_to_wire(&hosted))).await;
         Ok(Response::new(encoded.map_err(PlannerError::lost("the encoding"))?))
     }
 
@@ -197,7 +199,7 @@ impl PlannerService for PlannerApi {
         let frame = self.frame_on(&hosted, request.coordinates)?;
         let query = Self::query(&hosted, &frame.to_map(request.query.ok_or(FieldError::Missing("query"))?))?;
         let (planner, interim) = (self.planner.clone(), hosted.is_interim());
-        let plan = tokio::task::spawn_blocking(move || plan_to_wire(&planner.plan(&hosted, &query))).await;
+        let plan = spawn_blocking(move || plan_to_wire(&planner.plan(&hosted, &query))).await;
         let plan = Some(plan.map_err(PlannerError::lost("the search"))?);
         Ok(Response::new(frame.to_level(wire::FindPathResponse { plan, interim })))
     }
@@ -218,7 +220,7 @@ impl PlannerService for PlannerApi {
         let planner = self.planner.clone();
         // Read before planning: if an edit comes in between, the plans are newer than the revision, never older.
         let (revision, interim) = (revision_to_wire(hosted.revision()), hosted.is_interim());
-        let plans = tokio::task::spawn_blocking(move || {
+        let plans = spawn_blocking(move || {
             let plans = match traffic {
                 Some(mut traffic) => planner.plans_in(&hosted, &mut traffic, &queries),
                 None => queries.iter().map(|query| planner.plan(&hosted, query)).collect(),
@@ -227,6 +229,37 @@ impl PlannerService for PlannerApi {
         });
         let plans = plans.await.map_err(PlannerError::lost("the search"))?;
         Ok(Response::new(frame.to_level(wire::FindPathsResponse { plans, revision, interim })))
+    }
+
+    async fn rank_places(&self, request: Request<wire::RankPlacesRequest>) -> Answer<wire::RankPlacesResponse> {
+        let request = request.into_inner();
+        let hosted = self.planner.get_usable(&request.graph_id).await?;
+        let frame = self.frame_on(&hosted, request.coordinates)?;
+        let question = tactics::rank_question(&frame.to_map(request), self.planner.config())?;
+        question.check_inside(&hosted)?;
+        let planner = self.planner.clone();
+        // As for FindPaths.
+        let (revision, interim) = (revision_to_wire(hosted.revision()), hosted.is_interim());
+        let task = spawn_blocking(move || tactics::ranking_to_wire(&planner.rank_places(&hosted, &question)));
+        let ranking = task.await.map_err(PlannerError::lost("the search"))?;
+        Ok(Response::new(frame.to_level(wire::RankPlacesResponse { revision, interim, ..ranking })))
+    }
+
+    async fn find_reachable(
+        &self,
+        request: Request<wire::FindReachableRequest>,
+    ) -> Answer<wire::FindReachableResponse> {
+        let request = request.into_inner();
+        let hosted = self.planner.get_usable(&request.graph_id).await?;
+        let frame = self.frame_on(&hosted, request.coordinates)?;
+        let question = tactics::reach_question(&frame.to_map(request))?;
+        hosted.check_inside(question.query.start, "query.start")?;
+        let (revision, interim) = (revision_to_wire(hosted.revision()), hosted.is_interim());
+        let planner = self.planner.clone();
+        let task =
+            spawn_blocking(move || planner.reachable(&hosted, &question).map(|reach| tactics::reach_to_wire(&reach)));
+        let reach = task.await.map_err(PlannerError::lost("the search"))??;
+        Ok(Response::new(frame.to_level(wire::FindReachableResponse { revision, interim, ..reach })))
     }
 
     async fn report_traversals(

@@ -14,6 +14,7 @@ use surefoot_levels::{ImportError, ImportOptions, Imported, NoFiles};
 use surefoot_planner::EdgeCosts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
+use surefoot_planner::search::many::SharedEnd;
 use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, Traffic, store as cache};
 use surefoot_planner_service::{PlannerConfig, edits_from_wire, layer_from_wire, layer_to_wire, settings_from_wire};
 use surefoot_policy::{ActorConfig, Batch, Manifest, Policy, Scratch};
@@ -28,7 +29,7 @@ use surefoot_server::{NpcId, WorldId, worker};
 use surefoot_world::map::{MapSize, Outline, Placed, Pool};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
-use surefoot_world::{Decisions, Map, MapSpec, Vec3};
+use surefoot_world::{Decisions, Map, MapSpec, Seconds, Vec3};
 use tokio::sync::mpsc;
 
 /// A trial of one decoder.
@@ -468,6 +469,11 @@ fn graph_answers(graph: NavGraph) {
             let plan = router.find_path(&query);
             assert_eq!(plan.waypoints.len(), plan.legs.len());
             assert_eq!(plan.waypoints.last(), Some(&plan.nearest.unwrap_or(query.goal)));
+            let many = router.arrivals(&query, SharedEnd::Start, &[query.goal], &EdgeCosts::new());
+            assert_eq!(many[0].err(), plan.no_path);
+            let limit = Seconds(600.0);
+            let reached = router.reachable(&query, limit, &EdgeCosts::new());
+            assert!(reached.iter().all(|reached| reached.seconds.0 <= limit.0));
             let mut traffic = Traffic::default();
             traffic.add_crowd(query.start, 1000);
             let around = router.find_path_in(&mut traffic, &query, &EdgeCosts::new());

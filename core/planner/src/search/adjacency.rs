@@ -4,6 +4,7 @@ use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::plan::Leg;
 use crate::price::EdgeCost;
+use std::sync::OnceLock;
 use surefoot_world::csr::Csr;
 use surefoot_world::{Ability, Vec3};
 
@@ -22,6 +23,8 @@ pub(crate) struct Adjacency {
     costs: Vec<f32>,
     /// The part of each cost that the risk of death makes up.
     death_costs: Vec<f32>,
+    /// The edges that enter each vertex, computed for the first search against their direction.
+    entering: OnceLock<Csr<EdgeIdx>>,
 }
 
 /// The part of an edge that a plan needs, in one cache line.
@@ -80,5 +83,15 @@ impl Adjacency {
         let edges = range.start as EdgeIdx..;
         let costs = &self.costs[range];
         edges.zip(self.keys.row(vertex.idx())).zip(costs).map(|((edge, key), &cost)| (edge, key.to, cost))
+    }
+
+    /// Iterates over the incoming edges of a vertex: index, source vertex, cost in decisions.
+    pub fn incoming(&self, vertex: VertexId) -> impl Iterator<Item = (EdgeIdx, VertexId, f32)> {
+        let entering = self.entering.get_or_init(|| {
+            let ends = self.keys.items().iter().map(|key| key.to.idx());
+            Csr::group(self.vertex_count(), ends.zip(0..))
+        });
+        let edges = entering.row(vertex.idx()).iter();
+        edges.map(|&edge| (edge, self.key(edge).from, self.costs[edge as usize]))
     }
 }

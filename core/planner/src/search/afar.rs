@@ -1,6 +1,6 @@
 //! Plans to a goal that no path reaches: the reason, and the path to the reachable vertex nearest to the goal.
 
-use super::{Router, is_start_open};
+use super::{Found, Path, Router, is_start_open};
 use crate::ids::VertexId;
 use crate::plan::{NoPath, Plan, Query};
 use crate::price::EdgeCosts;
@@ -8,24 +8,36 @@ use crate::search::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS
 use crate::search::connectivity::{self, flood};
 
 impl Router {
-    /// Finds a plan if no path joins the cheapest attachments; `goals` are those of the goal. Tries more attachments,
-    /// and then leads to the reachable vertex nearest to the goal.
-    pub(super) fn plan_from_afar(&self, query: &Query, goals: Vec<Attachment>, repriced: &EdgeCosts) -> Plan {
+    /// Tries more attachments if no path joins the cheapest ones; `goals` are those of the goal.
+    pub(super) fn find_widely(
+        &self,
+        query: &Query,
+        goals: Vec<Attachment>,
+        mut join: impl FnMut(&[Attachment], &[Attachment]) -> Option<Path>,
+    ) -> Found {
         let starts = self.attach_start_widely(query);
         // Fewer than the limit are all that exist.
         let goals = if goals.len() < ATTACHMENTS { goals } else { self.attach_goal(query, MORE_ATTACHMENTS) };
-        if let Some(path) = self.join(&starts, &goals, query, repriced) {
-            return self.assemble(query, &path);
-        }
-        let reason = self.explain(query, &starts, &goals);
-        match self.nearest_reachable(query, &starts) {
-            Some(nearest) => self.lead_to(query, &starts, nearest, reason, repriced),
+        join(&starts, &goals).map_or(Found::Nothing { starts, goals }, Found::Path)
+    }
+
+    /// Leads to the reachable vertex nearest to the goal, because no path joins these attachments.
+    pub(super) fn plan_from_afar(
+        &self,
+        query: &Query,
+        starts: &[Attachment],
+        goals: &[Attachment],
+        repriced: &EdgeCosts,
+    ) -> Plan {
+        let reason = self.explain(query, starts, goals);
+        match self.nearest_reachable(query, starts) {
+            Some(nearest) => self.lead_to(query, starts, nearest, reason, repriced),
             None => self.direct(query, Some(reason)),
         }
     }
 
     /// Finds more vertices to walk to from the start, within the range of the edges that were proved on foot.
-    fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
+    pub(super) fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
         let closed = self.closed_from(query.start);
         let accept = |vertex, leg| {
             is_start_open(query, vertex)
@@ -39,15 +51,10 @@ impl Router {
 
     /// Returns why there is no path between these attachments.
     pub(super) fn explain(&self, query: &Query, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
-        if starts.is_empty() {
-            return NoPath::StartOffGraph;
-        }
-        if goals.is_empty() {
-            return NoPath::GoalOffGraph;
-        }
-        let reached = self.reached_from(goals, query);
-        let leads_back = starts.iter().any(|&(start, _)| reached.contains(start));
-        if leads_back { NoPath::OneWay } else { NoPath::DifferentIslands }
+        reason(starts, goals, || {
+            let reached = self.reached_from(goals, query);
+            starts.iter().any(|&(start, _)| reached.contains(start))
+        })
     }
 
     /// Plans to the vertex `nearest`, because no path leads to the goal.
@@ -82,7 +89,7 @@ impl Router {
 
     /// The vertices that open paths lead to from any of `from`, these included. All vertices of an island reach the
     /// same set, unless the query bans an ability or a mover stop.
-    fn reached_from(&self, from: &[Attachment], query: &Query) -> Reached<'_> {
+    pub(super) fn reached_from(&self, from: &[Attachment], query: &Query) -> Reached<'_> {
         let from = from.iter().map(|&(vertex, _)| vertex);
         match &self.closure {
             Some(closure) if query.without.is_empty() && query.stops.is_empty() => {
@@ -96,8 +103,21 @@ impl Router {
     }
 }
 
+/// Returns why there is no path between these attachments; `leads_back` says whether one leads from a goal to a start.
+pub(super) fn reason(starts: &[Attachment], goals: &[Attachment], leads_back: impl FnOnce() -> bool) -> NoPath {
+    if starts.is_empty() {
+        NoPath::StartOffGraph
+    } else if goals.is_empty() {
+        NoPath::GoalOffGraph
+    } else if leads_back() {
+        NoPath::OneWay
+    } else {
+        NoPath::DifferentIslands
+    }
+}
+
 /// The vertices that paths lead to.
-enum Reached<'a> {
+pub(super) enum Reached<'a> {
     /// Looked up in the closure of the islands.
     Known(connectivity::Reached<'a>),
     /// Found by a flood: whether it reached each vertex.
@@ -105,7 +125,7 @@ enum Reached<'a> {
 }
 
 impl Reached<'_> {
-    fn contains(&self, vertex: VertexId) -> bool {
+    pub(super) fn contains(&self, vertex: VertexId) -> bool {
         match self {
             Self::Known(reached) => reached.contains(vertex),
             Self::Searched(reached) => reached[vertex.idx()],

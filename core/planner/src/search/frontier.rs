@@ -89,12 +89,13 @@ impl<C: Cost> Frontier<C> {
     }
 
     /// Settles the node with the lowest bound, the highest of several, and returns it with its cost. `None` if there
-    /// is no node left whose bound is at most `limit`.
+    /// is no node left whose bound is at most `limit`; a search with a higher limit goes on from there.
     pub fn settle(&mut self, limit: C) -> Option<(u32, C)> {
-        while let Some(Entry { bound, node, cost }) = self.open.pop() {
+        while let Some(&Entry { bound, node, cost }) = self.open.peek() {
             if bound > limit {
                 return None;
             }
+            self.open.pop();
             if cost <= self.costs[node as usize] {
                 return Some((node, cost));
             }

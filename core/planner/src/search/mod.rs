@@ -12,7 +12,10 @@ pub(crate) mod attach;
 pub(crate) mod connectivity;
 pub(crate) mod frontier;
 pub(crate) mod labels;
+pub mod many;
+pub mod reach;
 pub mod traffic;
+mod tree;
 
 use crate::graph::NavGraph;
 use crate::grid::spacing;
@@ -30,7 +33,7 @@ use crate::search::traffic::EdgesBySquare;
 pub use crate::search::traffic::Traffic;
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap, HashSet};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 use surefoot_world::{Seconds, Vec3};
 
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
@@ -58,6 +61,8 @@ pub struct Router {
     /// The greatest distance that any edge covers per decision of its cost, for plans of any caution, m.
     metres_per_cost: f32,
     prices: LegPrices,
+    /// The prices of the latest query of another caution.
+    other_prices: Mutex<Option<(Caution, LegPrices)>>,
     /// Limits of the unproved leg from the last vertex to the goal.
     reach: LegLimits,
     /// Edges that unproved legs must not replace, and the same edges reversed: by first and by second vertex.
@@ -90,6 +95,7 @@ impl Router {
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.has_exit(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.has_entrance(vertex)),
             prices: LegPrices::new(graph.legs(), Caution::CAREFUL),
+            other_prices: Mutex::default(),
             reach: LegLimits::of(&graph, DIRECT_M),
             forbidden: Default::default(),
             closure: Closure::new(graph.connectivity()),
@@ -164,17 +170,31 @@ impl Router {
         if query.attach == Attach::Nearest {
             return self.find_path_between_nearest(query, repriced);
         }
+        match self.find(query, |starts, goals| self.join(starts, goals, query, repriced)) {
+            Found::Path(path) => self.assemble(query, &path),
+            Found::Direct => self.direct(query, None),
+            Found::Nothing { starts, goals } => self.plan_from_afar(query, &starts, &goals, repriced),
+        }
+    }
+
+    /// Decides how to get from the start to the goal. `join` finds the cheapest path between attachments of both.
+    fn find(&self, query: &Query, mut join: impl FnMut(&[Attachment], &[Attachment]) -> Option<Path>) -> Found {
         let starts = self.attach_start(query);
         let goals = self.attach_goal(query, ATTACHMENTS);
-        let is_near = query.start.distance(query.goal) <= DIRECT_M
-            && !query.avoid.contains(&LegKey::DIRECT)
-            && !self.closed_from(query.start).iter().any(|&vertex| self.is_at(query.goal, vertex));
-        match self.join(&starts, &goals, query, repriced) {
-            Some(path) if is_near && self.direct_cost(query) <= path.cost => self.direct(query, None),
-            Some(path) => self.assemble(query, &path),
-            None if is_near => self.direct(query, None),
-            None => self.plan_from_afar(query, goals, repriced),
+        let is_near = self.is_near(query);
+        match join(&starts, &goals) {
+            Some(path) if is_near && self.direct_cost(query) <= path.cost => Found::Direct,
+            Some(path) => Found::Path(path),
+            None if is_near => Found::Direct,
+            None => self.find_widely(query, goals, join),
         }
+    }
+
+    /// Whether the goal is so near that a plan may lead straight to it.
+    fn is_near(&self, query: &Query) -> bool {
+        query.start.distance(query.goal) <= DIRECT_M
+            && !query.avoid.contains(&LegKey::DIRECT)
+            && !self.closed_from(query.start).iter().any(|&vertex| self.is_at(query.goal, vertex))
     }
 
     /// Finds the cheapest plan from the vertex nearest to the start to the one nearest to the goal.
@@ -224,8 +244,19 @@ impl Router {
 
     /// The cheapest path from one of `starts` to one of `goals`.
     fn join(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
+        self.join_or([starts, goals], query, repriced, || self.a_star(starts, goals, query, repriced))
+    }
+
+    /// The same for attachments of start and goal. `search` finds the path if it cannot be looked up.
+    fn join_or(
+        &self,
+        [starts, goals]: [&[Attachment]; 2],
+        query: &Query,
+        repriced: &EdgeCosts,
+        search: impl FnOnce() -> Option<Path>,
+    ) -> Option<Path> {
         if self.labels().is_none() || query.caution != Caution::CAREFUL {
-            return self.a_star(starts, goals, query, repriced);
+            return search();
         }
         let path = self.look_up_path(starts, goals)?;
         if query.is_usual() && repriced.is_empty() {
@@ -234,7 +265,7 @@ impl Router {
         let is_usual = |edge: &EdgeIdx| {
             self.is_open(query, *edge) && (repriced.is_empty() || !repriced.contains_key(&self.adjacency.key(*edge)))
         };
-        if path.edges.iter().all(is_usual) { Some(path) } else { self.a_star(starts, goals, query, repriced) }
+        if path.edges.iter().all(is_usual) { Some(path) } else { search() }
     }
 
     /// Searches the cheapest path between two vertices with A*. Returns its cost in decisions and its vertices.
@@ -278,10 +309,15 @@ impl Router {
     /// The prices of unproved legs at the caution of a query.
     fn prices(&self, query: &Query) -> Cow<'_, LegPrices> {
         if query.caution == Caution::CAREFUL {
-            Cow::Borrowed(&self.prices)
-        } else {
-            Cow::Owned(LegPrices::new(self.graph.legs(), query.caution))
+            return Cow::Borrowed(&self.prices);
         }
+        // To tabulate them takes longer than a search.
+        let mut latest = self.other_prices.lock().unwrap_or_else(PoisonError::into_inner);
+        if latest.as_ref().is_none_or(|(caution, _)| *caution != query.caution) {
+            *latest = Some((query.caution, LegPrices::new(self.graph.legs(), query.caution)));
+        }
+        let (_, prices) = latest.as_ref().expect("just set");
+        Cow::Owned(prices.clone())
     }
 
     /// The vertices to which designers forbid the edge from a vertex at `start`.
@@ -360,7 +396,6 @@ impl Router {
             frontier.offer_with(vertex.0, price, |cost| cost + heuristic(vertex));
         }
         let mut best: (f32, Option<VertexId>) = (f32::INFINITY, None);
-        let is_careful = query.caution == Caution::CAREFUL;
         // Rounding may lift a lower bound slightly above the true cost.
         while let Some((vertex, so_far)) = frontier.settle(best.0 * (1.0 + 1.0e-5)) {
             let vertex = VertexId(vertex);
@@ -370,14 +405,7 @@ impl Router {
                 }
             }
             for (edge, to, careful) in self.adjacency.outgoing(vertex) {
-                let key = EdgeKey { from: vertex, to };
-                let changed = if repriced.is_empty() { None } else { repriced.get(&key) };
-                let price = match changed {
-                    Some(cost) => cost.at(query.caution),
-                    None if is_careful => careful,
-                    None => self.adjacency.cost(edge).at(query.caution),
-                };
-                let next = so_far + price;
+                let next = so_far + self.price(query, repriced, edge, careful);
                 if next < frontier.cost(to.0) && self.is_open(query, edge) {
                     frontier.offer_with(to.0, next, |cost| cost + heuristic(to));
                     came_from[to.idx()] = Some(edge);
@@ -392,6 +420,17 @@ impl Router {
         }
         edges.reverse();
         Some(Path { cost, first, edges })
+    }
+
+    /// The current cost of an edge for a query, in decisions; `careful` is the one for careful queries that the router
+    /// was made with.
+    fn price(&self, query: &Query, repriced: &EdgeCosts, edge: EdgeIdx, careful: f32) -> f32 {
+        let changed = if repriced.is_empty() { None } else { repriced.get(&self.adjacency.key(edge)) };
+        match changed {
+            Some(cost) => cost.at(query.caution),
+            None if query.caution == Caution::CAREFUL => careful,
+            None => self.adjacency.cost(edge).at(query.caution),
+        }
     }
 
     fn direct_cost(&self, query: &Query) -> f32 {
@@ -425,6 +464,17 @@ impl Router {
         legs.push(Leg::unproved(model, LegKey { from: Stop::Vertex(last), to: Stop::Goal }, [at, query.goal]));
         Plan { waypoints, legs, no_path: None, needs: needs_of_legs, nearest: None }
     }
+}
+
+/// How to get from a start to a goal.
+#[derive(Debug)]
+enum Found {
+    /// Along a path.
+    Path(Path),
+    /// Straight.
+    Direct,
+    /// No path joins these attachments.
+    Nothing { starts: Vec<Attachment>, goals: Vec<Attachment> },
 }
 
 /// A path through the graph.

@@ -118,6 +118,22 @@ impl Mesh {
         nearer.map(|hit| RayHit { triangle_idx: first + hit.triangle_idx, ..hit }).or(hit)
     }
 
+    /// Whether no solid face lies between two points. Liquids and devices hide nothing.
+    pub fn is_in_sight(&self, from: Vec3, to: Vec3) -> bool {
+        let (mut origin, mut left) = (from, from.distance(to));
+        let direction = (to - from) / left.max(f32::MIN_POSITIVE);
+        while left > 0.0
+            && let Some(hit) = self.cast_ray(origin, direction, left)
+        {
+            if hit.surface.is_solid() {
+                return false;
+            }
+            let step = hit.distance + 1.0e-3;
+            (origin, left) = (origin + direction * step, left - step);
+        }
+        true
+    }
+
     /// Number of solids that contain `point`: 0 in the open. Solids must be closed and may overlap.
     ///
     /// Counts the faces through which a ray to the sky leaves and enters solids. The result is the median of three

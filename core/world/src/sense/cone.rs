@@ -20,6 +20,11 @@ const AZIMUTHS_DEG: [f32; RAY_SIDE] = [-80.0, -45.0, -22.0, -7.0, 7.0, 22.0, 45.
 /// Elevation of each row, degrees.
 const ELEVATIONS_DEG: [f32; RAY_SIDE] = [-65.0, -42.0, -26.0, -14.0, -5.0, 6.0, 22.0, 45.0];
 
+/// Height of the rays' origin above the feet, m.
+pub fn eye_height(profile: &CharacterProfile) -> f32 {
+    profile.height * EYE_HEIGHT_SHARE
+}
+
 /// Cone of rays in the body's frame (x right, y up, z forward).
 #[derive(Debug, Clone)]
 pub struct RayCone {
@@ -45,7 +50,7 @@ impl RayCone {
 
     /// Origin of the rays, m.
     pub fn eye(profile: &CharacterProfile, body: &Body) -> Vec3 {
-        body.feet + Vec3::new(0.0, profile.height * EYE_HEIGHT_SHARE, 0.0)
+        body.feet + Vec3::new(0.0, eye_height(profile), 0.0)
     }
 
     /// The azimuths in the map's frame, as horizontal unit vectors (x, z).

@@ -25,7 +25,7 @@ mod cone;
 mod fields;
 mod others;
 
-pub use cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
+pub use cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone, eye_height};
 pub use fields::{FIELDS, Field, field_idx, state_vector};
 pub use others::OTHERS_LEN;
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod floods;
 mod growth;
 mod learn;
 pub mod link;
+mod many;
 mod plan;
 mod queue;
 #[cfg(feature = "reference")]

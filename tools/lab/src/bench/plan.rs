@@ -1,6 +1,7 @@
 //! The planner: builds, and plans in this process and over gRPC, compared with petgraph's searches.
 
 use super::edits::edits;
+use super::many;
 use super::tiles::tiled;
 use super::{Figure, median, timed, timed_with};
 use crate::processes::await_build;
@@ -92,6 +93,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         figures.push(Figure::new("interim_1600_found", 100.0 * found as f64 / queries.len() as f64, "%"));
     }
     figures.extend(searches(&big.graph, &router, &queries));
+    figures.extend(many::figures(&router, &context, &points));
     figures.extend(far_away(&big.graph, &points)?);
     figures.push(batch(&router, &queries));
     let folder = std::env::temp_dir().join(format!("surefoot-bench-{}", std::process::id()));
