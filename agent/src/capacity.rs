@@ -1,8 +1,38 @@
-//! A worker's capacity: free capacity is offered to all its servers in equal parts.
+//! A worker's capacity: what the machine can hold, and what each server is offered. Free capacity is offered to all
+//! servers in equal parts.
 
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+use surefoot_policy::{Batch, Policy};
+use surefoot_world::{TICKS_PER_DECISION, TICKS_PER_SECOND};
 use tokio::sync::watch;
+
+/// Share of its time that a machine spends on the policy when it holds as many NPCs as it can: worlds, plans and, above
+/// all, rehearsals take the rest. On the machine of `docs/guides/scaling.md`, a core holds 950 NPCs with 6 decisions a
+/// second each, and the policy alone would decide 176,000 times.
+const POLICY_SHARE: f64 = 950.0 * 6.0 / 176_000.0;
+/// Rows of a measured batch, and number of batches. The fastest counts, because other programs may delay some.
+const MEASURED_ROWS: usize = 256;
+const MEASURED_BATCHES: usize = 12;
+
+/// NPCs for which this machine can decide, from the time that the policy takes; at least 1. Takes some 50 ms.
+pub fn measure_capacity(policy: &Policy) -> u32 {
+    let observations = vec![0.5; MEASURED_ROWS * policy.observation_len()];
+    let mut memory = vec![0.0; MEASURED_ROWS * policy.memory_len()];
+    let (mut scratch, mut actions) = (policy.scratch(MEASURED_ROWS), Vec::new());
+    let mut time = || {
+        let started = Instant::now();
+        let batch = Batch { observations: &observations, memory: &mut memory, noise: &[] };
+        policy.act(batch, &mut scratch, &mut actions);
+        started.elapsed()
+    };
+    let fastest = (0..MEASURED_BATCHES).map(|_| time()).min().unwrap_or(Duration::MAX);
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let decisions_per_second = MEASURED_ROWS as f64 / fastest.as_secs_f64() * cores as f64 * POLICY_SHARE;
+    let decisions_of_an_npc = f64::from(TICKS_PER_SECOND) / f64::from(TICKS_PER_DECISION);
+    ((decisions_per_second / decisions_of_an_npc) as u32).max(1)
+}
 
 /// The capacity of a worker.
 #[derive(Debug)]

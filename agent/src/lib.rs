@@ -17,6 +17,7 @@ mod maps;
 mod session;
 mod world;
 
+pub use capacity::measure_capacity;
 pub use config::WorkConfig;
 
 use capacity::CapacityShare;

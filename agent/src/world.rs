@@ -1,7 +1,8 @@
 //! A worker's NPCs of one world: their attempts, plans, rehearsals and actions.
 //!
 //! [`WorldTask::decide`] answers one batch of observations. `batch` decodes and encodes, `npc` holds the attempts,
-//! `planning` requests plans, `ground` and `rehearse` run legs ahead of time, and `act` evaluates the policy.
+//! `planning` requests plans, `ground` and `rehearse` run legs ahead of time, `act` evaluates the policy, and
+//! `standing` says why NPCs stand.
 
 mod act;
 mod batch;
@@ -9,6 +10,7 @@ mod ground;
 mod npc;
 mod planning;
 mod rehearse;
+mod standing;
 
 pub(super) use ground::RehearsalMap;
 
@@ -19,6 +21,7 @@ use batch::{Answer, Batch, Malformed, Sighting};
 use ground::RehearsalGround;
 use npc::{Npc, Npcs};
 use planning::{PlanRequest, Planning};
+use standing::Standing;
 use std::sync::Arc;
 use surefoot_policy::Policy;
 use surefoot_proto::world::v1 as wire;
@@ -154,6 +157,7 @@ impl WorldTask {
         }
         self.show_new_waypoints(&mut batch);
         answer.actions = self.act(&mut batch).await?;
+        answer.standings = self.standings(&batch);
         let plans_failed = std::mem::take(&mut self.planning.failed_count);
         Ok(answer.encode(self.world_id, &batch, &mut self.npcs, plans_failed))
     }
@@ -255,6 +259,13 @@ impl WorldTask {
         if let Some(graph) = graph {
             self.planning.follow_edit(graph, &mut self.npcs);
         }
+    }
+
+    /// Why the NPCs of a batch stand after its decision.
+    fn standings(&self, batch: &Batch) -> Vec<Option<Standing>> {
+        let (awaits_map, awaits_graph) = (self.ground.awaits_map(), self.planning.awaits_graph());
+        let standing = |seen: &Sighting| self.npcs.get(&seen.id)?.standing(awaits_map, awaits_graph);
+        batch.sightings.iter().map(standing).collect()
     }
 
     /// Whether NPCs plan on a graph whose build is running. Lockstep worlds do not: their results must not depend on

@@ -2,6 +2,7 @@
 
 mod commands;
 mod config;
+mod crowds;
 mod drain;
 mod graphs;
 mod kills;

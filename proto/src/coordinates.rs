@@ -230,6 +230,7 @@ places! {
     wire::Rode: places position;
     wire::Died: places position;
     wire::Teleported: places position;
+    wire::Stands: places position;
     wire::WatchEventsResponse: places events;
     wire::Ray: places end;
     wire::NpcPlan: places waypoints;
@@ -286,6 +287,6 @@ macro_rules! cases {
 cases! {
     wire::Piece: shape = wire::piece::Shape: Block Plank Pool;
     wire::NpcEvent: event = wire::npc_event::Event:
-        Spawned AttemptBegan AttemptEnded TargetReached Jumped Landed Rode Died Teleported;
+        Spawned AttemptBegan AttemptEnded TargetReached Jumped Landed Rode Died Teleported Stands;
     plan::Edit: edit = plan::edit::Edit: ForbidEdge ForceEdge PriceEdge AddVertex MoveVertex RemoveVertex;
 }

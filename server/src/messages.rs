@@ -1,6 +1,6 @@
 //! Messages between a world and the workers that decide for its NPCs. `wire/worker.rs` converts them.
 
-use crate::hosted::NpcPlan;
+use crate::hosted::{NpcPlan, Standing};
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
 use serde::{Deserialize, Serialize};
@@ -188,4 +188,6 @@ pub struct Decision {
     pub attempt: u32,
     /// The action; `None` if it is not finite.
     pub action: Option<Action>,
+    /// Why the NPC stands, if it does and its worker knows.
+    pub standing: Option<Standing>,
 }

@@ -1,7 +1,7 @@
 //! The metrics of a server as Prometheus text.
 
 use crate::figures::WorldFigures;
-use crate::hosted::Tally;
+use crate::hosted::{Standing, Tally};
 use crate::registry::WorkerLoad;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -92,6 +92,12 @@ pub fn render(worlds: &[Arc<WorldFigures>], workers: &[WorkerLoad], process: Pro
         [("idle", idle), ("seeking", seeking), ("down", down)]
             .map(|(state, count)| (format!("{{world=\"{}\",state=\"{state}\"}}", world.summary.id), f64::from(count)))
     });
+    let standing = worlds.iter().flat_map(|world| {
+        let counts = Standing::ALL.iter().zip(world.tally.standing);
+        counts.map(|(reason, count)| {
+            (format!("{{world=\"{}\",reason=\"{}\"}}", world.summary.id, reason.name()), f64::from(count))
+        })
+    });
     let ends = worlds.iter().flat_map(|world| {
         let counts = End::ALL.iter().zip(world.counters.ends);
         counts.map(|(end, count)| (format!("{{world=\"{}\",end=\"{}\"}}", world.summary.id, end.name()), count as f64))
@@ -104,6 +110,7 @@ pub fn render(worlds: &[Arc<WorldFigures>], workers: &[WorkerLoad], process: Pro
         family("worlds", "gauge", "Running worlds.", [("", worlds.len() as f64)]),
         families(&OF_PROCESS, [&process].into_iter(), |_| String::new()),
         family("npcs", "gauge", "NPCs by status.", by_state),
+        family("npcs_standing", "gauge", "NPCs with a goal that stand, by reason.", standing),
         families(&OF_WORLDS, worlds.iter().map(|world| &**world), of_world),
         family("attempts_total", "counter", "Attempts by outcome.", ends),
         tick_times(worlds),

@@ -122,6 +122,13 @@ impl Registry {
         Some(id)
     }
 
+    /// Number of workers if none has room; `None` if some worker has room.
+    pub fn full_count(&self) -> Option<usize> {
+        let inner = self.inner.lock();
+        let is_full = inner.workers.values().all(|entry| entry.npc_count >= entry.hello.capacity);
+        is_full.then_some(inner.workers.len())
+    }
+
     /// Moves the place of an NPC from `from` to another worker, if that worker is then not more loaded than `from`.
     pub fn move_to_less_loaded(&self, from: WorkerId) -> Option<WorkerId> {
         let mut inner = self.inner.lock();

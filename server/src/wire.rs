@@ -9,7 +9,7 @@ pub mod worker;
 
 use crate::figures::WorldSummary;
 use crate::hosted::{
-    EndedAttempt, EventKind, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, Support, TimeMode, WorldStats,
+    EndedAttempt, EventKind, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, Standing, Support, TimeMode, WorldStats,
 };
 use crate::ids::NpcId;
 use crate::view::{Region, Shown};
@@ -25,6 +25,8 @@ use tonic::Status;
 wire_enum!(TimeMode = wire::TimeMode: Realtime Lockstep);
 wire_enum!(NpcStatus = wire::NpcStatus: Idle Seeking Down);
 wire_enum!(Support = wire::Support: Air Ground Steep Water ZipLine);
+wire_enum!(Standing = wire::Standing:
+    NoWorker SilentWorker AwaitsMap AwaitsGraph AwaitsPlan AwaitsRehearsal AwaitsMover Barred Blocked);
 
 /// Reads a region; absent means everywhere.
 pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {
@@ -83,6 +85,7 @@ pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
         ability: npc.ability.to_wire().into(),
         cause: convert::outcome(npc.cause).into(),
         body_idx: npc.body.0.into(),
+        standing: standing_to_wire(npc.standing),
     }
 }
 
@@ -109,7 +112,25 @@ fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
         support: changed(old.support, npc.support).map(|support| support.to_wire().into()),
         ability: changed(old.ability, npc.ability).map(|ability| ability.to_wire().into()),
         cause: changed(old.cause, npc.cause).map(|cause| convert::outcome(cause).into()),
+        standing: changed(old.standing, npc.standing).map(standing_to_wire),
     }
+}
+
+fn standing_to_wire(reason: Option<Standing>) -> i32 {
+    reason.map_or(wire::Standing::Unspecified, Standing::to_wire).into()
+}
+
+/// The warning that `lacking` NPCs have no worker, because all of `workers` are full.
+pub fn no_worker_to_wire(lacking: usize, workers: usize) -> wire::Warning {
+    let npcs = if lacking == 1 { "1 NPC has".to_owned() } else { format!("{lacking} NPCs have") };
+    let message = match workers {
+        0 => format!("{npcs} no worker, because none is connected: start one with `surefoot work`"),
+        1 => format!("{npcs} no worker, because the only one is full: start another, or raise `surefoot work --npcs`"),
+        _ => {
+            format!("{npcs} no worker, because all {workers} are full: start another, or raise `surefoot work --npcs`")
+        }
+    };
+    wire::Warning { reason: wire::WarningReason::NoWorker.into(), message }
 }
 
 /// Converts the events of one tick, with the cursor of the last; if `only` is not empty, only events of its NPCs are
@@ -128,7 +149,7 @@ pub fn events_to_wire(epoch: u64, events: &[NpcEvent], only: &BTreeSet<NpcId>) -
 fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
     use wire::npc_event::Event;
     let point = |point| Some(convert::to_wire(point));
-    let kind = match event.kind {
+    let kind = match event.kind.clone() {
         EventKind::Spawned { position } => Event::Spawned(wire::Spawned { position: point(position) }),
         EventKind::AttemptBegan { attempt, goal, .. } => {
             Event::AttemptBegan(wire::AttemptBegan { attempt, goal: point(goal) })
@@ -137,13 +158,14 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
             Event::TargetReached(wire::TargetReached { attempt, goal: point(goal) })
         }
         EventKind::TargetLost { attempt } => Event::TargetLost(wire::TargetLost { attempt }),
-        EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds } => {
+        EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds, no_path } => {
             Event::AttemptEnded(wire::AttemptEnded {
                 attempt,
                 outcome: convert::outcome(end).into(),
                 goal: goal.and_then(point),
                 seconds: seconds.0,
                 distance_m,
+                no_path: no_path.to_string(),
             })
         }
         EventKind::Jumped { ability, position } => {
@@ -162,6 +184,11 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
         }),
         EventKind::Teleported { position } => Event::Teleported(wire::Teleported { position: point(position) }),
         EventKind::Removed => Event::Removed(wire::Removed {}),
+        EventKind::Stands { reason, seconds, position } => Event::Stands(wire::Stands {
+            reason: reason.to_wire().into(),
+            seconds: seconds.0,
+            position: point(position),
+        }),
     };
     wire::NpcEvent { sequence: event.sequence, npc_id: event.npc.0, event: Some(kind) }
 }
@@ -226,6 +253,7 @@ pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
         goal: ended.goal.map(convert::to_wire),
         seconds: ended.seconds.0,
         distance_m: ended.distance_m,
+        no_path: ended.no_path.to_string(),
     }
 }
 

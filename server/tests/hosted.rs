@@ -74,14 +74,14 @@ impl Worker {
 
 fn forward_to(batch: &ObservationBatch) -> Answer {
     let action = Action { forward: 1.0, ..Action::default() };
-    let decide = |(&npc, &attempt)| Decision { npc, attempt, action: Some(action) };
+    let decide = |(&npc, &attempt)| Decision { npc, attempt, action: Some(action), standing: None };
     let decisions = batch.npcs.iter().zip(&batch.attempts).map(decide).collect();
     Answer { tick: batch.tick, decisions, ..Answer::default() }
 }
 
 /// An answer about one of the NPCs of a batch.
 fn rest(batch: &ObservationBatch, npc: NpcId) -> Answer {
-    let decision = Decision { npc, attempt: 1, action: Some(Action::default()) };
+    let decision = Decision { npc, attempt: 1, action: Some(Action::default()), standing: None };
     Answer { decisions: vec![decision], ..forward_to(batch) }
 }
 

@@ -380,7 +380,7 @@ impl Worker {
                 let mut answer = Answer { tick: batch.tick, ..Answer::default() };
                 for (&npc, &attempt) in batch.npcs.iter().zip(&batch.attempts) {
                     let action = Action { forward: 1.0, turn: rng.random_range(-1.0..1.0), ..Action::default() };
-                    answer.decisions.push(Decision { npc, attempt, action: Some(action) });
+                    answer.decisions.push(Decision { npc, attempt, action: Some(action), standing: None });
                     match rng.random_range(0..20) {
                         0 => answer.waypoints.push((
                             npc,

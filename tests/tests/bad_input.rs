@@ -193,6 +193,14 @@ async fn a_malformed_worker_is_cut_off_and_told_why() {
             "15 bytes, expected 16",
         ),
         (vec![hello(good_hello()), actions(batch(vec![5, 5], vec![0; 32]))], Code::InvalidArgument, "npc 5 twice"),
+        (
+            vec![
+                hello(good_hello()),
+                actions(wire::ActionBatch { attempts: vec![1], standings: vec![0; 2], ..batch(vec![5], vec![0; 16]) }),
+            ],
+            Code::InvalidArgument,
+            "actions.standings has 2 values for 1 NPCs",
+        ),
     ];
     for (requests, code, words) in cases {
         let mut client = client.clone();

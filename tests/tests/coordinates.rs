@@ -178,7 +178,8 @@ async fn readers_see_a_world_as_in_the_levels_file() {
     let mut messages = client.watch_events(request).await.unwrap().into_inner();
     let spawned = loop {
         let message = tokio::time::timeout(LIMIT, messages.next()).await.unwrap().unwrap().unwrap();
-        if let Some(wire::npc_event::Event::Spawned(spawned)) = message.events.first().and_then(|event| event.event) {
+        let first = message.events.into_iter().next().and_then(|event| event.event);
+        if let Some(wire::npc_event::Event::Spawned(spawned)) = first {
             break spawned;
         }
     };

@@ -53,6 +53,7 @@ fn names(events: &[wire::NpcEvent]) -> Vec<&'static str> {
         Event::Removed(_) => "removed",
         Event::TargetReached(_) => "target_reached",
         Event::TargetLost(_) => "target_lost",
+        Event::Stands(_) => "stands",
     };
     events.iter().map(name).collect()
 }

@@ -44,6 +44,9 @@ async fn a_door_bars_the_way_while_it_is_shut() {
     let (outcome, place) = stage.end_of(1).await;
     assert_eq!(outcome, wire::Outcome::Unreachable);
     assert!(place.x < stage.at([16.6, 0.0, 0.0]).x, "{place:?}");
+    let request = wire::FollowNpcRequest { npc_id: npc, ..Default::default() };
+    let first = stage.client.follow_npc(request).await.unwrap().into_inner().message().await.unwrap().unwrap();
+    assert_eq!(first.history[0].no_path, "no path joins the islands of start and goal");
 
     let state = stage.order("Door_1", Where::Open(true)).await;
     assert_eq!((state.from_stop, state.to_stop, state.told_stop), (0, 0, Some(1)));

@@ -31,6 +31,7 @@ mod replicas;
 mod round_trips;
 mod security;
 mod shared;
+mod standing;
 mod studio;
 mod tactics;
 mod targets;

@@ -185,6 +185,8 @@ async fn npcs_of_a_worker_that_is_connected_but_silent_go_to_another() {
     assert!(!silent.observations().await.npc_ids.is_empty());
     // It answers pings, reads its messages, and decides nothing.
     let reading = tokio::spawn(async move { while silent.responses.next().await.is_some() {} });
+    let is_neglected = |npc: &wire::Npc| npc.standing() == wire::Standing::SilentWorker;
+    watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().any(is_neglected)).await;
     let worker = start_worker(&server, None, 64);
     watch_until(&mut client, world.world_id, |snapshot| {
         snapshot.npcs.len() == 4 && snapshot.npcs.iter().all(|npc| npc.worker_id == 2 || npc.attempts_ended > 0)

@@ -213,7 +213,7 @@ fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
         unreachable,
     });
     let tick = prop_oneof![4 => Just(0), 1 => any::<u64>()];
-    let row = prop::collection::vec((npc(), [number(), number(), number(), number()], attempt()), 0..4);
+    let row = prop::collection::vec((npc(), [number(), number(), number(), number()], attempt(), any::<u8>()), 0..4);
     let missing = prop_oneof![6 => Just(0usize), 1 => 1..20usize];
     let lists = (
         prop::collection::vec(waypoint, 0..3),
@@ -221,10 +221,11 @@ fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
         prop::collection::vec(carried, 0..3),
     );
     (tick, row, missing, lists).prop_map(|(tick, rows, missing, (waypoints, gave_up, plans))| {
-        let mut actions = convert::pack(rows.iter().flat_map(|(_, row, _)| *row));
+        let mut actions = convert::pack(rows.iter().flat_map(|(_, row, ..)| *row));
         actions.truncate(actions.len().saturating_sub(missing));
         let npc_ids = rows.iter().map(|(id, ..)| *id).collect();
-        let attempts = rows.iter().map(|(.., attempt)| *attempt).collect();
+        let attempts = rows.iter().map(|(_, _, attempt, _)| *attempt).collect();
+        let standings = rows.iter().map(|(.., standing)| *standing).collect();
         wire::ActionBatch {
             world_id: 1,
             tick,
@@ -234,6 +235,7 @@ fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
             gave_up,
             plans,
             attempts,
+            standings,
             ..Default::default()
         }
     })

@@ -1,10 +1,12 @@
 //! Batches of observations and actions on the wire: the only wire code of a world's task.
 
 use super::npc::Npcs;
+use super::standing::Standing;
 use prost::Message;
 use std::collections::BTreeSet;
-use surefoot_proto::convert;
+use surefoot_proto::convert::{self, WireEnum};
 use surefoot_proto::plans::npc_plan_to_wire;
+use surefoot_proto::wire_enum;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::{Action, Arrival, End, MoverAt, Npc as State, Vec3};
 
@@ -14,6 +16,8 @@ pub(super) const MAX_ANSWER_BYTES: usize = 512 * 1024;
 const FIELD_BYTES: usize = 6;
 /// Bytes of an NPC id and an attempt's number, at most.
 const ID_BYTES: usize = 15;
+
+wire_enum!(Standing = wire::Standing: AwaitsMap AwaitsGraph AwaitsPlan AwaitsRehearsal AwaitsMover Barred);
 
 /// The server sent a batch of another shape.
 #[derive(Debug, thiserror::Error)]
@@ -80,6 +84,8 @@ pub(super) struct Answer {
     pub calls: BTreeSet<MoverAt>,
     /// One for each NPC of the batch.
     pub actions: Vec<Action>,
+    /// Why each NPC of the batch stands.
+    pub standings: Vec<Option<Standing>>,
 }
 
 impl Answer {
@@ -93,6 +99,7 @@ impl Answer {
             attempts: batch.sightings.iter().map(|seen| seen.attempt).collect(),
             actions: convert::pack(self.actions.iter().flat_map(|action| action.to_array())),
             plans_failed,
+            standings: pack(&self.standings),
             ..wire::ActionBatch::default()
         };
         for &Sighting { id: npc_id, attempt, .. } in &batch.sightings {
@@ -114,6 +121,15 @@ impl Answer {
         let request = |part| wire::WorkRequest { message: Some(wire::work_request::Message::Actions(part)) };
         split(answer, MAX_ANSWER_BYTES).into_iter().map(request).collect()
     }
+}
+
+/// Packs why NPCs stand; empty if none does.
+fn pack(standings: &[Option<Standing>]) -> Vec<u8> {
+    if standings.iter().all(Option::is_none) {
+        return Vec::new();
+    }
+    let byte = |reason: &Option<Standing>| reason.map_or(wire::Standing::Unspecified, Standing::to_wire) as u8;
+    standings.iter().map(byte).collect()
 }
 
 /// Splits an answer into messages of at most about `limit` bytes each. A single plan is never larger than that.
@@ -146,10 +162,11 @@ fn split(mut answer: wire::ActionBatch, limit: usize) -> Vec<wire::ActionBatch> 
     }
     let action_bytes = answer.actions.len() / answer.npc_ids.len().max(1);
     for (idx, (&npc_id, &attempt)) in answer.npc_ids.iter().zip(&answer.attempts).enumerate() {
-        make_room(&mut part, action_bytes + ID_BYTES);
+        make_room(&mut part, action_bytes + ID_BYTES + 1);
         part.npc_ids.push(npc_id);
         part.attempts.push(attempt);
         part.actions.extend_from_slice(&answer.actions[idx * action_bytes..][..action_bytes]);
+        part.standings.extend(answer.standings.get(idx));
     }
     part.plans_failed = answer.plans_failed;
     part.mover_calls = answer.mover_calls;
@@ -180,6 +197,7 @@ mod tests {
             gave_up: vec![wire::GivenUp { npc_id: 1, attempt: 1, unreachable: true }],
             plans_failed: 3,
             mover_calls: vec![wire::MoverCall { mover: 2, stop: 1 }],
+            standings: (0..count).map(|idx| idx as u8 % 9).collect(),
         };
         assert!(answer.encoded_len() > 2 << 20);
         let parts = split(answer.clone(), MAX_ANSWER_BYTES);
@@ -195,6 +213,7 @@ mod tests {
             whole.gave_up.extend(part.gave_up.iter().cloned());
             whole.plans_failed += part.plans_failed;
             whole.mover_calls.extend(&part.mover_calls);
+            whole.standings.extend(&part.standings);
         }
         assert_eq!(whole, answer);
         assert_eq!(split(parts[0].clone(), MAX_ANSWER_BYTES), [parts[0].clone()], "a small one stays whole");

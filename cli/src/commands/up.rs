@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
-use surefoot_agent::{WorkConfig, work};
+use surefoot_agent::{WorkConfig, measure_capacity, work};
 use surefoot_net::client::{Credentials, Link};
 use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_planner_service::{self as planner, PlannerConfig};
@@ -30,6 +30,8 @@ const FIRST_SEED: u64 = 9000;
 const MAX_SCENE_MAPS: u64 = 1000;
 /// Bytes of a level that are uploaded at a time; servers take 1 MiB in a message unless configured.
 const UPLOAD_BYTES: usize = 512 * 1024;
+/// Most NPCs of a worker that a server accepts.
+const MAX_WORKER_NPCS: u32 = 65_536;
 /// Pause between two calls to a server that is starting.
 const START_PAUSE: Duration = Duration::from_millis(200);
 
@@ -59,7 +61,7 @@ pub struct Args {
     levels: LevelArgs,
     #[command(flatten)]
     body: BodyArg,
-    /// Total number of NPCs
+    /// Number of NPCs in the crowd. Workers also take NPCs of clients: as many as the machine can hold
     #[arg(long, default_value_t = 128, value_name = "N")]
     npcs: usize,
     /// Number of NPC workers
@@ -213,13 +215,14 @@ fn start_services(args: &Args, setup: &Setup, shutdown: &Shutdown, parts: &mut P
     let (prober, stop) = (policy.clone(), shutdown.clone());
     let config = PlannerConfig { threads: core_count(), maps: maps.clone(), ..PlannerConfig::default() };
     parts.spawn(async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) });
+    let capacity = worker_capacity(args, measure_capacity(&policy));
     for idx in 0..args.workers {
         let config = WorkConfig {
             servers: vec![server_uri.clone()],
             is_of_fleet: false,
             planners: vec![planner_uri.clone()],
             credentials: setup.credentials.clone(),
-            capacity: (args.npcs as u32).max(1),
+            capacity,
             name: format!("up-{idx}"),
             graph: args.graph.settings()?,
             noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
@@ -231,6 +234,12 @@ fn start_services(args: &Args, setup: &Setup, shutdown: &Shutdown, parts: &mut P
         parts.spawn(async move { Ok(work(config, policy, stop).await?) });
     }
     Ok(server_uri)
+}
+
+/// NPCs that a worker takes of the `measured` ones that the machine can hold: an equal part, and at least the crowd.
+fn worker_capacity(args: &Args, measured: u32) -> u32 {
+    let npcs = args.npcs.min(MAX_WORKER_NPCS as usize) as u32;
+    measured.div_ceil(args.workers).clamp(npcs, MAX_WORKER_NPCS)
 }
 
 /// The request for a world on a map. A level is imported first, and its worlds of an earlier scene are dropped.

@@ -3,11 +3,12 @@
 use super::{Call, Reply, WorldApi, frame_on};
 use crate::hosted::{GoalOrder, GoalSet, HostedWorld, NpcError, NpcState, Pursuit, SpawnOrder, Target};
 use crate::ids::{NpcId, WorldId};
-use crate::wire::{finite, npc_to_wire, region as convert_region};
+use crate::wire::{finite, no_worker_to_wire, npc_to_wire, region as convert_region};
 use crate::worlds::{NpcAccess, WorldsError};
 use std::sync::{Arc, OnceLock};
 use surefoot_net::idempotency::Repeatable;
 use surefoot_net::paging::{PageSize, page_by_id};
+use surefoot_net::serving::Caller;
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::coordinates::{CallFrame, Coordinates, Place};
@@ -47,7 +48,7 @@ pub async fn spawn_npc(api: &WorldApi, call: Call<wire::SpawnNpcRequest>) -> Rep
     let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
     let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes: 0 };
     let npc = api.spawned.once(call, &request, spawn).await?;
-    Ok(wire::SpawnNpcResponse { npc_id: npc.0 })
+    Ok(wire::SpawnNpcResponse { npc_id: npc.0, warning: warning_about(api, &caller, [npc]).await })
 }
 
 pub async fn batch_spawn_npcs(
@@ -74,7 +75,9 @@ pub async fn batch_spawn_npcs(
     let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes };
     let kept = api.spawned_batches.once(call, &request, spawn).await?;
     let full = Arc::try_unwrap(full).ok().and_then(OnceLock::into_inner);
-    Ok(wire::BatchSpawnNpcsResponse { results: full.unwrap_or_else(|| kept.iter().map(kept_result).collect()) })
+    let warning = warning_about(api, &caller, kept.iter().filter_map(|npc| npc.as_ref().ok().copied())).await;
+    let results = full.unwrap_or_else(|| kept.iter().map(kept_result).collect());
+    Ok(wire::BatchSpawnNpcsResponse { results, warning })
 }
 
 pub async fn despawn_npc(api: &WorldApi, call: Call<wire::DespawnNpcRequest>) -> Reply<wire::DespawnNpcResponse> {
@@ -101,7 +104,8 @@ pub async fn set_goal(api: &WorldApi, call: Call<wire::SetGoalRequest>) -> Reply
     let set = move |world: &mut HostedWorld| set_goal_on(world, npc, order);
     let (GoalSet { attempt, goal, moved_by_m }, frame) =
         api.worlds.with_npc(&caller, NpcAccess::Change, npc, set).await?;
-    Ok(frame.to_level(wire::SetGoalResponse { attempt, goal_used: Some(convert::to_wire(goal)), moved_by_m }))
+    let (goal_used, warning) = (Some(convert::to_wire(goal)), warning_about(api, &caller, [npc]).await);
+    Ok(frame.to_level(wire::SetGoalResponse { attempt, goal_used, moved_by_m, warning }))
 }
 
 pub async fn batch_set_goals(
@@ -199,6 +203,21 @@ pub async fn list_npcs(api: &WorldApi, call: Call<wire::ListNpcsRequest>) -> Rep
     let page = page_by_id(npcs, |npc| npc.id.0, NPC_PAGE, page_size, &page_token)?;
     let npcs = page.items.iter().map(npc_to_wire).collect();
     Ok(frame.to_level(wire::ListNpcsResponse { npcs, next_page_token: page.next_token, tick: tick.0 }))
+}
+
+/// The warning about those of `npcs` that have no worker; `None` if all have one.
+async fn warning_about(
+    api: &WorldApi,
+    caller: &Caller,
+    npcs: impl IntoIterator<Item = NpcId>,
+) -> Option<wire::Warning> {
+    // As long as a worker has room, all NPCs get one.
+    let full = api.worlds.full_workers()?;
+    let lacks = |world: &mut HostedWorld, npc, ()| Ok(world.npc(npc)?.worker.is_none());
+    let items = npcs.into_iter().map(|npc| Ok((npc, ()))).collect();
+    let results = api.worlds.with_npcs(caller, NpcAccess::Read, items, lacks).await;
+    let lacking = results.iter().filter(|result| matches!(result, Ok(true))).count();
+    (lacking > 0).then(|| no_worker_to_wire(lacking, full))
 }
 
 /// An item of a batch that consists of ids.

@@ -165,7 +165,7 @@ impl HostedWorld {
 
     /// Returns the last attempts of an NPC that ended with an outcome, at most 32, the latest last.
     pub fn history(&self, id: NpcId) -> Result<Vec<EndedAttempt>, NpcError> {
-        Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.history.iter().copied().collect())
+        Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.history.iter().cloned().collect())
     }
 
     /// Casts the rays of an NPC and returns their hits.
@@ -200,7 +200,7 @@ impl HostedWorld {
         }
     }
 
-    /// Counts the NPCs that are idle, seeking and down, and those without a worker.
+    /// Counts the NPCs that are idle, seeking and down, those without a worker, and those that stand.
     pub fn tally(&self) -> Tally {
         let mut tally = Tally::default();
         for record in self.records.values() {
@@ -210,6 +210,9 @@ impl HostedWorld {
                 NpcStatus::Idle => tally.idle += 1,
             }
             tally.without_worker += u32::from(record.worker.is_none());
+            if let Some(reason) = self.world.npc(record.slot).and_then(|npc| record.standing(npc, self.tick())) {
+                tally.standing[reason as usize] += 1;
+            }
         }
         tally
     }
@@ -266,6 +269,7 @@ impl HostedWorld {
                 .most_demanding(),
             cause: npc.harm,
             body: npc.profile,
+            standing: record.standing(npc, self.tick()),
         }
     }
 }

@@ -1,8 +1,10 @@
 //! The bounded, ordered log of a world's events. Readers follow it at their own pace.
 
 use super::goals::Pursuit;
+use super::snapshot::Standing;
 use crate::ids::NpcId;
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_world::{Ability, End, Seconds, Tick, Vec3};
 
@@ -10,7 +12,7 @@ use surefoot_world::{Ability, End, Seconds, Tick, Vec3};
 pub const KEPT_EVENTS: usize = 65_536;
 
 /// Something that happened to an NPC.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct NpcEvent {
     /// Sequence number: consecutive, from 1.
     pub sequence: u64,
@@ -25,7 +27,7 @@ pub struct NpcEvent {
 }
 
 /// Kind of an event, with its data.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum EventKind {
     /// The NPC was added.
     Spawned {
@@ -65,6 +67,8 @@ pub enum EventKind {
         distance_m: f32,
         /// Duration of the attempt.
         seconds: Seconds,
+        /// Why the goal is unreachable, for people; empty for other outcomes.
+        no_path: Arc<str>,
     },
     /// The NPC jumped, from the ground or in the air.
     Jumped {
@@ -103,6 +107,15 @@ pub enum EventKind {
     },
     /// The NPC was removed.
     Removed,
+    /// The NPC has a goal, but stands.
+    Stands {
+        /// Why it stands.
+        reason: Standing,
+        /// Time for which it has stood.
+        seconds: Seconds,
+        /// Position of the feet, m.
+        position: Vec3,
+    },
 }
 
 /// Requested events are no longer kept, or have not happened yet.
@@ -186,7 +199,7 @@ impl EventLog {
         if after != 0 && after < self.dropped || after > latest {
             return Err(EventsLost { after, oldest: self.dropped + 1, latest });
         }
-        Ok(self.since(after).take_while(|event| event.sequence <= latest).take(limit).copied().collect())
+        Ok(self.since(after).take_while(|event| event.sequence <= latest).take(limit).cloned().collect())
     }
 }
 
@@ -223,7 +236,7 @@ mod tests {
         log.confirm(2);
         assert_eq!(log.after(1, 10).unwrap().len(), 2);
         // Restored without the second event, which described motion, and with a later one that was not kept.
-        let kept: Vec<NpcEvent> = log.since(0).filter(|event| event.sequence != 2).take(2).copied().collect();
+        let kept: Vec<NpcEvent> = log.since(0).filter(|event| event.sequence != 2).take(2).cloned().collect();
         let mut resumed = EventLog::resumed(0, kept, 5);
         assert_eq!(resumed.after(1, 10).unwrap().len(), 1);
         assert!(resumed.after(5, 10).unwrap().is_empty());

@@ -1,7 +1,7 @@
 //! The journal of a world in a fleet: NPCs that were added or removed, and attempts that began or ended, since the last
 //! save. The server that takes the world over applies it to the save, so that no attempt is lost or ends twice.
 //!
-//! Events that only describe motion are left out, and are lost with the server.
+//! Events that only describe motion and stands are left out, and are lost with the server.
 
 use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
@@ -120,10 +120,10 @@ impl Journal {
 }
 
 impl Entry {
-    /// The entry of an event; `None` if it only describes motion.
+    /// The entry of an event; `None` if it only describes motion or a stand.
     fn of(event: &NpcEvent, change_of: impl FnOnce(EventKind) -> Option<Change>) -> Option<Self> {
-        let NpcEvent { sequence, tick, time, npc, kind } = *event;
-        Some(Self { sequence, tick, time, npc, change: change_of(kind)? })
+        let &NpcEvent { sequence, tick, time, npc, ref kind } = event;
+        Some(Self { sequence, tick, time, npc, change: change_of(kind.clone())? })
     }
 
     fn to_event(&self) -> NpcEvent {
@@ -131,7 +131,7 @@ impl Entry {
             Change::Spawned { position, .. } => EventKind::Spawned { position },
             Change::Began { attempt, goal, pursuit } => EventKind::AttemptBegan { attempt, goal, pursuit },
             Change::Ended { attempt, end, goal, distance_m, seconds } => {
-                EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds }
+                EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds, no_path: Arc::default() }
             }
             Change::Teleported { position, .. } => EventKind::Teleported { position },
             Change::Removed => EventKind::Removed,
@@ -186,7 +186,7 @@ impl HostedWorld {
                 Change::Spawned { position, newcomer }
             }
             EventKind::AttemptBegan { attempt, goal, pursuit } => Change::Began { attempt, goal, pursuit },
-            EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds } => {
+            EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds, no_path: _ } => {
                 Change::Ended { attempt, end, goal, distance_m, seconds }
             }
             EventKind::Teleported { position } => {
@@ -198,7 +198,8 @@ impl HostedWorld {
             | EventKind::Jumped { .. }
             | EventKind::Landed { .. }
             | EventKind::Rode { .. }
-            | EventKind::Died { .. } => return None,
+            | EventKind::Died { .. }
+            | EventKind::Stands { .. } => return None,
         })
     }
 
@@ -246,7 +247,7 @@ impl HostedWorld {
             }
             Change::Ended { attempt, end, distance_m, seconds, .. } => {
                 if let Some(end) = end.filter(|_| record.goal.is_some() && record.attempts == attempt) {
-                    record.note_end(end, tick, distance_m);
+                    record.note_end(end, tick, distance_m, Arc::default());
                     if let Some(last) = record.history.back_mut() {
                         last.seconds = seconds;
                     }

@@ -3,8 +3,9 @@
 //! A tick is [`HostedWorld::step`] (in `tick`): move, log motion, end attempts, request decisions. Answers arrive
 //! between ticks. `workers` assigns NPCs to workers, `commands` has the calls of clients (`goals` those about goals,
 //! `living` those about movers and players, `pieces` edits of the map), `gathering` the places of NPCs that share
-//! goals, `snapshot` and `events` the data for clients (`motion` detects jumps and landings), `saved` the save of a
-//! world, and `journal` the changes since then in a fleet. Nothing here awaits or knows wire types.
+//! goals, `snapshot` and `events` the data for clients (`motion` detects jumps and landings, `standing` says why NPCs
+//! stand), `saved` the save of a world, and `journal` the changes since then in a fleet. Nothing here awaits or knows
+//! wire types.
 
 mod commands;
 mod events;
@@ -17,6 +18,7 @@ mod outbox;
 mod pieces;
 mod saved;
 mod snapshot;
+mod standing;
 mod tick;
 mod workers;
 mod world;
@@ -30,6 +32,6 @@ pub use living::{Destination, LivingError};
 pub use pieces::{EditError, MapEdit, MapEdited};
 pub use saved::{RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
 pub use snapshot::{
-    Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Support, Tally, WorldStats,
+    Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Standing, Support, Tally, WorldStats,
 };
 pub use world::HostedWorld;

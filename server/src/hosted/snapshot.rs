@@ -4,6 +4,7 @@ use crate::ids::NpcId;
 use crate::ids::WorkerId;
 use crate::times::TickTimes;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_world::map::MoverStop;
 use surefoot_world::{Ability, Chance, End, MoverState, Player, PlayerSlot, ProfileIdx, Seconds, Tick, Vec3};
@@ -32,6 +33,59 @@ pub enum Support {
     Water,
     /// A zip line.
     ZipLine,
+}
+
+/// Why an NPC with a goal stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Standing {
+    /// No worker decides for it.
+    NoWorker,
+    /// Its worker does not answer.
+    SilentWorker,
+    /// Its worker loads the map.
+    AwaitsMap,
+    /// The planner builds the graph.
+    AwaitsGraph,
+    /// It has no plan yet.
+    AwaitsPlan,
+    /// It waits for its turn to rehearse.
+    AwaitsRehearsal,
+    /// It waits for a mover, or rides on one.
+    AwaitsMover,
+    /// Movers bar all ways.
+    Barred,
+    /// It tries to move, but does not get away.
+    Blocked,
+}
+
+impl Standing {
+    /// All reasons, in the order of their declaration.
+    pub const ALL: [Self; 9] = [
+        Self::NoWorker,
+        Self::SilentWorker,
+        Self::AwaitsMap,
+        Self::AwaitsGraph,
+        Self::AwaitsPlan,
+        Self::AwaitsRehearsal,
+        Self::AwaitsMover,
+        Self::Barred,
+        Self::Blocked,
+    ];
+
+    /// Lower-case name as used in metrics.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoWorker => "no_worker",
+            Self::SilentWorker => "silent_worker",
+            Self::AwaitsMap => "awaits_map",
+            Self::AwaitsGraph => "awaits_graph",
+            Self::AwaitsPlan => "awaits_plan",
+            Self::AwaitsRehearsal => "awaits_rehearsal",
+            Self::AwaitsMover => "awaits_mover",
+            Self::Barred => "barred",
+            Self::Blocked => "blocked",
+        }
+    }
 }
 
 /// One NPC at one moment.
@@ -67,6 +121,8 @@ pub struct NpcState {
     pub cause: Option<End>,
     /// Index of its body among those of the world.
     pub body: ProfileIdx,
+    /// Why the NPC stands while it is seeking.
+    pub standing: Option<Standing>,
 }
 
 /// All NPCs of a world at one moment.
@@ -144,10 +200,12 @@ pub struct Tally {
     pub down: u32,
     /// NPCs without a worker, of any status.
     pub without_worker: u32,
+    /// NPCs that stand, by reason, in the order of [`Standing::ALL`].
+    pub standing: [u32; Standing::ALL.len()],
 }
 
 /// An attempt that ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct EndedAttempt {
     /// Number among the NPC's attempts.
     pub attempt: u32,
@@ -159,6 +217,8 @@ pub struct EndedAttempt {
     pub distance_m: f32,
     /// Duration of the attempt.
     pub seconds: Seconds,
+    /// Why the goal is unreachable, for people; empty for other outcomes.
+    pub no_path: Arc<str>,
 }
 
 /// The plan that an NPC follows, as its worker reported it.

@@ -3,7 +3,7 @@
 
 use super::events::EventKind;
 use super::workers::{ASSIGN_EVERY, hand_over};
-use super::world::{HostedWorld, NpcRecord};
+use super::world::{HostedWorld, MISSES_UNTIL_NEUTRAL, NpcRecord};
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
 use crate::messages::TimeMode;
@@ -11,9 +11,7 @@ use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_world::{Action, End, MoverState, Npc, ProfileIdx, TICKS_PER_DECISION};
-
-/// Misses in a row after which an NPC takes the neutral action instead of repeating its last one.
-const MISSES_UNTIL_NEUTRAL: u8 = 2;
+use tracing::warn;
 
 impl HostedWorld {
     /// Requests the decisions that are due in a lockstep world, once per tick. Returns whether the world can be
@@ -40,6 +38,7 @@ impl HostedWorld {
         self.world.tick();
         self.note_motion();
         self.settle();
+        self.note_standing();
         if self.mode == TimeMode::Realtime {
             if self.tick().0.is_multiple_of(ASSIGN_EVERY) {
                 self.assign_workers();
@@ -61,6 +60,30 @@ impl HostedWorld {
                 let time = *now.get_or_insert_with(SystemTime::now);
                 events.push(tick, time, id, kind);
             });
+        }
+    }
+
+    /// Logs events about NPCs that stand, and warns of missing workers, once in the period of decisions.
+    fn note_standing(&mut self) {
+        let tick = self.tick();
+        if !tick.0.is_multiple_of(u64::from(TICKS_PER_DECISION)) {
+            return;
+        }
+        let Self { id: world, records, world: state, events, .. } = self;
+        let mut lacking = 0;
+        for (&id, record) in records {
+            let npc = state.npc(record.slot).expect("every record has an NPC");
+            if let Some(kind) = record.note_standing(npc, tick) {
+                events.push(tick, SystemTime::now(), id, kind);
+            }
+            lacking += u32::from(record.worker.is_none());
+        }
+        if self.shortage.is_due(lacking > 0, tick) {
+            warn!(
+                world_id = world.0,
+                npcs = lacking,
+                "no worker has room for some NPCs, which stand: start another worker, or raise `surefoot work --npcs`"
+            );
         }
     }
 
@@ -123,7 +146,7 @@ impl HostedWorld {
         if self.tick().since(answer.tick) <= u64::from(TICKS_PER_DECISION) {
             self.unanswered_since.remove(&worker);
         }
-        for Decision { npc, attempt, action } in answer.decisions {
+        for Decision { npc, attempt, action, standing } in answer.decisions {
             let awaited = self.records.get_mut(&npc).filter(|it| it.is_sought_by(worker, attempt));
             let Some(record) = awaited.filter(|it| it.awaiting == Some(answer.tick)) else {
                 self.counters.stale += 1;
@@ -131,6 +154,7 @@ impl HostedWorld {
             };
             record.awaiting = None;
             record.misses = 0;
+            record.stand.reported = standing;
             let Some(action) = action else {
                 // The NPC comes to rest; other NPCs of the answer are not affected.
                 self.world.decide(record.slot, Action::default());
@@ -182,7 +206,8 @@ impl HostedWorld {
         let record = self.records.get_mut(&id).expect("an attempt has a record");
         let Some(goal) = record.goal else { return };
         let distance_m = self.world.npc(record.slot).map_or(0.0, |npc| npc.body.feet.distance(goal));
-        record.note_end(end, tick, distance_m);
+        let no_path = record.why_unreachable(end);
+        record.note_end(end, tick, distance_m, no_path.clone());
         let (pursuit, reserved) = (record.pursuit, record.reserved);
         record.clear_goal();
         self.world.clear_waypoint(record.slot);
@@ -193,7 +218,10 @@ impl HostedWorld {
         let (attempt, seconds) = (record.attempts, record.lasted(tick));
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
-        self.log_event(id, EventKind::AttemptEnded { attempt, end: Some(end), goal: Some(goal), distance_m, seconds });
+        self.log_event(
+            id,
+            EventKind::AttemptEnded { attempt, end: Some(end), goal: Some(goal), distance_m, seconds, no_path },
+        );
         match end {
             End::Reached | End::ReachedNear => self.stay_at(id, goal, reserved),
             _ => self.gatherings.release(id),
@@ -209,7 +237,8 @@ impl HostedWorld {
         let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(self.tick()));
         let feet = self.world.npc(record.slot).map(|npc| npc.body.feet);
         let distance_m = goal.zip(feet).map_or(0.0, |(goal, feet)| feet.distance(goal));
-        self.log_event(id, EventKind::AttemptEnded { attempt, end: None, goal, distance_m, seconds });
+        let no_path = Arc::default();
+        self.log_event(id, EventKind::AttemptEnded { attempt, end: None, goal, distance_m, seconds, no_path });
     }
 }
 

@@ -5,7 +5,8 @@ use super::gathering::{Gatherings, Reserved};
 use super::goals::{Pursuit, Retry};
 use super::motion::Motion;
 use super::outbox::Outbox;
-use super::snapshot::{Counters, EndedAttempt, NpcPlan};
+use super::snapshot::{Counters, EndedAttempt, NpcPlan, Standing};
+use super::standing::{Shortage, Stand};
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
 use crate::messages::{ObservationBatch, TimeMode};
@@ -16,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_world::{
-    CharacterProfile, End, Map, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World, WorldConfig,
+    CharacterProfile, End, Map, Npc, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World, WorldConfig,
 };
 
 /// The server's data about an NPC, in addition to the world's state.
@@ -39,6 +40,7 @@ pub(super) struct NpcRecord {
     /// Attempts that ended with an outcome.
     pub attempts_ended: u32,
     pub motion: Motion,
+    pub stand: Stand,
     pub worker: Option<WorkerId>,
     /// The worker that the NPC is handed over to at its next decision.
     pub next_worker: Option<WorkerId>,
@@ -55,6 +57,8 @@ pub(super) struct NpcRecord {
     pub ticket: Ticket,
 }
 
+/// Misses in a row after which an NPC takes the neutral action instead of repeating its last one.
+pub(super) const MISSES_UNTIL_NEUTRAL: u8 = 2;
 /// Most attempts in an NPC's history; the oldest is dropped first.
 const MAX_HISTORY: usize = 32;
 
@@ -72,6 +76,7 @@ impl NpcRecord {
             attempts: 0,
             attempts_ended: 0,
             motion: Motion::default(),
+            stand: Stand::default(),
             worker: None,
             next_worker: None,
             awaiting: None,
@@ -83,8 +88,9 @@ impl NpcRecord {
         }
     }
 
-    /// Records how the attempt under way ended at `tick`, with the feet so far from the goal, m.
-    pub fn note_end(&mut self, end: End, tick: Tick, distance_m: f32) {
+    /// Records how the attempt under way ended at `tick`, with the feet so far from the goal, m, and why the goal is
+    /// unreachable.
+    pub fn note_end(&mut self, end: End, tick: Tick, distance_m: f32, no_path: Arc<str>) {
         if self.history.len() == MAX_HISTORY {
             self.history.pop_front();
         }
@@ -94,6 +100,7 @@ impl NpcRecord {
             goal: self.goal,
             distance_m,
             seconds: self.lasted(tick),
+            no_path,
         });
         self.last_outcome = Some(end);
         self.attempts_ended += 1;
@@ -102,6 +109,40 @@ impl NpcRecord {
     /// Duration of the attempt from its start to `tick`.
     pub fn lasted(&self, tick: Tick) -> Seconds {
         Seconds(tick.since(self.began) as f32 / TICKS_PER_SECOND as f32)
+    }
+
+    /// Why `npc` stands at `tick`; `None` if it moves, has no goal, or is down.
+    pub fn standing(&self, npc: &Npc, tick: Tick) -> Option<Standing> {
+        if self.goal.is_none() || npc.harm.is_some() {
+            None
+        } else if self.worker.is_none() {
+            Some(Standing::NoWorker)
+        } else if self.misses >= MISSES_UNTIL_NEUTRAL {
+            Some(Standing::SilentWorker)
+        } else {
+            self.stand.reported.or(self.stand.is_long(tick).then_some(Standing::Blocked))
+        }
+    }
+
+    /// Follows where `npc` stands, and returns the event about it, if one is due.
+    pub fn note_standing(&mut self, npc: &Npc, tick: Tick) -> Option<EventKind> {
+        if self.goal.is_none() {
+            self.stand = Stand::default();
+            return None;
+        }
+        self.stand.follow(npc.body.feet, tick);
+        let reason = self.standing(npc, tick)?;
+        self.stand.event(reason, tick)
+    }
+
+    /// Why the goal of an attempt that ends with `end` is unreachable, for people; empty for other ends.
+    pub fn why_unreachable(&self, end: End) -> Arc<str> {
+        let reason = self.plan.as_ref().map_or("", |plan| &plan.no_path);
+        match end {
+            End::Unreachable if reason.is_empty() => "all ways that were tried have failed".into(),
+            End::Unreachable => reason.into(),
+            _ => Arc::default(),
+        }
     }
 
     /// Clears the goal with the waypoint, the plan and the pending decision.
@@ -143,6 +184,7 @@ pub struct HostedWorld {
     pub(super) waited: Duration,
     pub(super) map_revision: u64,
     pub(super) gatherings: Gatherings,
+    pub(super) shortage: Shortage,
 }
 
 impl HostedWorld {
@@ -167,6 +209,7 @@ impl HostedWorld {
             waited: Duration::ZERO,
             map_revision: 0,
             gatherings: Gatherings::default(),
+            shortage: Shortage::default(),
         }
     }
 

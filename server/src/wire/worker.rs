@@ -1,7 +1,7 @@
 //! Messages of workers and to workers on the wire.
 
 use super::each_once;
-use crate::hosted::{NpcPlan, PlanLeg};
+use crate::hosted::{NpcPlan, PlanLeg, Standing};
 use crate::ids::{NpcId, WorldId};
 use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToWorker};
 use surefoot_net::status;
@@ -33,12 +33,18 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
         let message = format!("actions.attempts has {} values for {count} NPCs", batch.attempts.len());
         return Err(status::invalid("actions.attempts", message));
     }
+    if !batch.standings.is_empty() && batch.standings.len() != count {
+        let message = format!("actions.standings has {} values for {count} NPCs", batch.standings.len());
+        return Err(status::invalid("actions.standings", message));
+    }
     let mut answer = Answer { tick: Tick(batch.tick), plans_failed: batch.plans_failed, ..Answer::default() };
     for (idx, (npc, attempt)) in batch.npc_ids.into_iter().zip(batch.attempts).enumerate() {
         let row = std::array::from_fn(|at| values[idx * ACTION_LEN + at]);
         let action = Action::from_array(row).ok();
         answer.invalid += u64::from(action.is_none());
-        answer.decisions.push(Decision { npc: NpcId(npc), attempt, action });
+        // Reasons that this version does not know are left out.
+        let standing = batch.standings.get(idx).and_then(|&reason| Standing::from_wire(reason.into()));
+        answer.decisions.push(Decision { npc: NpcId(npc), attempt, action, standing });
     }
     for wire::Waypoint { npc_id, position, attempt, stands } in batch.waypoints {
         let arrival = if stands { Arrival::Stand } else { Arrival::Pass };

@@ -26,6 +26,11 @@ impl Worlds {
         }
     }
 
+    /// Number of workers if none has room for another NPC; `None` if some worker has room.
+    pub fn full_workers(&self) -> Option<usize> {
+        self.inner.registry.full_count()
+    }
+
     /// Removes a worker and assigns its NPCs to others.
     pub fn leave(&self, worker: WorkerId) {
         info!(worker = worker.0, "worker left");

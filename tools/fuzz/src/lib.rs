@@ -150,7 +150,7 @@ pub fn answer(batch: &wire::ActionBatch) -> bool {
     world.answer(WorkerId(1), checked);
     let other = NpcId(FIRST_NPC + 2);
     let action = Some(surefoot_world::Action { forward: 1.0, ..Default::default() });
-    let own = Decision { npc: other, attempt: 1, action };
+    let own = Decision { npc: other, attempt: 1, action, standing: None };
     world.answer(WorkerId(2), Answer { decisions: vec![own], ..Default::default() });
     let before = world.npc(other).expect("it was spawned");
     for _ in 0..10 {

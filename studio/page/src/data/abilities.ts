@@ -2,7 +2,7 @@
 
 import { NoPath, Placement } from '../gen/surefoot/planner/v1/planner_pb'
 import { Ability } from '../gen/surefoot/world/v1/map_pb'
-import { Outcome } from '../gen/surefoot/world/v1/world_pb'
+import { Outcome, Standing } from '../gen/surefoot/world/v1/world_pb'
 import type { NpcState } from '../view/viewport.types'
 
 /** All abilities, the least demanding first. */
@@ -67,6 +67,24 @@ export function outcomeName(outcome: Outcome): string {
 }
 
 export const STATE_NAMES: Record<NpcState, string> = { idle: 'Idle', seeking: 'On its way', down: 'Down' }
+
+const STANDING_REASONS: Record<Standing, string> = {
+  [Standing.UNSPECIFIED]: '',
+  [Standing.NO_WORKER]: 'No worker has room for it. Start another worker.',
+  [Standing.SILENT_WORKER]: 'Its worker does not answer.',
+  [Standing.AWAITS_MAP]: 'Its worker is loading the map.',
+  [Standing.AWAITS_GRAPH]: 'The planner is building the graph of the map.',
+  [Standing.AWAITS_PLAN]: 'It has no plan yet.',
+  [Standing.AWAITS_REHEARSAL]: 'It waits for its turn to rehearse.',
+  [Standing.AWAITS_MOVER]: 'It waits for a lift, platform or door, or rides on one.',
+  [Standing.BARRED]: 'Doors or other movers bar all ways to the goal.',
+  [Standing.BLOCKED]: 'Something is in its way.',
+}
+
+/** Why an NPC stands; empty if it does not. */
+export function standingReason(reason: Standing): string {
+  return STANDING_REASONS[reason] ?? ''
+}
 
 const NO_PATH_REASONS: Record<NoPath, string> = {
   [NoPath.UNSPECIFIED]: '',

@@ -6,6 +6,7 @@ import {
   NpcSchema,
   NpcStatus,
   Outcome,
+  Standing,
   WatchWorldResponseSchema,
   WorldStatsSchema,
 } from '../../src/gen/surefoot/world/v1/world_pb'
@@ -47,6 +48,15 @@ describe('afterSnapshot', () => {
     expect(after.get(2n)).toMatchObject({ status: NpcStatus.DOWN, position: { x: 7 }, attemptsBegun: 1 })
     expect(after.get(2n)?.goal).toBeUndefined()
     expect(before.get(2n)).toMatchObject({ status: NpcStatus.SEEKING, position: { x: 0 }, goal: { x: 5 } })
+  })
+
+  it('follows why an NPC stands', () => {
+    const change = (standing?: Standing) =>
+      create(WatchWorldResponseSchema, { isDelta: true, changed: [{ npcId: 1n, standing }] })
+    const stands = afterSnapshot(known, change(Standing.BARRED))
+    expect(stands.get(1n)?.standing).toBe(Standing.BARRED)
+    expect(afterSnapshot(stands, change()).get(1n)?.standing).toBe(Standing.BARRED)
+    expect(afterSnapshot(stands, change(Standing.UNSPECIFIED)).get(1n)?.standing).toBe(Standing.UNSPECIFIED)
   })
 
   it('takes those away that are gone', () => {

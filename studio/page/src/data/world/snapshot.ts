@@ -41,6 +41,7 @@ function afterDelta(npc: Npc, delta: NpcDelta): Npc {
     support: delta.support ?? npc.support,
     ability: delta.ability ?? npc.ability,
     cause: delta.cause ?? npc.cause,
+    standing: delta.standing ?? npc.standing,
   }
   if (goalCleared) delete next.goal
   if (waypointCleared) delete next.waypoint

@@ -1,4 +1,4 @@
-import { outcomeName, STATE_NAMES } from '../../data/abilities'
+import { outcomeName, standingReason, STATE_NAMES } from '../../data/abilities'
 import { count, duration, place } from '../../data/format'
 import type { Studio } from '../../data/studio'
 import type { Followed } from '../../data/world/npcs'
@@ -15,6 +15,7 @@ export function SelectedNpcCard({ studio }: { studio: Studio }) {
   const followed = npcs.followed.value?.id === id ? npcs.followed.value : undefined
   const npc = live.npcs.value.get(id) ?? followed?.npc
   const state = npc === undefined ? undefined : stateOf(npc)
+  const reason = npc === undefined ? '' : standingReason(npc.standing)
   return (
     <Section
       title={`NPC ${npcNumber(id)}`}
@@ -36,6 +37,11 @@ export function SelectedNpcCard({ studio }: { studio: Studio }) {
             ['Attempts', `${count(npc.attemptsBegun)} begun, ${count(npc.attemptsEnded)} ended`],
           ]}
         />
+      )}
+      {reason !== '' && (
+        <p class="note" role="status">
+          It stands: {reason}
+        </p>
       )}
       <Actions studio={studio} id={id} />
       {followed !== undefined && <NpcPlan followed={followed} studio={studio} />}
@@ -122,11 +128,11 @@ function History({ followed: { history } }: { followed: Followed }) {
       <h3>Attempts so far</h3>
       {history.length === 0 && <p class="note">No attempt has ended yet.</p>}
       <ul class="chips" aria-label="Outcomes, the latest first">
-        {[...history].reverse().map(({ attempt, outcome, seconds, goal }) => (
+        {[...history].reverse().map(({ attempt, outcome, seconds, goal, noPath }) => (
           <li
             key={attempt}
             class={outcome === Outcome.REACHED ? 'good' : 'bad'}
-            title={`Attempt ${attempt}, to ${place(goal)}`}
+            title={`Attempt ${attempt}, to ${place(goal)}${noPath && `: ${noPath}`}`}
           >
             {outcomeName(outcome)} <span class="number">{duration(seconds)}</span>
           </li>
