@@ -26,7 +26,7 @@ wire_enum!(TimeMode = wire::TimeMode: Realtime Lockstep);
 wire_enum!(NpcStatus = wire::NpcStatus: Idle Seeking Down);
 wire_enum!(Support = wire::Support: Air Ground Steep Water ZipLine);
 wire_enum!(Standing = wire::Standing:
-    NoWorker SilentWorker AwaitsMap AwaitsGraph AwaitsPlan AwaitsRehearsal AwaitsMover Barred Blocked);
+    NoWorker SilentWorker AwaitsMap AwaitsGraph AwaitsPlan AwaitsRehearsal AwaitsMover Barred Blocked AtTarget);
 
 /// Reads a region; absent means everywhere.
 pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {

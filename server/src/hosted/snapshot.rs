@@ -56,11 +56,13 @@ pub enum Standing {
     Barred,
     /// It tries to move, but does not get away.
     Blocked,
+    /// It keeps to its goal and is there.
+    AtTarget,
 }
 
 impl Standing {
     /// All reasons, in the order of their declaration.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::NoWorker,
         Self::SilentWorker,
         Self::AwaitsMap,
@@ -70,6 +72,7 @@ impl Standing {
         Self::AwaitsMover,
         Self::Barred,
         Self::Blocked,
+        Self::AtTarget,
     ];
 
     /// Lower-case name as used in metrics.

@@ -115,6 +115,8 @@ impl NpcRecord {
     pub fn standing(&self, npc: &Npc, tick: Tick) -> Option<Standing> {
         if self.goal.is_none() || npc.harm.is_some() {
             None
+        } else if self.is_at_target {
+            Some(Standing::AtTarget)
         } else if self.worker.is_none() {
             Some(Standing::NoWorker)
         } else if self.misses >= MISSES_UNTIL_NEUTRAL {
@@ -126,7 +128,7 @@ impl NpcRecord {
 
     /// Follows where `npc` stands, and returns the event about it, if one is due.
     pub fn note_standing(&mut self, npc: &Npc, tick: Tick) -> Option<EventKind> {
-        if self.goal.is_none() {
+        if self.goal.is_none() || self.is_at_target {
             self.stand = Stand::default();
             return None;
         }

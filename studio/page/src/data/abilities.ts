@@ -77,6 +77,7 @@ const STANDING_REASONS: Record<Standing, string> = {
   [Standing.AWAITS_PLAN]: 'It has no plan yet.',
   [Standing.AWAITS_REHEARSAL]: 'It waits for its turn to rehearse.',
   [Standing.AWAITS_MOVER]: 'It waits for a lift, platform or door, or rides on one.',
+  [Standing.AT_TARGET]: 'It keeps to its goal and is there.',
   [Standing.BARRED]: 'Doors or other movers bar all ways to the goal.',
   [Standing.BLOCKED]: 'Something is in its way.',
 }
