@@ -83,8 +83,8 @@ impl Gatherings {
         Reserved::new(at.unwrap_or(goal), world.current_tick())
     }
 
-    /// Lets an NPC keep the place where it stands, m.
-    pub fn settle(&mut self, npc: NpcId, goal: Vec3, feet: Vec3) {
+    /// Lets an NPC keep the place where it stands, m, instead of its own.
+    pub fn keep(&mut self, npc: NpcId, goal: Vec3, feet: Vec3) {
         self.release(npc);
         if let Some(gathering) = self.0.iter_mut().find(|gathering| gathering.goal.distance(goal) <= SAME_GOAL_M) {
             gathering.places.push(Place { at: feet, npc: Some(npc) });

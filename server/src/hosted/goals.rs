@@ -252,9 +252,8 @@ impl HostedWorld {
         }
     }
 
-    /// Whether the NPC of a record has arrived at its goal: at its place there, if it shares the goal with others.
-    pub(super) fn arrival_of(&mut self, id: NpcId) -> Option<End> {
-        let record = &self.records[&id];
+    /// How the attempt of an NPC ends if it has arrived: at its place at the goal, if it shares the goal with others.
+    pub(super) fn arrival_of(&self, record: &NpcRecord) -> Option<End> {
         let goal = record.goal?;
         let is_within = |place, radius| self.world.has_arrived(record.slot, place, radius, Arrival::Stand);
         let is_at_goal = is_within(goal, record.pursuit.radius);
@@ -295,7 +294,7 @@ impl HostedWorld {
         let Some(record) = self.records.get(&id) else { return };
         let feet = self.world.npc(record.slot).expect("every record has an NPC").body.feet;
         if reserved.is_some_and(|reserved| reserved.at.distance(feet) > PLACE_RADIUS_M) {
-            self.gatherings.settle(id, goal, feet);
+            self.gatherings.keep(id, goal, feet);
         }
     }
 
@@ -307,10 +306,10 @@ impl HostedWorld {
         others.filter(|other| other.goal.is_none()).any(|other| touch(&self.world, record.slot, other.slot))
     }
 
-    /// Whether an NPC that keeps to its target is there. Records when it arrives and when the target gets away.
-    pub(super) fn keeps_still(&mut self, id: NpcId) -> bool {
-        let Some(record) = self.records.get_mut(&id) else { return false };
-        let (Some(goal), Pursuit { radius, keeps: true, .. }) = (record.goal, record.pursuit) else { return false };
+    /// Lets an NPC that keeps to its goal stand while it is there.
+    pub(super) fn keep_still(&mut self, id: NpcId) {
+        let Some(record) = self.records.get_mut(&id) else { return };
+        let (Some(goal), radius) = (record.goal, record.pursuit.radius) else { return };
         let slack = if record.is_at_target { KEEP_SLACK_M } else { 0.0 };
         let is_there = self.world.has_arrived(record.slot, goal, radius + slack, Arrival::Stand);
         let was_there = std::mem::replace(&mut record.is_at_target, is_there);
@@ -320,7 +319,6 @@ impl HostedWorld {
             self.world.decide(slot, Action::default());
             self.log_event(id, EventKind::TargetReached { attempt, goal });
         }
-        is_there
     }
 }
 

@@ -188,14 +188,17 @@ impl HostedWorld {
     fn settle(&mut self) {
         self.follow_targets();
         let mut ended: Vec<(NpcId, End)> = self.gather().into_iter().map(|id| (id, End::ReachedNear)).collect();
-        let seeking = self.records.iter().filter(|(_, record)| record.goal.is_some()).map(|(&id, _)| id);
-        for id in seeking.collect::<Vec<_>>() {
-            let npc = self.world.npc(self.records[&id].slot).expect("every record has an NPC");
+        let mut keeping = Vec::new();
+        for (&id, record) in self.records.iter().filter(|(_, record)| record.goal.is_some()) {
+            let npc = self.world.npc(record.slot).expect("every record has an NPC");
             let stuck = npc.episode.and_then(|episode| episode.end).filter(|end| *end == End::NoProgress);
-            let failed = npc.harm.or(stuck);
-            let arrived = || if self.keeps_still(id) { None } else { self.arrival_of(id) };
-            ended.extend(failed.or_else(arrived).map(|end| (id, end)));
+            match npc.harm.or(stuck) {
+                Some(end) => ended.push((id, end)),
+                None if record.pursuit.keeps => keeping.push(id),
+                None => ended.extend(self.arrival_of(record).map(|end| (id, end))),
+            }
         }
+        keeping.into_iter().for_each(|id| self.keep_still(id));
         for (id, end) in ended {
             self.end_attempt(id, end);
         }
@@ -218,10 +221,9 @@ impl HostedWorld {
         let (attempt, seconds) = (record.attempts, record.lasted(tick));
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
-        self.log_event(
-            id,
-            EventKind::AttemptEnded { attempt, end: Some(end), goal: Some(goal), distance_m, seconds, no_path },
-        );
+        let (outcome, at_goal) = (Some(end), Some(goal));
+        let ended = EventKind::AttemptEnded { attempt, end: outcome, goal: at_goal, distance_m, seconds, no_path };
+        self.log_event(id, ended);
         match end {
             End::Reached | End::ReachedNear => self.stay_at(id, goal, reserved),
             _ => self.gatherings.release(id),
