@@ -87,6 +87,7 @@ impl Standing {
             Self::AwaitsMover => "awaits_mover",
             Self::Barred => "barred",
             Self::Blocked => "blocked",
+            Self::AtTarget => "at_target",
         }
     }
 }
