@@ -83,7 +83,7 @@ impl Crowd {
     }
 
     fn spawn(&mut self) -> wire::Spawn {
-        wire::Spawn { position: Some(self.point()), yaw: self.yaw(), goal: Some(self.point()), body: None }
+        wire::Spawn { position: Some(self.point()), yaw: self.yaw(), goal: Some(self.point()), ..Default::default() }
     }
 
     /// Gives idle NPCs new goals and revives NPCs that are down, until a stream ends. Sends figures of the world to

@@ -13,7 +13,7 @@ use surefoot_net::client::Link;
 use surefoot_net::replicas::{ReplicaLink, ReplicaLinks, Replicas};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_planner::live::Traversal;
-use surefoot_planner::{Plan, Query, Traffic};
+use surefoot_planner::{Plan, Query, Traffic, Zones};
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as planner, BuildStage};
@@ -21,6 +21,7 @@ use surefoot_proto::plans;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
+use surefoot_proto::zones;
 use surefoot_world::MapSpec;
 use surefoot_world::map::Piece;
 use tokio::sync::{Semaphore, watch};
@@ -242,13 +243,20 @@ impl Graph {
         self.link.is_resting()
     }
 
-    /// Requests plans on the graph `graph_id`; on a failure there are none.
-    pub async fn find_paths(&self, graph_id: String, queries: &[Query], traffic: Option<&Traffic>) -> Plans {
+    /// Requests plans on the graph `graph_id` that respect `zones`; on a failure there are none.
+    pub async fn find_paths(
+        &self,
+        graph_id: String,
+        queries: &[Query],
+        zones: &Zones,
+        traffic: Option<&Traffic>,
+    ) -> Plans {
         let queries = queries.iter().map(plans::query_to_wire).collect();
         let request = planner::FindPathsRequest {
             graph_id,
             queries,
             traffic: traffic.map(plans::traffic_to_wire),
+            zones: zones.iter().map(zones::zone_to_wire).collect(),
             ..Default::default()
         };
         let mut client = self.client.clone();

@@ -5,17 +5,19 @@ use super::config::WorkConfig;
 use super::graph::{Graph, GraphKey, Graphs};
 use super::inference::Inference;
 use super::maps::{Arrival, Maps};
-use super::world::{MotionSettings, RehearsalMap, WorldError, WorldMessage, WorldParts, WorldTask};
+use super::world::{MotionSettings, RehearsalMap, WorldError, WorldMessage, WorldParts, WorldTask, ZoneNews};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
+use surefoot_planner::Zones;
 use surefoot_policy::Policy;
-use surefoot_proto::convert;
+use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::work_response::Message;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_proto::zones;
 use surefoot_world::sense::OBSERVATION_VERSION;
 use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::{mpsc, watch};
@@ -143,6 +145,10 @@ impl Session<'_> {
                     // If another body had this index, no NPC has that body any more: its task ends with the queue.
                     self.start_world(worlds, connection, &assignment)?;
                 }
+                if let Some(zones) = &assignment.zones {
+                    let task = (assignment.world_id, assignment.body_idx);
+                    worlds.pass(task, WorldMessage::Zones(zone_news(zones)?))?;
+                }
             }
             Message::Release(release) => {
                 worlds.pass_to_all(release.world_id, || WorldMessage::Release(release.npc_ids.clone()))?;
@@ -152,6 +158,10 @@ impl Session<'_> {
                 worlds.pass((batch.world_id, batch.body_idx), WorldMessage::Observations(batch))?;
             }
             Message::Edited(edited) => self.edit_world(worlds, &connection.link, &edited)?,
+            Message::ZonesChanged(wire::ZonesChanged { world_id, changed }) => {
+                let news = zone_news(&changed.unwrap_or_default())?;
+                worlds.pass_to_all(world_id, || WorldMessage::Zones(news.clone()))?;
+            }
             Message::Over(over) => worlds.end(over.world_id),
         }
         Ok(())
@@ -226,6 +236,16 @@ impl Session<'_> {
         }
         messages.into_iter().try_for_each(|(task, message)| worlds.pass(task, message))
     }
+}
+
+/// Converts zones and tags.
+fn zone_news(news: &wire::WorldZones) -> Result<ZoneNews, Status> {
+    let list = |list: &wire::ZoneList| zones::list(&list.zones, "zones").map(Zones::new);
+    let tags = |npc: &wire::NpcTags| Ok((npc.npc_id, zones::tags(&npc.tags, "tags")?));
+    Ok(ZoneNews {
+        zones: news.zones.as_ref().map(list).transpose()?,
+        tags: news.tags.iter().map(tags).collect::<Result<_, FieldError>>()?,
+    })
 }
 
 impl Connection {

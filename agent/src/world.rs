@@ -1,8 +1,8 @@
 //! A worker's NPCs of one world: their attempts, plans, rehearsals and actions.
 //!
 //! [`WorldTask::decide`] answers one batch of observations. `batch` decodes and encodes, `npc` holds the attempts,
-//! `planning` requests plans, `ground` and `rehearse` run legs ahead of time, `act` evaluates the policy, and
-//! `standing` says why NPCs stand.
+//! `planning` requests plans, `ground` and `rehearse` run legs ahead of time, `zones` follows zones and tags, `act`
+//! evaluates the policy, and `standing` says why NPCs stand.
 
 mod act;
 mod batch;
@@ -11,8 +11,10 @@ mod npc;
 mod planning;
 mod rehearse;
 mod standing;
+mod zones;
 
 pub(super) use ground::RehearsalMap;
+pub(super) use zones::ZoneNews;
 
 use crate::graph::Graph;
 use crate::inference::Inference;
@@ -50,6 +52,8 @@ pub(super) enum WorldMessage {
     Release(Vec<u64>),
     Ended(wire::AttemptsEnded),
     Observations(wire::ObservationBatch),
+    /// Zones or tags have changed.
+    Zones(ZoneNews),
     /// The pieces on the map have changed: the new map, and its graph.
     Edited {
         map: Option<watch::Receiver<Arrival>>,
@@ -119,7 +123,11 @@ impl WorldTask {
     pub async fn run(mut self, mut messages: mpsc::Receiver<WorldMessage>) -> Result<(), WorldError> {
         while let Some(message) = messages.recv().await {
             match message {
-                WorldMessage::Release(npc_ids) => npc_ids.iter().for_each(|id| _ = self.npcs.remove(id)),
+                WorldMessage::Release(npc_ids) => {
+                    self.planning.rules.release(&npc_ids);
+                    npc_ids.iter().for_each(|id| _ = self.npcs.remove(id));
+                }
+                WorldMessage::Zones(news) => self.follow_zones(news),
                 WorldMessage::Ended(ended) => self.record_ends(&ended),
                 WorldMessage::Edited { map, graph } => self.follow_edit(map, graph),
                 WorldMessage::Observations(batch) => {
@@ -144,7 +152,8 @@ impl WorldTask {
         let movers = self.ground.movers(&batch.movers);
         let requests = self.advance(&batch, &movers, &mut answer);
         self.planning.report();
-        self.planning.request(&requests, &mut self.npcs, false).await;
+        let is_urgent = std::mem::take(&mut self.planning.rules.are_new);
+        self.planning.request(&requests, &mut self.npcs, is_urgent).await;
         self.ground.read_states(&mut batch).await;
         self.planning.takes_interim = self.takes_interim();
         self.rehearse(&batch, &movers, &mut answer).await?;
@@ -172,6 +181,7 @@ impl WorldTask {
         for (idx, seen) in batch.sightings.iter().enumerate() {
             self.meet(seen, batch.tick << 16 | idx as u64 & 0xffff);
             self.watch_movers(seen, movers, answer);
+            self.review_plan(seen);
             let step = self.step(seen);
             let has_planner = self.planning.has_planner();
             let npc = self.npc(seen.id);
@@ -266,6 +276,30 @@ impl WorldTask {
         let (awaits_map, awaits_graph) = (self.ground.awaits_map(), self.planning.awaits_graph());
         let standing = |seen: &Sighting| self.npcs.get(&seen.id)?.standing(awaits_map, awaits_graph);
         batch.sightings.iter().map(standing).collect()
+    }
+
+    /// Follows changes of zones and tags: the NPCs that they concern plan again at their next decision.
+    fn follow_zones(&mut self, news: ZoneNews) {
+        let concerned = self.planning.rules.change(news);
+        for (id, npc) in &mut self.npcs {
+            npc.planning.has_new_rules |= concerned.as_ref().is_none_or(|concerned| concerned.contains(id));
+        }
+    }
+
+    /// Lets an NPC whose zones have changed plan again. It follows its plan until it has another one, unless the plan
+    /// leads into a zone that it must not enter. An NPC in the air cannot turn back.
+    fn review_plan(&mut self, seen: &Sighting) {
+        let rules = &self.planning.rules;
+        let npc = self.npcs.get_mut(&seen.id).expect("seen in this batch");
+        if !npc.planning.has_new_rules || !seen.is_grounded {
+            return;
+        }
+        npc.planning.has_new_rules = false;
+        npc.planning.is_outdated = true;
+        if rules.bar_plan(seen.id, seen.feet, npc) {
+            npc.attempt.follower.drop_plan();
+            npc.attempt.forget_forecast();
+        }
     }
 
     /// Whether NPCs plan on a graph whose build is running. Lockstep worlds do not: their results must not depend on

@@ -76,7 +76,7 @@ async fn every_world_that_was_saved_is_restored_after_any_kill() {
                 })
                 .await
                 .unwrap();
-            let spawn = |at: &wire::Vec3| wire::Spawn { position: Some(*at), yaw: 0.0, goal: None, body: None };
+            let spawn = |at: &wire::Vec3| wire::Spawn { position: Some(*at), ..Default::default() };
             let spawns = points.into_inner().points.iter().map(spawn).collect();
             // Saved before or after: a world without its NPCs is dropped again.
             client

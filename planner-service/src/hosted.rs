@@ -354,14 +354,17 @@ impl Hosted {
         is_latest
     }
 
-    /// Whether hub labels would make plans faster.
+    /// Whether hub labels would make plans faster, without zones or with those of many queries.
     pub fn wants_labels(&self) -> bool {
-        !self.is_interim() && self.view().router.wants_labels()
+        let router = &self.view().router;
+        !self.is_interim() && (router.wants_labels() || router.zones_want_labels())
     }
 
-    /// Prepares hub labels for the graph as it is now. Plans are made meanwhile.
+    /// Prepares hub labels for the graph and its zones as they are now. Plans are made meanwhile.
     pub fn prepare_labels(&self) {
-        self.view().router.prepare_labels(self.origin.thread_count);
+        let router = &self.view().router;
+        router.prepare_labels(self.origin.thread_count);
+        router.prepare_zone_labels(self.origin.thread_count);
     }
 
     /// Applies layers to the proved graph. Plans use the result after [`apply`](Self::apply). Returns `None` if

@@ -135,15 +135,26 @@ impl Planner {
     }
 
     /// Finds the cheapest plan at current costs.
-    pub fn plan(&self, hosted: &Hosted, query: &Query) -> Plan {
+    pub fn plan(&self, hosted: &Arc<Hosted>, query: &Query) -> Plan {
         self.plans.fetch_add(1, Ordering::Relaxed);
-        hosted.plan(query)
+        let plan = hosted.plan(query);
+        self.label_zones(hosted, std::slice::from_ref(query));
+        plan
+    }
+
+    /// Prepares hub labels in the background if queries use their zones often.
+    fn label_zones(&self, hosted: &Arc<Hosted>, queries: &[Query]) {
+        if queries.iter().any(|query| !query.zones.is_empty()) {
+            self.graphs.label_later(hosted);
+        }
     }
 
     /// Finds plans at current costs for NPCs that obstruct each other; each counts as traffic for those after it.
-    pub fn plans_in(&self, hosted: &Hosted, traffic: &mut Traffic, queries: &[Query]) -> Vec<Plan> {
+    pub fn plans_in(&self, hosted: &Arc<Hosted>, traffic: &mut Traffic, queries: &[Query]) -> Vec<Plan> {
         self.plans.fetch_add(queries.len() as u64, Ordering::Relaxed);
-        hosted.plans_in(traffic, queries)
+        let plans = hosted.plans_in(traffic, queries);
+        self.label_zones(hosted, queries);
+        plans
     }
 
     /// How the coordinates of a graph's level relate to its map's.

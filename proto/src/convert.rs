@@ -2,6 +2,7 @@
 
 use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
+use surefoot_planner::zones::ZoneError;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
 use surefoot_world::character::{ProfileError, RawCharacterProfile};
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind};
@@ -31,6 +32,10 @@ pub enum FieldError {
     Unknown { field: &'static str, value: i32 },
     #[error("{0} and {1} exclude each other")]
     Exclusive(&'static str, &'static str),
+    #[error("{field}: zone `{name}`: {error}")]
+    Zone { field: &'static str, name: String, error: ZoneError },
+    #[error("{field}: {error}")]
+    Tags { field: &'static str, error: ZoneError },
     #[error("{field} has {found} bytes, expected {expected}")]
     Length { field: &'static str, found: usize, expected: usize },
 }
@@ -48,6 +53,8 @@ impl FieldError {
             FieldError::Range { field, .. }
             | FieldError::Count { field, .. }
             | FieldError::Unknown { field, .. }
+            | FieldError::Zone { field, .. }
+            | FieldError::Tags { field, .. }
             | FieldError::Length { field, .. } => (*field).to_owned(),
         }
     }

@@ -157,17 +157,30 @@ impl<M: Places> Places for Vec<M> {
     }
 }
 
-impl Places for wire::Region {
-    fn change(&mut self, change: &Change<'_>) {
-        self.low.change(change);
-        self.high.change(change);
+impl Change<'_> {
+    /// Changes the lowest and the highest corner of a box.
+    fn corners(&self, low: &mut Option<wire::Vec3>, high: &mut Option<wire::Vec3>) {
+        low.change(self);
+        high.change(self);
         // One axis of a level with z up is opposite to the map's: the lowest corner has its greatest coordinate.
-        if let (UpAxis::Z, Some(low), Some(high)) = (change.frame.up, &mut self.low, &mut self.high) {
-            match change.direction {
+        if let (UpAxis::Z, Some(low), Some(high)) = (self.frame.up, low, high) {
+            match self.direction {
                 Direction::ToMap => std::mem::swap(&mut low.z, &mut high.z),
                 Direction::ToLevel => std::mem::swap(&mut low.y, &mut high.y),
             }
         }
+    }
+}
+
+impl Places for wire::Region {
+    fn change(&mut self, change: &Change<'_>) {
+        change.corners(&mut self.low, &mut self.high);
+    }
+}
+
+impl Places for wire::ZoneBox {
+    fn change(&mut self, change: &Change<'_>) {
+        change.corners(&mut self.low, &mut self.high);
     }
 }
 
@@ -189,7 +202,10 @@ places! {
     wire::BlockPiece: places foot;
     wire::PlankPiece: places from to;
     wire::PoolPiece: places centre;
-    wire::CreateWorldRequest: places pieces;
+    wire::CreateWorldRequest: places pieces zones;
+    wire::ZoneCylinder: places bottom;
+    wire::SetZonesRequest: places put;
+    wire::ListZonesResponse: places zones;
     wire::SurveyMapRequest: places pieces;
     wire::EditMapRequest: places put;
     wire::ListPiecesResponse: places pieces;
@@ -237,11 +253,11 @@ places! {
     wire::FollowNpcResponse: places npc plan rays eyes history;
 
     plan::StartBuildRequest: places pieces;
-    plan::PathQuery: places start goal;
+    plan::PathQuery: places start goal zones;
     plan::Crowd: places place;
     plan::Traffic: places crowds;
     plan::FindPathRequest: places query;
-    plan::FindPathsRequest: places queries traffic;
+    plan::FindPathsRequest: places queries traffic zones;
     plan::Around: places centre;
     plan::RankPlacesRequest: places query places around hidden_from sees;
     plan::FindReachableRequest: places query;
@@ -286,6 +302,7 @@ macro_rules! cases {
 
 cases! {
     wire::Piece: shape = wire::piece::Shape: Block Plank Pool;
+    wire::Zone: shape = wire::zone::Shape: Box Cylinder;
     wire::NpcEvent: event = wire::npc_event::Event:
         Spawned AttemptBegan AttemptEnded TargetReached Jumped Landed Rode Died Teleported Stands;
     plan::Edit: edit = plan::edit::Edit: ForbidEdge ForceEdge PriceEdge AddVertex MoveVertex RemoveVertex;

@@ -2,15 +2,16 @@
 //! use.
 //!
 //! The `.proto` files in this crate document shapes, units, ranges and errors. [`convert`] converts the types of the
-//! world, [`plans`] those of planners, workers and clients. The file `wire.rs` of a service converts types that no
-//! other service uses. [`coordinates`] converts places of levels. [`reason`] lists the machine-readable reasons of
-//! errors.
+//! world, [`plans`] those of planners, workers and clients, [`zones`] zones and tags. The file `wire.rs` of a service
+//! converts types that no other service uses. [`coordinates`] converts places of levels. [`reason`] lists the
+//! machine-readable reasons of errors.
 
 pub mod convert;
 pub mod coordinates;
 pub mod pieces;
 pub mod plans;
 pub mod reason;
+pub mod zones;
 
 /// Generated code of `surefoot.world.v1`.
 pub mod world {

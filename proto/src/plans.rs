@@ -3,16 +3,17 @@
 use crate::convert::{self, FieldError, WireEnum};
 use crate::planner::v1 as wire;
 use crate::world::v1 as world;
+use crate::zones;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::search::many::RankBy;
 use surefoot_planner::{
     Attach, BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride,
-    Stop, Traffic, VertexId,
+    Stop, Traffic, VertexId, Zones,
 };
 use surefoot_world::{Ability, Chance, MoverId, Seconds, StopIdx, StopSet};
 
-crate::wire_enum!(NoPath = wire::NoPath: StartOffGraph GoalOffGraph DifferentIslands OneWay);
+crate::wire_enum!(NoPath = wire::NoPath: StartOffGraph GoalOffGraph DifferentIslands OneWay GoalInZone);
 crate::wire_enum!(RankBy = wire::RankBy: Cost Seconds);
 crate::wire_enum!(Probing = wire::Probing: Exhaustive Frugal);
 crate::wire_enum!(
@@ -137,6 +138,8 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
         caution: query.caution.map_or(Ok(Caution::CAREFUL), caution)?,
         stops: stops(&query.movers)?,
         attach: Attach::Several,
+        zones: Zones::new(zones::list(&query.zones, "query.zones")?),
+        tags: zones::tags(&query.tags, "query.tags")?,
     })
 }
 
@@ -150,6 +153,8 @@ pub fn query_to_wire(query: &Query) -> wire::PathQuery {
         without: query.without.iter().map(|ability| convert::ability_to_wire(ability).into()).collect(),
         caution: (query.caution != Caution::CAREFUL).then_some(query.caution.get()),
         movers: query.stops.iter().copied().enumerate().map(stops_to_wire).collect(),
+        zones: query.zones.iter().map(zones::zone_to_wire).collect(),
+        tags: query.tags.iter().cloned().collect(),
     }
 }
 
@@ -233,6 +238,7 @@ pub fn npc_plan_to_wire(plan: &Plan) -> world::NpcPlan {
         Some(NoPath::GoalOffGraph) => "no proved edge reaches a vertex near the goal",
         Some(NoPath::DifferentIslands) => "no path joins the islands of start and goal",
         Some(NoPath::OneWay) => "a path leads from the goal to the start, but not from the start to the goal",
+        Some(NoPath::GoalInZone) => "the goal is in a zone that the NPC must not enter",
     };
     world::NpcPlan {
         waypoints: plan.waypoints.iter().copied().map(convert::to_wire).collect(),

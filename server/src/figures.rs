@@ -19,6 +19,7 @@ pub struct WorldSummary {
     /// Bodies that its NPCs have or had, the default one first.
     pub bodies: Vec<CharacterProfile>,
     pub solid_npcs: bool,
+    pub zone_count: usize,
 }
 
 impl WorldSummary {
@@ -31,6 +32,7 @@ impl WorldSummary {
             tick: world.tick(),
             bodies: world.bodies().to_vec(),
             solid_npcs: world.has_solid_npcs(),
+            zone_count: world.zones().count(),
         }
     }
 }

@@ -4,6 +4,7 @@ use crate::hosted::{NpcPlan, Standing};
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
 use serde::{Deserialize, Serialize};
+use surefoot_planner::{Tags, Zone};
 use surefoot_world::map::Piece;
 use surefoot_world::{Action, Arrival, CharacterProfile, End, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Vec3};
 
@@ -31,6 +32,15 @@ pub enum ToWorker {
     Observations(ObservationBatch),
     /// A world whose map was edited, and all of its pieces now.
     Edited(WorldId, Vec<Piece>),
+    /// Changes of zones and tags.
+    ZonesChanged {
+        /// The world.
+        world: WorldId,
+        /// All of its zones now; `None` if they have not changed.
+        zones: Option<Vec<Zone>>,
+        /// NPCs with their new tags.
+        tags: Vec<(NpcId, Tags)>,
+    },
     /// A world that has ended: no more messages about it follow.
     Over(WorldId),
     /// The last message: why its stream ends.
@@ -52,8 +62,12 @@ pub struct Assignment {
     pub mode: TimeMode,
     /// Whether NPCs of the world collide with each other.
     pub solid_npcs: bool,
+    /// Zones of the world.
+    pub zones: Vec<Zone>,
     /// The assigned NPCs.
     pub npcs: Vec<NpcId>,
+    /// Their tags.
+    pub tags: Vec<(NpcId, Tags)>,
     /// Index of their body among those of the world, and the body.
     pub body: (ProfileIdx, CharacterProfile),
 }

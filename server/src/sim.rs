@@ -399,7 +399,13 @@ mod tests {
         let schedule = Schedule { epoch: Instant::now(), phase: 0.0 };
         let sim = SimHandle::start("test".to_owned(), world, schedule, || _ = failed.send(())).unwrap();
         let ticket = Quota::new(8, "NPCs").grant("test");
-        let order = SpawnOrder { position: Vec3::new(25.0, 40.0, 25.0), yaw: 0.0, goal: None, body: None };
+        let order = SpawnOrder {
+            position: Vec3::new(25.0, 40.0, 25.0),
+            yaw: 0.0,
+            goal: None,
+            body: None,
+            tags: Default::default(),
+        };
         sim.call(move |state| state.world.spawn_to(order, 8, ticket)).await.unwrap().unwrap();
         assert_eq!(registry.load()[0].npc_count, 1);
         let panicked = sim.call(|_| -> () { panic!("a test's panic") }).await;

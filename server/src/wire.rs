@@ -65,6 +65,7 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
         solid_npcs: world.solid_npcs,
         piece_count: world.map.pieces().len() as u32,
         edited_map_hash: world.map.hash().to_hex(),
+        zone_count: world.zone_count as u32,
     }
 }
 

@@ -9,7 +9,7 @@ mod workers;
 
 use crate::ServerConfig;
 use crate::figures::{WorldFigures, WorldSummary};
-use crate::hosted::{EditError, HostedWorld, NpcError, TimeMode};
+use crate::hosted::{EditError, HostedWorld, NpcError, TimeMode, ZonesError};
 use crate::ids::{ID_PERIOD, WorldId};
 use crate::metrics::{self, ProcessFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
@@ -25,6 +25,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::serving::{Caller, Shutdown};
+use surefoot_planner::Zone;
 use surefoot_world::{CharacterProfile, Map};
 use takeovers::Takeovers;
 use tokio::time::Instant;
@@ -63,6 +64,8 @@ pub enum WorldsError {
     Map(#[from] MapError),
     #[error(transparent)]
     Edit(#[from] EditError),
+    #[error(transparent)]
+    Zones(#[from] ZonesError),
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error("world {0} runs on {1}")]
@@ -133,6 +136,8 @@ pub struct WorldSettings {
     pub body: CharacterProfile,
     /// Whether they collide with each other.
     pub solid_npcs: bool,
+    /// Its zones, by different names.
+    pub zones: Vec<Zone>,
 }
 
 /// All worlds; clones share them.
@@ -228,7 +233,7 @@ impl Worlds {
         &self,
         caller: &Caller,
         source: MapSource,
-        WorldSettings { mode, body, solid_npcs }: WorldSettings,
+        WorldSettings { mode, body, solid_npcs, zones }: WorldSettings,
     ) -> Result<WorldSummary, WorldsError> {
         let limit = self.inner.config.max_worlds;
         if self.inner.worlds.read().len() >= limit {
@@ -244,7 +249,8 @@ impl Worlds {
         let map_hash = map.hash();
         let world = HostedWorld::new(id, map, mode, self.inner.registry.clone())
             .with_bodies(vec![body])
-            .with_solid_npcs(solid_npcs);
+            .with_solid_npcs(solid_npcs)
+            .with_zones(zones);
         self.start(id, world, (base, ticket), limit)?;
         self.persist_new(id).await?;
         info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use surefoot_planner::{Rule, Shape, Tags, Zone};
 use surefoot_server::WorldId;
-use surefoot_server::hosted::{FleetSave, HostedWorld, Journal, NpcStatus, SavedMap, SpawnOrder, TimeMode};
+use surefoot_server::hosted::{FleetSave, HostedWorld, Journal, NpcStatus, SavedMap, SpawnOrder, TimeMode, ZonesEdit};
 use surefoot_server::ids::NpcId;
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
@@ -24,7 +25,7 @@ fn world() -> (HostedWorld, Arc<Quota>, Vec<Vec3>) {
 }
 
 fn spawn(world: &mut HostedWorld, quota: &Arc<Quota>, position: Vec3, goal: Option<Vec3>) -> NpcId {
-    let order = SpawnOrder { position, yaw: 0.5, goal, body: None };
+    let order = SpawnOrder { position, yaw: 0.5, goal, body: None, tags: Default::default() };
     world.spawn_to(order, 64, quota.grant("game")).expect("there is room")
 }
 
@@ -85,6 +86,24 @@ fn what_was_recorded_after_the_save_is_known_to_the_next_server() {
 
 fn spawn_id(mut world: HostedWorld, quota: &Arc<Quota>, position: Vec3) -> NpcId {
     spawn(&mut world, quota, position, None)
+}
+
+#[test]
+fn zones_and_tags_are_known_to_the_next_server() {
+    let (mut world, quota, places) = world();
+    let tags = |tag: &str| Tags::from([tag.to_owned()]);
+    let shape = Shape::Cylinder { bottom: places[3], radius: 2.0, height: 3.0 };
+    let zone = Zone { name: "vault".to_owned(), shape, rule: Rule::OnlyWith("key".to_owned()), concerns: tags("red") };
+    world.set_zones(ZonesEdit { put: vec![zone.clone()], ..ZonesEdit::default() }).unwrap();
+    let first = world.npcs().next().unwrap().id;
+    world.set_tags(first, tags("key")).unwrap();
+    let saved = kept(&world);
+    world.confirm(saved.log.written());
+    let order = SpawnOrder { position: places[5], yaw: 0.5, goal: None, body: None, tags: tags("red") };
+    let new = world.spawn_to(order, 64, quota.grant("game")).unwrap();
+    let next = restored(saved, vec![journal(&world)], &quota);
+    assert_eq!(next.zones().collect::<Vec<_>>(), [&zone]);
+    assert_eq!([first, new].map(|npc| next.tags(npc).unwrap().clone()), [tags("key"), tags("red")]);
 }
 
 #[test]

@@ -202,7 +202,8 @@ impl Simulation {
         let pick = |rng: &mut ChaCha8Rng| (!npcs.is_empty()).then(|| npcs[rng.random_range(0..npcs.len())]);
         match self.rng.random_range(0..40) {
             0 | 1 if npcs.len() < MAX_NPCS => {
-                let order = SpawnOrder { position: place, yaw: 0.0, goal: Some(goal), body: None };
+                let order =
+                    SpawnOrder { position: place, yaw: 0.0, goal: Some(goal), body: None, tags: Default::default() };
                 world.spawn_to(order, MAX_NPCS, self.quota.grant("client")).expect("there is room");
             }
             2 | 3 => {
@@ -369,7 +370,7 @@ impl Worker {
                 let own = self.npcs.entry(world).or_default();
                 npcs.iter().for_each(|npc| assert!(own.remove(npc), "released without an assignment"));
             }
-            ToWorker::Edited(..) => {}
+            ToWorker::Edited(..) | ToWorker::ZonesChanged { .. } => {}
             ToWorker::Over(world) => assert!(self.npcs.remove(&world).is_none_or(|npcs| npcs.is_empty())),
             ToWorker::Observations(batch) => {
                 let own = &self.npcs[&batch.world];

@@ -14,7 +14,12 @@ use surefoot_world::{CharacterProfile, MapSpec};
 const LIMIT: Duration = Duration::from_secs(60);
 
 async fn create(worlds: &Worlds, caller: &Caller) -> WorldId {
-    let settings = WorldSettings { mode: TimeMode::Realtime, body: CharacterProfile::default(), solid_npcs: false };
+    let settings = WorldSettings {
+        mode: TimeMode::Realtime,
+        body: CharacterProfile::default(),
+        solid_npcs: false,
+        zones: Vec::new(),
+    };
     let made = BaseMap::Spec(MapSpec::with_side(1, 50).expect("a small map"));
     worlds.create(caller, made.into(), settings).await.expect("a world").id
 }

@@ -248,6 +248,47 @@ async fn graphs(planner: &Running) -> Graphs {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn zones_are_where_the_levels_file_says() {
+    use wire::zone::{Rule, Shape};
+    let server = start_server(ServerConfig::default());
+    let Stage { mut client, world_id, frame, in_level: places, .. } = stage(&server).await;
+    let (low, high) = (places[0], wire::Vec3 { x: places[0].x + 500.0, y: places[0].y + 300.0, z: 1700.0 });
+    let zone = |name: &str, shape| wire::Zone {
+        name: name.to_owned(),
+        shape: Some(shape),
+        rule: Some(Rule::Never(true)),
+        for_tags: Vec::new(),
+    };
+    let put = vec![
+        zone("box", Shape::Box(wire::ZoneBox { low: Some(low), high: Some(high) })),
+        zone("cylinder", Shape::Cylinder(wire::ZoneCylinder { bottom: Some(places[1]), radius: 2.0, height: 3.0 })),
+    ];
+    let request = wire::SetZonesRequest { world_id, put, coordinates: LEVEL, ..Default::default() };
+    client.set_zones(request).await.unwrap();
+    let mut list = async |coordinates| {
+        let zones =
+            client.list_zones(wire::ListZonesRequest { world_id, coordinates }).await.unwrap().into_inner().zones;
+        match (&zones[0].shape, &zones[1].shape) {
+            (Some(Shape::Box(corners)), Some(Shape::Cylinder(cylinder))) => (*corners, *cylinder),
+            other => panic!("{other:?}"),
+        }
+    };
+    let (corners, cylinder) = list(LEVEL).await;
+    assert_near(corners.low, low);
+    assert_near(corners.high, high);
+    assert_near(cylinder.bottom, places[1]);
+    // On the map, one axis is opposite.
+    let (corners, cylinder) = list(0).await;
+    let (near, far) = (corners.low.unwrap(), corners.high.unwrap());
+    assert!(near.x < far.x && near.y < far.y && near.z < far.z, "{corners:?}");
+    assert_near(Some(in_level(&frame, wire::Vec3 { z: far.z, ..near })), low);
+    assert_near(Some(in_level(&frame, wire::Vec3 { z: near.z, ..far })), high);
+    assert_near(Some(in_level(&frame, cylinder.bottom.unwrap())), places[1]);
+    assert_eq!((cylinder.radius, cylinder.height), (2.0, 3.0), "lengths are in metres");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn graphs_and_plans_have_places_of_the_levels_file() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());
@@ -265,8 +306,12 @@ async fn graphs_and_plans_have_places_of_the_levels_file() {
     let found = client.find_path(find(query(on_map), 0)).await.unwrap().into_inner().plan.unwrap();
     let same = client.find_path(find(query(places), LEVEL)).await.unwrap().into_inner().plan.unwrap();
     assert!(found.found && same.found && (found.seconds - same.seconds).abs() < 0.01, "{found:?} {same:?}");
-    let many =
-        plan::FindPathsRequest { graph_id: id(), queries: vec![query(places)], traffic: None, coordinates: LEVEL };
+    let many = plan::FindPathsRequest {
+        graph_id: id(),
+        queries: vec![query(places)],
+        coordinates: LEVEL,
+        ..Default::default()
+    };
     let many = client.find_paths(many).await.unwrap().into_inner().plans;
     for plan in [&same, &many[0]] {
         assert_eq!(plan.waypoints.len(), found.waypoints.len());

@@ -132,9 +132,8 @@ async fn attempts_that_events_tell_of_are_those_that_npcs_count() {
     let mut stream = events(&mut client, world_id, None).await;
     let spawns = points.chunks_exact(2).map(|pair| wire::Spawn {
         position: Some(pair[0]),
-        yaw: 0.0,
         goal: Some(pair[1]),
-        body: None,
+        ..Default::default()
     });
     let request = wire::BatchSpawnNpcsRequest { world_id, spawns: spawns.collect(), ..Default::default() };
     let results = client.batch_spawn_npcs(request).await.unwrap().into_inner().results;
@@ -226,7 +225,7 @@ async fn an_item_of_a_batch_that_fails_leaves_the_others_alone() {
     }
     let start = ground(&mut client, worlds[0], 1).await[0];
     let far = wire::Vec3 { x: 9999.0, ..start };
-    let spawn = |position, goal| wire::Spawn { position, yaw: 0.0, goal, body: None };
+    let spawn = |position, goal| wire::Spawn { position, goal, ..Default::default() };
     let spawns = vec![
         spawn(Some(start), None),
         spawn(None, None),

@@ -38,3 +38,4 @@ mod targets;
 mod trust;
 mod untrusted;
 mod void;
+mod zones;

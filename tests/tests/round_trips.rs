@@ -255,7 +255,8 @@ fn plan() -> impl Strategy<Value = Plan> {
             ability,
         },
     );
-    let reasons = vec![NoPath::StartOffGraph, NoPath::GoalOffGraph, NoPath::DifferentIslands, NoPath::OneWay];
+    let reasons =
+        vec![NoPath::StartOffGraph, NoPath::GoalOffGraph, NoPath::DifferentIslands, NoPath::OneWay, NoPath::GoalInZone];
     let no_path = prop::option::of(prop::sample::select(reasons));
     let way = prop::collection::vec(((anywhere(), leg), needs()), 1..9);
     (way, no_path, prop::option::of(anywhere())).prop_map(|(way, no_path, nearest)| {

@@ -1,6 +1,7 @@
 //! Plans for the NPCs of one world: requests them from the planner, hands them out, and reports traversals.
 
 use super::npc::{Npc, Npcs};
+use super::zones::ZoneRules;
 use crate::graph::{Graph, Plans};
 use std::sync::Arc;
 use std::time::Duration;
@@ -50,6 +51,8 @@ pub(super) struct PlanRequest {
 struct Planned {
     requests: Vec<PlanRequest>,
     plans: Plans,
+    /// Revision of the zones and tags that the plans respect.
+    rules_revision: u32,
 }
 
 /// Predicted places of NPCs, for congestion.
@@ -74,6 +77,8 @@ pub(super) struct Planning {
     pub takes_interim: bool,
     /// Whether a lockstep world has waited for the graph in vain.
     has_waited: bool,
+    /// What plans respect besides the map.
+    pub rules: ZoneRules,
     /// Plans that failed since the last answer.
     pub failed_count: u32,
     /// Plans that have arrived in the background.
@@ -94,6 +99,7 @@ impl Planning {
             tick: 0,
             takes_interim: false,
             has_waited: false,
+            rules: ZoneRules::default(),
             failed_count: 0,
             arrived: mpsc::channel(PLAN_QUEUE),
             traversals: Vec::new(),
@@ -187,14 +193,18 @@ impl Planning {
         }
         self.has_waited = false;
         let traffic = self.count_traffic(npcs);
+        let rules = &self.rules;
         let query = |request: &PlanRequest| -> Query {
             let npc = npcs.get_mut(&request.npc_id).expect("seen in this batch");
             npc.planning.is_requested = true;
-            npc.attempt.follower.query(request.feet)
+            Query { tags: rules.tags_of(request.npc_id), ..npc.attempt.follower.query(request.feet) }
         };
         let queries: Vec<Query> = requests.iter().map(query).collect();
-        let find =
-            async move { Planned { plans: graph.find_paths(graph_id, &queries, traffic.as_ref()).await, requests } };
+        let (zones, rules_revision) = (rules.zones.clone(), rules.revision);
+        let find = async move {
+            let plans = graph.find_paths(graph_id, &queries, &zones, traffic.as_ref()).await;
+            Planned { plans, requests, rules_revision }
+        };
         if self.is_lockstep {
             return self.hand_out(find.await, npcs);
         }
@@ -234,7 +244,8 @@ impl Planning {
     }
 
     /// Hands plans to their NPCs, and returns the requests of those that want another plan.
-    fn hand_out(&mut self, Planned { requests, plans }: Planned, npcs: &mut Npcs) -> Vec<PlanRequest> {
+    fn hand_out(&mut self, planned: Planned, npcs: &mut Npcs) -> Vec<PlanRequest> {
+        let Planned { requests, plans, rules_revision } = planned;
         let mut again = Vec::new();
         let mut found = plans.plans.into_iter();
         for request in requests {
@@ -243,6 +254,8 @@ impl Planning {
             npc.planning.is_requested = false;
             match plan {
                 None => self.failed_count = self.failed_count.saturating_add(1),
+                // The NPC requests another plan at its next decision.
+                Some(_) if rules_revision != self.rules.revision => npc.planning.is_outdated = true,
                 Some(plan) if npc.attempt.follower.reconsiders(&plan) => again.push(request),
                 Some(plan) => npc.take_plan(plan, plans.revision),
             }

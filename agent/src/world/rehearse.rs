@@ -117,7 +117,9 @@ impl WorldTask {
         let mut rehearsed: Vec<(u64, RehearsalStart)> = Vec::new();
         for seen in &batch.sightings {
             let npc = self.npcs.get_mut(&seen.id).expect("seen in this batch");
-            if npc.attempt.follower.is_barred() {
+            let goal = npc.attempt.follower.goal();
+            let has_open_way = npc.has_waypoint() || !self.planning.rules.bar(seen.id, [seen.feet, goal]);
+            if npc.attempt.follower.is_barred() || !has_open_way {
                 npc.hold.holds = true;
                 continue;
             }
@@ -126,7 +128,7 @@ impl WorldTask {
                 continue;
             }
             npc.hold.unplanned = npc.hold.unplanned.saturating_add(1);
-            let is_near = npc.feet.distance(npc.attempt.follower.goal()) <= NEAR_M;
+            let is_near = npc.feet.distance(goal) <= NEAR_M;
             if npc.hold.unplanned <= patience && !(is_near && is_ready) {
                 npc.hold.holds = true;
             } else if npc.hold.unplanned >= npc.hold.next_try {

@@ -4,6 +4,7 @@
 //! - [`build`] makes a graph: place vertices, select candidate edges, probe them, keep those that are proved.
 //! - [`graph`] is the result; each edge has its [`evidence`].
 //! - [`search`] answers a query with a [`plan`], around traffic if there is any. [`places`] finds places to ask about.
+//! - [`zones`] have prices or bar the way: plans respect them without a build.
 //! - [`change`] follows changes: designers' edits, a changed map, and evidence that NPCs report.
 //! - [`export`] writes graphs and links for engines; [`store`] is the trait for persistence.
 //!
@@ -30,6 +31,7 @@ pub mod search;
 pub mod settings;
 pub mod store;
 pub mod threads;
+pub mod zones;
 
 pub use build::{BuildStats, Builder, Built, Progress, candidates, interim, is_perilous, placement, probe};
 pub use change::{edits, live, update};
@@ -45,3 +47,4 @@ pub use settings::{
     BuildError, BuildSettings, GraphId, Placement, PolicyHash, Probing, RawBuildSettings, SettingError, Site,
 };
 pub use surefoot_world::{Aabb, AbilitySet, MoverAt};
+pub use zones::{Rule, Shape, Tags, Zone, Zones};

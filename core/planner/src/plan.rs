@@ -5,6 +5,7 @@ use crate::ids::{EdgeKey, LegKey};
 use crate::legs::LegModel;
 use crate::needs::Needs;
 use crate::price::Caution;
+use crate::zones::{Tags, Zones};
 use surefoot_world::{Ability, AbilitySet, Chance, Decisions, Seconds, StopSet, Vec3};
 
 /// How start and goal are joined to the graph.
@@ -44,12 +45,16 @@ pub struct Query {
     pub stops: Vec<StopSet>,
     /// How start and goal are joined to the graph.
     pub attach: Attach,
+    /// Zones that the plan respects.
+    pub zones: Zones,
+    /// The tags of the NPC, for zones that ask for them.
+    pub tags: Tags,
 }
 
 impl Query {
     /// A query for a careful plan that may use all abilities.
     pub fn new(start: Vec3, goal: Vec3) -> Self {
-        let (avoid, stops) = Default::default();
+        let (avoid, stops, zones, tags) = Default::default();
         Self {
             start,
             goal,
@@ -58,10 +63,12 @@ impl Query {
             caution: Caution::CAREFUL,
             stops,
             attach: Attach::Several,
+            zones,
+            tags,
         }
     }
 
-    /// Whether the query asks for a careful plan without restrictions: such plans can be looked up.
+    /// Whether the query asks for a careful plan without restrictions other than zones: such plans can be looked up.
     pub(crate) fn is_usual(&self) -> bool {
         self.avoid.is_empty() && self.without.is_empty() && self.caution == Caution::CAREFUL && self.stops.is_empty()
     }
@@ -100,6 +107,8 @@ pub enum NoPath {
     DifferentIslands,
     /// A path leads from the goal to the start, but none from the start to the goal.
     OneWay,
+    /// The goal is in a zone that the plan must not enter.
+    GoalInZone,
 }
 
 /// The answer to a query: waypoints in order, and the legs that lead to them. The last waypoint is the goal or,
@@ -115,7 +124,8 @@ pub struct Plan {
     /// The mover requirements of legs that have any, by the index of the leg, in ascending order.
     pub needs: Vec<(usize, Needs)>,
     /// Without a path: position of the reachable vertex nearest to the goal, m, to which the plan leads. `None` if no
-    /// vertex is reachable; the plan is then a single leg straight to the goal.
+    /// vertex is reachable; the plan is then a single leg straight to the goal. If zones bar that leg, this is the
+    /// start, and the plan stays there.
     pub nearest: Option<Vec3>,
 }
 

@@ -6,8 +6,11 @@ use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::price::{Caution, EdgeCost, EdgeCosts};
 use surefoot_planner::search::many::{Arrival, RankBy, SharedEnd, best};
-use surefoot_planner::{EdgeKey, LegKey, NavGraph, Need, Needs, NoPath, Query, Router, Stop, VertexId};
-use surefoot_world::{Ability, Chance, MoverId, Seconds, StopSet, Vec3};
+use surefoot_planner::zones::{Rule, Shape};
+use surefoot_planner::{
+    EdgeKey, LegKey, NavGraph, Need, Needs, NoPath, Query, Router, Stop, Tags, VertexId, Zone, Zones,
+};
+use surefoot_world::{Aabb, Ability, Chance, MoverId, Seconds, StopSet, Vec3};
 
 /// Legs that a query avoids: from the start, along an edge, and to the goal.
 fn avoided() -> impl Strategy<Value = Vec<LegKey>> {
@@ -26,14 +29,30 @@ fn places() -> impl Strategy<Value = Vec<Vec3>> {
     prop::collection::vec(place.prop_map(|(x, y, z)| Vec3::new(x, y, z)), 1..12)
 }
 
+fn zones() -> impl Strategy<Value = Zones> {
+    let place = (0.0..100.0f32, 0.0..8.0f32, 0.0..90.0f32).prop_map(|(x, y, z)| Vec3::new(x, y, z));
+    let rule = prop_oneof![
+        2 => (0.1..20.0f32).prop_map(Rule::Price),
+        1 => Just(Rule::Never),
+        1 => Just(Rule::OnlyWith("key".to_owned())),
+    ];
+    let zone = (place, 1.0..30.0f32, rule).prop_map(|(low, side, rule)| {
+        let shape = Shape::Box(Aabb { low, high: low + side });
+        Zone { name: "zone".to_owned(), shape, rule, concerns: Tags::new() }
+    });
+    prop_oneof![Just(Vec::new()), prop::collection::vec(zone, 1..6)].prop_map(Zones::new)
+}
+
 /// Queries with any of the restrictions that there are.
 fn queries() -> impl Strategy<Value = Query> {
     let restrictions = (avoided(), any::<bool>(), prop_oneof![Just(1.0), 0.0..1.0f32], 0..3u16);
-    restrictions.prop_map(|(avoid, is_without, caution, stops)| Query {
+    (restrictions, zones(), any::<bool>()).prop_map(|((avoid, is_without, caution, stops), zones, has_key)| Query {
         avoid,
         without: [Ability::Jump].into_iter().filter(|_| is_without).collect(),
         caution: Caution::new(caution).unwrap(),
         stops: if stops == 0 { Vec::new() } else { vec![StopSet(stops)] },
+        zones,
+        tags: ["key".to_owned()].into_iter().filter(|_| has_key).collect(),
         ..Query::new(Vec3::ZERO, Vec3::ZERO)
     })
 }

@@ -1,9 +1,10 @@
 //! Axis-aligned boxes.
 
 use crate::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box, corners included.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
     /// Corner with the least coordinates, m.
     pub low: Vec3,

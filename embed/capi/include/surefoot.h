@@ -341,7 +341,9 @@ enum {
     /* No path joins the islands of start and goal, in either direction. */
     SF_DIFFERENT_ISLANDS = 3,
     /* A path leads from the goal to the start, but none from the start to the goal. */
-    SF_ONE_WAY = 4
+    SF_ONE_WAY = 4,
+    /* The goal is in a zone that the plan must not enter. Queries of this library have no zones yet. */
+    SF_GOAL_IN_ZONE = 5
 };
 
 /* A whole plan. A plan without a path is an answer, not an error. */

@@ -348,6 +348,7 @@ pub fn summary(plan: &Plan, first_leg: usize) -> abi::Plan {
             Some(NoPath::GoalOffGraph) => 2,
             Some(NoPath::DifferentIslands) => 3,
             Some(NoPath::OneWay) => 4,
+            Some(NoPath::GoalInZone) => 5,
         },
         leads_near: plan.nearest.is_some().into(),
     }

@@ -7,6 +7,7 @@ use crate::level::Level;
 use crate::picture;
 use crate::plan::{Arrival, Plan};
 use crate::policy::Policy;
+use crate::zone;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -162,7 +163,10 @@ impl Graph {
         written.map_err(|error| file(&path, &error))
     }
 
-    #[pyo3(signature = (start, goal, *, without = Vec::new(), caution = 1.0, coordinates = "map"))]
+    #[pyo3(signature = (
+        start, goal, *, without = Vec::new(), caution = 1.0, coordinates = "map", zones = Vec::new(), tags = Vec::new()
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn plan(
         &self,
         py: Python<'_>,
@@ -171,10 +175,16 @@ impl Graph {
         without: Vec<String>,
         caution: f32,
         coordinates: &str,
+        zones: Vec<Bound<'_, PyDict>>,
+        tags: Vec<String>,
     ) -> PyResult<Plan> {
         let frame = self.frame_of(coordinates)?;
         let ends = [on_map("start", start, frame)?, on_map("goal", goal, frame)?];
-        let query = query(ends, &without, caution)?;
+        let query = Query {
+            zones: zone::read(py, &zones, frame)?,
+            tags: zone::read_tags(tags)?,
+            ..query(ends, &without, caution)?
+        };
         Ok(Plan::of(&py.detach(|| self.router.find_path(&query)), frame))
     }
 

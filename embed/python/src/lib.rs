@@ -3,8 +3,8 @@
 //!
 //! [`environments`] is what all environments have in common; [`local`] steps those of this process on several threads,
 //! [`remote`] those of a server. None of the three knows Python. [`envs`] passes the caller's arrays to them. [`level`]
-//! and [`body`] describe environments. [`graph`] builds graphs and answers with a [`plan`]; [`policy`] decides.
-//! [`error`] turns every failure into an exception.
+//! and [`body`] describe environments. [`graph`] builds graphs and answers with a [`plan`]; [`zone`] has the zones of
+//! queries; [`policy`] decides. [`error`] turns every failure into an exception.
 
 mod arrays;
 mod body;
@@ -19,6 +19,7 @@ mod plan;
 mod policy;
 mod remote;
 mod server;
+mod zone;
 
 use pyo3::prelude::*;
 

@@ -85,6 +85,7 @@ fn name_of(reason: NoPath) -> &'static str {
         NoPath::GoalOffGraph => "goal_off_graph",
         NoPath::DifferentIslands => "different_islands",
         NoPath::OneWay => "one_way",
+        NoPath::GoalInZone => "goal_in_zone",
     }
 }
 

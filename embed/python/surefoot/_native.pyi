@@ -14,6 +14,7 @@ _Ends: TypeAlias = tuple[npt.NDArray[np.int64], list[str], _Floats]
 _Places: TypeAlias = npt.NDArray[np.floating[Any]]
 _Point: TypeAlias = Sequence[float] | _Places
 _Densities: TypeAlias = str | Mapping[str, float]
+_Zone: TypeAlias = Mapping[str, Any]
 
 VERSION: str
 OBSERVATION_LEN: int
@@ -208,6 +209,8 @@ class Graph:
         without: Sequence[str] = (),
         caution: float = 1.0,
         coordinates: Literal["map", "level"] = "map",
+        zones: Sequence[_Zone] = (),
+        tags: Sequence[str] = (),
     ) -> Plan:
         """Finds the cheapest plan from one place to another.
 
@@ -216,6 +219,11 @@ class Graph:
 
         `without` names abilities that the plan must not use (jump, double_jump, pad, zip_line, teleporter, jetpack).
         `caution` is 0 to 1: with 0 dying costs no more than any failure.
+
+        `zones` are dicts with `name`, and `box` (two opposite corners) or `bottom`, `radius` and `height` (m). With
+        `price`, each metre inside counts as so many seconds more. With `only_with_tag`, the zone is closed unless `tags`
+        has that tag, and with neither it is closed. It concerns all NPCs, or those with one of its `for_tags`. There are
+        at most 256.
         """
 
     def rank(
@@ -344,7 +352,7 @@ class Plan:
         """Whether there is a path."""
 
     @property
-    def no_path(self) -> Literal["start_off_graph", "goal_off_graph", "different_islands", "one_way"] | None:
+    def no_path(self) -> Literal["start_off_graph", "goal_off_graph", "different_islands", "one_way", "goal_in_zone"] | None:
         """Why there is no path."""
 
     @property

@@ -59,6 +59,21 @@ def test_more_is_reached_in_more_time(graph: surefoot.Graph) -> None:
     assert set(few) <= set(many) and len(many) > len(few) and times.max() <= 3.0
 
 
+def test_plans_keep_out_of_zones(graph: surefoot.Graph) -> None:
+    start, goal = graph.vertices[0].tolist(), graph.vertices[20].tolist()
+    free = graph.plan(start, goal)
+    x, y, z = goal
+    vault = {"name": "vault", "bottom": [x, y - 1, z], "radius": 1.5, "height": 3, "only_with_tag": "key"}
+    assert graph.plan(start, goal, zones=[vault]).no_path == "goal_in_zone"
+    np.testing.assert_array_equal(graph.plan(start, goal, zones=[vault], tags=["key"]).waypoints, free.waypoints)
+    box = [[x - 1, y - 1, z - 1], [x + 1, y + 1, z + 1]]
+    assert bool(graph.plan(start, goal, zones=[{"name": "mud", "box": box, "price": 2.5}])) == bool(free)
+    with pytest.raises(ValueError, match="zone `mud`: a price is above 0"):
+        graph.plan(start, goal, zones=[{"name": "mud", "box": box, "price": 0}])
+    with pytest.raises(ValueError, match="give either box"):
+        graph.plan(start, goal, zones=[{"name": "mud"}])
+
+
 def test_graphs_survive_files(graph: surefoot.Graph, level: surefoot.Level, tmp_path: Path) -> None:
     graph.save(tmp_path / "graph.json")
     other = surefoot.Graph.load(tmp_path / "graph.json")

@@ -39,7 +39,8 @@ const METHODS: &[Methods] = &[
         "GetServer CreateWorld GetWorld ListWorlds DropWorld SampleGround SurveyMap SpawnNpc BatchSpawnNpcs \
          DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals MoveTargets ClearGoals TeleportNpc \
          BatchTeleportNpcs GetNpc BatchGetNpcs ListNpcs WatchWorld WatchEvents WatchStats FollowNpc GetMesh \
-         GetFeatures ListMovers SetMover EditMap ListPieces SpawnPlayer MovePlayers RemovePlayer",
+         GetFeatures ListMovers SetMover EditMap ListPieces SetZones ListZones SetNpcTags SpawnPlayer \
+         MovePlayers RemovePlayer",
     ),
     ("surefoot.world.v1.WorldService", WORKERS, "Work"),
     ("surefoot.world.v1.DirectoryService", ALL_ROLES, "LocateWorld ListServers"),

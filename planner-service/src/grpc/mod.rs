@@ -26,12 +26,13 @@ use surefoot_net::serving::Caller;
 use surefoot_net::status::{self, Answer};
 use surefoot_planner::live::Reporter;
 use surefoot_planner::store::Call;
-use surefoot_planner::{Query, VertexId};
+use surefoot_planner::{Query, VertexId, Zone, Zones};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::coordinates::{CallFrame, Coordinates};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::PlannerService;
 use surefoot_proto::plans::{plan_to_wire, query, traversal};
+use surefoot_proto::zones;
 use surefoot_world::Seed;
 use tokio::task::spawn_blocking;
 use tonic::{Request, Response, Status};
@@ -89,6 +90,18 @@ impl PlannerApi {
         let answer = self.planner.layers.change(hosted, revision_from_wire(if_revision), change, call).await?;
         Ok(Response::new(R::decode(&*answer).map_err(|_| PlannerError::BadReceipt)?))
     }
+}
+
+/// Adds the zones of a request to those of a query.
+fn with_zones(mut query: Query, shared: &Zones) -> Result<Query, Status> {
+    if query.zones.is_empty() {
+        query.zones = shared.clone();
+    } else if !shared.is_empty() {
+        let all: Vec<Zone> = shared.iter().chain(query.zones.iter()).cloned().collect();
+        zones::check_count(all.len(), "queries.zones")?;
+        query.zones = Zones::new(all);
+    }
+    Ok(query)
 }
 
 /// What identifies a call with a request id: a repeat gets the first answer.
@@ -215,7 +228,9 @@ impl PlannerService for PlannerApi {
         }
         let frame = self.frame_on(&hosted, request.coordinates)?;
         let request = frame.to_map(request);
-        let queries = request.queries.iter().map(|query| Self::query(&hosted, query)).collect::<Result<Vec<_>, _>>()?;
+        let shared = Zones::new(zones::list(&request.zones, "zones")?);
+        let query = |query| with_zones(Self::query(&hosted, query)?, &shared);
+        let queries = request.queries.iter().map(query).collect::<Result<Vec<_>, Status>>()?;
         let traffic = request.traffic.as_ref().map(traffic_of).transpose()?;
         let planner = self.planner.clone();
         // Read before planning: if an edit comes in between, the plans are newer than the revision, never older.

@@ -1,7 +1,7 @@
 //! Converts the server's errors to statuses: one exhaustive match for each error type.
 
 use crate::envs::EnvError;
-use crate::hosted::{EditError, EventsLost, LivingError, NpcError};
+use crate::hosted::{EditError, EventsLost, LivingError, NpcError, ZonesError};
 use crate::messages::Goodbye;
 use crate::sim::SimError;
 use crate::store::StoreError;
@@ -78,6 +78,16 @@ impl From<EditError> for Status {
     }
 }
 
+impl From<ZonesError> for Status {
+    fn from(error: ZonesError) -> Self {
+        let message = error.to_string();
+        match error {
+            ZonesError::NoSuchZone(_, name) => status::not_found(Reason::ZoneNotFound, "zone", name, message),
+            ZonesError::TooMany(world, _) => status::quota(Reason::TooManyZones, format!("world:{world}"), message),
+        }
+    }
+}
+
 impl From<SimError> for Status {
     fn from(error: SimError) -> Self {
         match error {
@@ -104,6 +114,7 @@ impl From<WorldsError> for Status {
             WorldsError::Map(error) => map_error(error),
             WorldsError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             WorldsError::Edit(error) => error.into(),
+            WorldsError::Zones(error) => error.into(),
             WorldsError::Store(error) => store_error(error),
             WorldsError::Elsewhere(world, address) => status::elsewhere(world.to_string(), &address),
             WorldsError::Moving(_) => status::retry(Reason::WorldMoving, TAKEOVER_TIME, message),

@@ -1,9 +1,9 @@
 //! `WorldService`: decode, call, encode.
 //!
 //! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `living` those about movers, players
-//! and pieces, `readers` the streams to readers, `work` the stream of a worker. `env` implements `EnvService`,
-//! `directory` `DirectoryService`. `redirect` says where worlds run that other servers have, `errors` converts errors
-//! to statuses.
+//! and pieces, `zones` those about zones and tags, `readers` the streams to readers, `work` the stream of a worker.
+//! `env` implements `EnvService`, `directory` `DirectoryService`. `redirect` says where worlds run that other servers
+//! have, `errors` converts errors to statuses.
 
 pub mod directory;
 pub mod env;
@@ -14,6 +14,7 @@ mod readers;
 pub mod redirect;
 mod work;
 mod worlds;
+mod zones;
 
 use crate::ids::{NpcId, WorldId};
 use crate::worlds::{WorldHandle, Worlds};
@@ -144,6 +145,9 @@ world_service! {
     living::set_mover(wire::SetMoverRequest) -> wire::SetMoverResponse;
     living::edit_map(wire::EditMapRequest) -> wire::EditMapResponse;
     living::list_pieces(wire::ListPiecesRequest) -> wire::ListPiecesResponse;
+    zones::set_zones(wire::SetZonesRequest) -> wire::SetZonesResponse;
+    zones::list_zones(wire::ListZonesRequest) -> wire::ListZonesResponse;
+    zones::set_npc_tags(wire::SetNpcTagsRequest) -> wire::SetNpcTagsResponse;
     living::spawn_player(wire::SpawnPlayerRequest) -> wire::SpawnPlayerResponse;
     living::move_players(wire::MovePlayersRequest) -> wire::MovePlayersResponse;
     living::remove_player(wire::RemovePlayerRequest) -> wire::RemovePlayerResponse;

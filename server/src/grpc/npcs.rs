@@ -14,6 +14,7 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::coordinates::{CallFrame, Coordinates, Place};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
+use surefoot_proto::zones;
 use surefoot_world::PlayerSlot;
 use surefoot_world::map::LevelFrame;
 use tonic::Status;
@@ -42,8 +43,8 @@ pub async fn spawn_npc(api: &WorldApi, call: Call<wire::SpawnNpcRequest>) -> Rep
     let (caller, request) = call;
     let world = WorldId(request.world_id);
     let frame = frame_on(&api.worlds.handle(world)?, request.coordinates)?;
-    let wire::SpawnNpcRequest { position, yaw, body, .. } = frame.to_map(request.clone());
-    let order = spawn_order(&wire::Spawn { position, yaw, goal: None, body })?;
+    let wire::SpawnNpcRequest { position, yaw, body, tags, .. } = frame.to_map(request.clone());
+    let order = spawn_order(&wire::Spawn { position, yaw, goal: None, body, tags })?;
     let (worlds, owner) = (api.worlds.clone(), caller.clone());
     let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
     let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes: 0 };
@@ -230,12 +231,13 @@ fn ids(field: &str, ids: Vec<u64>) -> Result<Vec<IdItem>, Status> {
 }
 
 fn spawn_order(spawn: &wire::Spawn) -> Result<SpawnOrder, FieldError> {
-    let wire::Spawn { position, yaw, goal, body } = spawn;
+    let wire::Spawn { position, yaw, goal, body, tags } = spawn;
     Ok(SpawnOrder {
         position: convert::point(position.as_ref(), "position")?,
         yaw: finite(*yaw, "yaw")?,
         goal: goal.map(|goal| convert::point(Some(&goal), "goal")).transpose()?,
         body: body.as_ref().map(|body| convert::body(Some(body))).transpose()?,
+        tags: zones::tags(tags, "tags")?,
     })
 }
 
@@ -304,7 +306,7 @@ fn item_error(error: WorldsError) -> wire::ItemError {
 }
 
 /// Converts the result of an item that returns nothing but success or an error.
-fn item_result(result: Result<(), WorldsError>) -> wire::ItemResult {
+pub(super) fn item_result(result: Result<(), WorldsError>) -> wire::ItemResult {
     wire::ItemResult { error: result.err().map(item_error) }
 }
 

@@ -13,6 +13,7 @@ use surefoot_net::paging::{PageSize, page_by_id};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::coordinates::CallFrame;
 use surefoot_proto::world::v1 as wire;
+use surefoot_proto::zones;
 use surefoot_world::character::bodies::BODIES;
 use surefoot_world::sense::OBSERVATION_VERSION;
 use surefoot_world::{CharacterProfile, OBSERVATION_LEN, Seed, TICKS_PER_DECISION, TICKS_PER_SECOND};
@@ -48,6 +49,7 @@ pub async fn create_world(api: &WorldApi, call: Call<wire::CreateWorldRequest>) 
         mode,
         body: convert::body(request.body.as_ref())?,
         solid_npcs: request.solid_npcs.unwrap_or(mode == TimeMode::Realtime),
+        zones: zones::list(&frame.to_map(request.zones.clone()), "zones")?,
     };
     let (worlds, owner) = (api.worlds.clone(), caller.clone());
     // The kept answer must not hold the map.

@@ -10,6 +10,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use std::time::SystemTime;
+use surefoot_planner::Tags;
 use surefoot_world::arrival::NoFooting;
 use surefoot_world::character::{self, Body};
 use surefoot_world::map::Liquid;
@@ -70,6 +71,8 @@ pub struct SpawnOrder {
     pub goal: Option<Vec3>,
     /// Body of the NPC; `None`: the default body of the world.
     pub body: Option<CharacterProfile>,
+    /// Its tags, for zones that ask for them.
+    pub tags: Tags,
 }
 
 impl HostedWorld {
@@ -83,6 +86,9 @@ impl HostedWorld {
             None => ProfileIdx::default(),
         };
         let id = self.spawn_as(body, order.position, order.yaw, limit, ticket)?;
+        if !order.tags.is_empty() {
+            self.set_tags(id, order.tags)?;
+        }
         if let Some(goal) = order.goal
             && let Err(error) = self.set_goal(id, goal)
         {

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::SystemTime;
+use surefoot_planner::Tags;
 use surefoot_world::sealed::{self, SealError};
 use surefoot_world::{Arrival, CharacterProfile, End, Seconds, Tick, Vec3};
 
@@ -74,6 +75,7 @@ struct Newcomer {
     yaw: f32,
     body: CharacterProfile,
     owner: String,
+    tags: Tags,
 }
 
 impl FleetSave {
@@ -182,6 +184,7 @@ impl HostedWorld {
                     yaw: npc.body.yaw,
                     body: self.world.profile_of(npc).clone(),
                     owner: record.ticket.client().to_owned(),
+                    tags: record.tags.clone(),
                 });
                 Change::Spawned { position, newcomer }
             }
@@ -230,7 +233,9 @@ impl HostedWorld {
                 && let Some(body) = self.world.profile_idx(&newcomer.body, MAX_BODIES)
             {
                 let slot = self.world.spawn_as(body, *position, newcomer.yaw);
-                self.add_record(entry.npc, NpcRecord::new(slot, npc_quota.grant(&newcomer.owner)));
+                let mut record = NpcRecord::new(slot, npc_quota.grant(&newcomer.owner));
+                record.tags = newcomer.tags.clone();
+                self.add_record(entry.npc, record);
             }
             return;
         }

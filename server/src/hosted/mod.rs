@@ -2,10 +2,10 @@
 //!
 //! A tick is [`HostedWorld::step`] (in `tick`): move, log motion, end attempts, request decisions. Answers arrive
 //! between ticks. `workers` assigns NPCs to workers, `commands` has the calls of clients (`goals` those about goals,
-//! `living` those about movers and players, `pieces` edits of the map), `gathering` the places of NPCs that share
-//! goals, `snapshot` and `events` the data for clients (`motion` detects jumps and landings, `standing` says why NPCs
-//! stand), `saved` the save of a world, and `journal` the changes since then in a fleet. Nothing here awaits or knows
-//! wire types.
+//! `living` those about movers and players, `pieces` edits of the map, `zones` zones and tags), `gathering` the places
+//! of NPCs that share goals, `snapshot` and `events` the data for clients (`motion` detects jumps and landings,
+//! `standing` says why NPCs stand), `saved` the save of a world, and `journal` the changes since then in a fleet.
+//! Nothing here awaits or knows wire types.
 
 mod commands;
 mod events;
@@ -22,6 +22,7 @@ mod standing;
 mod tick;
 mod workers;
 mod world;
+mod zones;
 
 pub use crate::messages::TimeMode;
 pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
@@ -35,3 +36,4 @@ pub use snapshot::{
     Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Standing, Support, Tally, WorldStats,
 };
 pub use world::HostedWorld;
+pub use zones::{ZonesEdit, ZonesError};

@@ -10,6 +10,8 @@ pub(super) struct Outbox {
     pub released: Vec<NpcId>,
     pub assigned: BTreeSet<NpcId>,
     pub ended: Vec<AttemptEnd>,
+    /// NPCs whose tags have changed.
+    pub tagged: BTreeSet<NpcId>,
 }
 
 impl Outbox {
@@ -20,6 +22,7 @@ impl Outbox {
 
     /// Releases an NPC from the worker. An assignment that has not been sent is withdrawn.
     pub fn release(&mut self, npc: NpcId) {
+        self.tagged.remove(&npc);
         if !self.assigned.remove(&npc) {
             self.released.push(npc);
         }

@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::durable;
+use surefoot_planner::zones::{MAX_ZONES, check_tags};
+use surefoot_planner::{Tags, Zone};
 use surefoot_world::map::{Piece, PieceError};
 use surefoot_world::sealed::{self, SealError};
 use surefoot_world::{Arrival, CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
@@ -44,6 +46,7 @@ pub struct WorldSave {
     map: MapHash,
     source: SavedMap,
     pieces: Vec<Piece>,
+    zones: Vec<Zone>,
     mode: TimeMode,
     bodies: Vec<CharacterProfile>,
     solid_npcs: bool,
@@ -91,6 +94,7 @@ struct SavedNpc {
     last_outcome: Option<End>,
     attempts: u32,
     attempts_ended: u32,
+    tags: Tags,
 }
 
 /// Why a world cannot be saved or restored.
@@ -195,6 +199,9 @@ impl WorldSave {
         let slots: BTreeSet<NpcSlot> = self.npcs.iter().map(|npc| npc.slot).collect();
         let is_ours = |npc: &SavedNpc| npc.id.world() == self.id && npc.goal.is_none_or(|goal| goal.is_finite());
         self.npcs.iter().all(is_ours)
+            && self.zones.len() <= MAX_ZONES
+            && self.zones.iter().all(|zone| zone.clone().check().is_ok())
+            && self.npcs.iter().all(|npc| check_tags(npc.tags.iter().cloned()).is_ok())
             && slots.len() == self.npcs.len()
             && self.state.slots().eq(slots)
             // Rides on zip lines are checked in `map`, which knows the number of lines.
@@ -275,6 +282,7 @@ impl HostedWorld {
             last_outcome: record.last_outcome,
             attempts: record.attempts,
             attempts_ended: record.attempts_ended,
+            tags: record.tags.clone(),
         });
         WorldSave {
             id: self.id,
@@ -282,6 +290,7 @@ impl HostedWorld {
             map: self.world.map().hash(),
             source,
             pieces: self.world.map().pieces().to_vec(),
+            zones: self.zones().cloned().collect(),
             mode: self.mode,
             bodies: self.bodies().to_vec(),
             solid_npcs: self.has_solid_npcs(),
@@ -296,7 +305,8 @@ impl HostedWorld {
     pub fn restore(saved: &WorldSave, map: Arc<Map>, registry: Arc<Registry>, npc_quota: &Arc<Quota>) -> Self {
         let mut world = Self::new(saved.id, map, saved.mode, registry)
             .with_bodies(saved.bodies.clone())
-            .with_solid_npcs(saved.solid_npcs);
+            .with_solid_npcs(saved.solid_npcs)
+            .with_zones(saved.zones.iter().cloned());
         world.world.restore(saved.state.clone());
         world.last_serial = saved.last_serial.saturating_add(UNSAVED_SERIALS).min(NpcId::MAX_SERIAL);
         world.counters = saved.counters.clone();
@@ -306,6 +316,7 @@ impl HostedWorld {
             record.last_outcome = npc.last_outcome;
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = saved.state.tick();
+            record.tags = npc.tags.clone();
             world.add_record(npc.id, record);
             if let Some(goal) = npc.goal {
                 // The world's state may have a waypoint of a plan that was not saved.

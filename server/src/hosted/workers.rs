@@ -145,7 +145,7 @@ impl HostedWorld {
 
     /// Sends the pending messages to workers.
     pub fn flush(&mut self) {
-        for (worker, Outbox { released, assigned, ended }) in std::mem::take(&mut self.outbox) {
+        for (worker, Outbox { released, assigned, ended, tagged }) in std::mem::take(&mut self.outbox) {
             if !released.is_empty() {
                 self.registry.send_or_cut(worker, ToWorker::Release(self.id, released));
             }
@@ -157,6 +157,10 @@ impl HostedWorld {
             }
             if !ended.is_empty() {
                 self.registry.send_or_cut(worker, ToWorker::Ended(self.id, ended));
+            }
+            if !tagged.is_empty() {
+                let (world, tags) = (self.id, self.tags_of(tagged));
+                self.registry.send_or_cut(worker, ToWorker::ZonesChanged { world, zones: None, tags });
             }
         }
     }
@@ -179,6 +183,8 @@ impl HostedWorld {
             pieces: map.pieces().to_vec(),
             mode: self.mode,
             solid_npcs: self.has_solid_npcs(),
+            zones: self.zones().cloned().collect(),
+            tags: self.tags_of(npcs.iter().copied()),
             npcs,
             body: (ProfileIdx(body), self.bodies()[usize::from(body)].clone()),
         })

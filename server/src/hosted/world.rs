@@ -16,6 +16,7 @@ use crate::times::TickTimes;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
+use surefoot_planner::{Tags, Zone};
 use surefoot_world::{
     CharacterProfile, End, Map, Npc, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World, WorldConfig,
 };
@@ -55,6 +56,8 @@ pub(super) struct NpcRecord {
     pub began: Tick,
     /// The NPC's place in its client's quota.
     pub ticket: Ticket,
+    /// Its tags, for zones that ask for them.
+    pub tags: Tags,
 }
 
 /// Misses in a row after which an NPC takes the neutral action instead of repeating its last one.
@@ -85,6 +88,7 @@ impl NpcRecord {
             history: VecDeque::new(),
             began: Tick(0),
             ticket,
+            tags: Tags::new(),
         }
     }
 
@@ -187,6 +191,8 @@ pub struct HostedWorld {
     pub(super) map_revision: u64,
     pub(super) gatherings: Gatherings,
     pub(super) shortage: Shortage,
+    /// By name.
+    pub(super) zones: BTreeMap<String, Zone>,
 }
 
 impl HostedWorld {
@@ -212,6 +218,7 @@ impl HostedWorld {
             map_revision: 0,
             gatherings: Gatherings::default(),
             shortage: Shortage::default(),
+            zones: BTreeMap::new(),
         }
     }
 

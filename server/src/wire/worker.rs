@@ -5,10 +5,12 @@ use crate::hosted::{NpcPlan, PlanLeg, Standing};
 use crate::ids::{NpcId, WorldId};
 use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToWorker};
 use surefoot_net::status;
+use surefoot_planner::{Tags, Zone};
 use surefoot_proto::convert::{self, FieldError, WireEnum};
 use surefoot_proto::pieces::piece_to_wire;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
+use surefoot_proto::zones;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use surefoot_world::{
@@ -132,6 +134,10 @@ pub fn to_worker(message: ToWorker) -> Result<wire::WorkResponse, Status> {
         ToWorker::Edited(WorldId(world_id), pieces) => {
             Message::Edited(wire::MapEdited { world_id, pieces: pieces.iter().map(piece_to_wire).collect() })
         }
+        ToWorker::ZonesChanged { world: WorldId(world_id), zones, tags } => {
+            let changed = Some(world_zones_to_wire(zones.as_deref(), &tags));
+            Message::ZonesChanged(wire::ZonesChanged { world_id, changed })
+        }
         ToWorker::Over(WorldId(world_id)) => Message::Over(wire::WorldOver { world_id }),
         ToWorker::Observations(batch) => Message::Observations(observations_to_wire(batch)),
         ToWorker::Goodbye(goodbye) => return Err(goodbye.into()),
@@ -143,7 +149,17 @@ fn npc_ids(npcs: &[NpcId]) -> Vec<u64> {
     npcs.iter().map(|npc| npc.0).collect()
 }
 
+/// Converts zones, unless they are unchanged, and tags of NPCs.
+fn world_zones_to_wire(zones: Option<&[Zone]>, tags: &[(NpcId, Tags)]) -> wire::WorldZones {
+    wire::WorldZones {
+        zones: zones.map(|zones| wire::ZoneList { zones: zones.iter().map(zones::zone_to_wire).collect() }),
+        tags: tags.iter().map(|(npc, tags)| zones::npc_tags_to_wire(npc.0, tags)).collect(),
+    }
+}
+
 fn assignment_to_wire(assignment: &Assignment) -> wire::Assignment {
+    let has_tags = assignment.tags.iter().any(|(_, tags)| !tags.is_empty());
+    let has_zones = has_tags || !assignment.zones.is_empty();
     wire::Assignment {
         world_id: assignment.world.0,
         map: assignment.spec.as_ref().map(convert::map_spec_to_wire),
@@ -154,6 +170,7 @@ fn assignment_to_wire(assignment: &Assignment) -> wire::Assignment {
         body_idx: assignment.body.0.0.into(),
         pieces: assignment.pieces.iter().map(piece_to_wire).collect(),
         solid_npcs: assignment.solid_npcs,
+        zones: has_zones.then(|| world_zones_to_wire(Some(&assignment.zones), &assignment.tags)),
     }
 }
 

@@ -1,13 +1,13 @@
 //! Calls about maps: sampling the ground, surveys and edits. Long work runs in the background, in turns.
 
 use super::{WorldHandle, Worlds, WorldsError, in_background};
-use crate::hosted::{EditError, HostedWorld, MapEdit, MapEdited};
+use crate::hosted::{EditError, HostedWorld, MapEdit, MapEdited, ZonesEdit};
 use crate::ids::WorldId;
 use std::sync::Arc;
 use surefoot_net::levels::MapSource;
 use surefoot_net::serving::Caller;
 use surefoot_world::reach::Reach;
-use surefoot_world::{CharacterProfile, Map, Seed, Vec3};
+use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
 
 /// Times that an edit is made again because other clients edited the map meanwhile.
 const MAX_TRIES: usize = 8;
@@ -93,6 +93,23 @@ impl Worlds {
         in_background("surveying", survey).await
     }
 
+    /// Changes the zones of a world. The edit is applied as a whole or not at all. Returns the tick from which the
+    /// zones hold, and their number.
+    pub async fn set_zones(&self, caller: &Caller, id: WorldId, edit: ZonesEdit) -> Result<(Tick, usize), WorldsError> {
+        let handle = self.handle_to_change(caller, id)?;
+        let done = handle.sim.call(move |state| state.world.set_zones(edit)).await??;
+        self.save_in_fleet(id).await?;
+        Ok(done)
+    }
+
+    /// Saves a world of a fleet after a change that journals leave out.
+    pub(crate) async fn save_in_fleet(&self, id: WorldId) -> Result<(), WorldsError> {
+        if self.shared_store().is_some() {
+            self.save(id, false).await?;
+        }
+        Ok(())
+    }
+
     /// Edits the map of a world. The edit is applied as a whole or not at all. The new map is made in the background.
     pub async fn edit(&self, caller: &Caller, id: WorldId, edit: MapEdit) -> Result<MapEdited, WorldsError> {
         let handle = self.handle_to_change(caller, id)?;
@@ -109,10 +126,7 @@ impl Worlds {
                 Ok::<_, EditError>(done)
             });
             if let Some(done) = done.await?? {
-                if self.shared_store().is_some() {
-                    // Journals have no edits, so that the store needs a new save.
-                    self.save(id, false).await?;
-                }
+                self.save_in_fleet(id).await?;
                 return Ok(done);
             }
         }

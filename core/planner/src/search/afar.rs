@@ -3,41 +3,46 @@
 use super::{Found, Path, Router, is_start_open};
 use crate::ids::VertexId;
 use crate::plan::{NoPath, Plan, Query};
-use crate::price::EdgeCosts;
 use crate::search::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS};
 use crate::search::connectivity::{self, flood};
+use crate::search::zoned::Search;
 
 impl Router {
     /// Tries more attachments if no path joins the cheapest ones; `goals` are those of the goal.
     pub(super) fn find_widely(
         &self,
-        query: &Query,
+        search: &Search<'_>,
         goals: Vec<Attachment>,
         mut join: impl FnMut(&[Attachment], &[Attachment]) -> Option<Path>,
     ) -> Found {
-        let starts = self.attach_start_widely(query);
+        let starts = self.attach_start_widely(search);
         // Fewer than the limit are all that exist.
-        let goals = if goals.len() < ATTACHMENTS { goals } else { self.attach_goal(query, MORE_ATTACHMENTS) };
+        let goals = if goals.len() < ATTACHMENTS { goals } else { self.attach_goal(search, MORE_ATTACHMENTS) };
         join(&starts, &goals).map_or(Found::Nothing { starts, goals }, Found::Path)
     }
 
     /// Leads to the reachable vertex nearest to the goal, because no path joins these attachments.
-    pub(super) fn plan_from_afar(
-        &self,
-        query: &Query,
-        starts: &[Attachment],
-        goals: &[Attachment],
-        repriced: &EdgeCosts,
-    ) -> Plan {
-        let reason = self.explain(query, starts, goals);
-        match self.nearest_reachable(query, starts) {
-            Some(nearest) => self.lead_to(query, starts, nearest, reason, repriced),
-            None => self.direct(query, Some(reason)),
+    pub(super) fn plan_from_afar(&self, search: &Search<'_>, starts: &[Attachment], goals: &[Attachment]) -> Plan {
+        let reason = self.explain(search, starts, goals);
+        match self.nearest_reachable(search, starts) {
+            Some(nearest) => self.lead_to(search, starts, nearest, reason),
+            None => self.head_straight(search, reason),
         }
     }
 
+    /// The plan of one leg straight to a goal that no path leads to. If zones bar it, the plan stays at the start.
+    pub(super) fn head_straight(&self, search: &Search<'_>, reason: NoPath) -> Plan {
+        let query = search.query;
+        if search.leg_to_goal(query.start).is_some() {
+            return self.direct(query, Some(reason));
+        }
+        let stay = self.direct(&Query::new(query.start, query.start), Some(reason));
+        Plan { nearest: Some(query.start), ..stay }
+    }
+
     /// Finds more vertices to walk to from the start, within the range of the edges that were proved on foot.
-    pub(super) fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
+    pub(super) fn attach_start_widely(&self, search: &Search<'_>) -> Vec<Attachment> {
+        let query = search.query;
         let closed = self.closed_from(query.start);
         let accept = |vertex, leg| {
             is_start_open(query, vertex)
@@ -45,36 +50,26 @@ impl Router {
                 && self.reach.contains(leg)
                 && self.is_boarded(query.start, vertex)
         };
+        let rules = (accept, |vertex| search.leg_from_start(self.graph.position(vertex)));
         let reach_m = self.reach.length_m;
-        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices(query), reach_m, Direction::Away, accept)
+        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices(query), reach_m, Direction::Away, rules)
     }
 
     /// Returns why there is no path between these attachments.
-    pub(super) fn explain(&self, query: &Query, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
-        reason(starts, goals, || {
-            let reached = self.reached_from(goals, query);
+    pub(super) fn explain(&self, search: &Search<'_>, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
+        reason(search, [starts, goals], || {
+            let reached = self.reached_from(goals, search);
             starts.iter().any(|&(start, _)| reached.contains(start))
         })
     }
 
     /// Plans to the vertex `nearest`, because no path leads to the goal.
-    fn lead_to(
-        &self,
-        query: &Query,
-        starts: &[Attachment],
-        nearest: VertexId,
-        reason: NoPath,
-        repriced: &EdgeCosts,
-    ) -> Plan {
-        let ends = [(nearest, 0.0)];
-        let path = if query.is_usual() && repriced.is_empty() && self.labels().is_some() {
-            self.look_up_path(starts, &ends)
-        } else {
-            self.a_star(starts, &ends, query, repriced)
+    fn lead_to(&self, search: &Search<'_>, starts: &[Attachment], nearest: VertexId, reason: NoPath) -> Plan {
+        // Avoided legs may cut off the nearest vertex.
+        let Some(path) = self.join(starts, &[(nearest, 0.0)], search) else {
+            return self.head_straight(search, reason);
         };
-        // Avoided legs may cut off a path that was looked up.
-        let Some(path) = path else { return self.direct(query, Some(reason)) };
-        let mut plan = self.assemble(query, &path);
+        let mut plan = self.assemble(search.query, &path);
         // Without the leg from the last vertex to the goal.
         plan.waypoints.pop();
         plan.legs.pop();
@@ -82,30 +77,38 @@ impl Router {
     }
 
     /// Returns the vertex nearest to the goal among those that a path leads to from any of `starts`.
-    fn nearest_reachable(&self, query: &Query, starts: &[Attachment]) -> Option<VertexId> {
-        let reached = self.reached_from(starts, query);
-        self.nearest_vertex(query.goal, |vertex| reached.contains(vertex))
+    fn nearest_reachable(&self, search: &Search<'_>, starts: &[Attachment]) -> Option<VertexId> {
+        let reached = self.reached_from(starts, search);
+        self.nearest_vertex(search.query.goal, |vertex| reached.contains(vertex))
     }
 
     /// The vertices that open paths lead to from any of `from`, these included. All vertices of an island reach the
-    /// same set, unless the query bans an ability or a mover stop.
-    pub(super) fn reached_from(&self, from: &[Attachment], query: &Query) -> Reached<'_> {
+    /// same set, unless the query bans an ability or a mover stop, or zones bind it.
+    pub(super) fn reached_from(&self, from: &[Attachment], search: &Search<'_>) -> Reached<'_> {
+        let query = search.query;
         let from = from.iter().map(|&(vertex, _)| vertex);
         match &self.closure {
-            Some(closure) if query.without.is_empty() && query.stops.is_empty() => {
+            Some(closure) if query.without.is_empty() && query.stops.is_empty() && search.zoned().is_none() => {
                 Reached::Known(closure.reached_from(from))
             }
             _ => Reached::Searched(flood(self.graph.vertex_count(), from, |vertex| {
                 let exits = self.adjacency.outgoing(vertex);
-                exits.filter(|(edge, ..)| self.is_possible(query, *edge)).map(|(_, to, _)| to)
+                exits.filter(|(edge, ..)| self.is_possible(search, *edge)).map(|(_, to, _)| to)
             })),
         }
     }
 }
 
-/// Returns why there is no path between these attachments; `leads_back` says whether one leads from a goal to a start.
-pub(super) fn reason(starts: &[Attachment], goals: &[Attachment], leads_back: impl FnOnce() -> bool) -> NoPath {
-    if starts.is_empty() {
+/// Returns why there is no path between attachments of start and goal; `leads_back` says whether one leads from a goal
+/// to a start.
+pub(super) fn reason(
+    search: &Search<'_>,
+    [starts, goals]: [&[Attachment]; 2],
+    leads_back: impl FnOnce() -> bool,
+) -> NoPath {
+    if search.bars_goal() {
+        NoPath::GoalInZone
+    } else if starts.is_empty() {
         NoPath::StartOffGraph
     } else if goals.is_empty() {
         NoPath::GoalOffGraph
@@ -141,6 +144,7 @@ mod tests {
     use crate::ids::EdgeKey;
     use crate::legs::LegModel;
     use crate::needs::{Need, Needs};
+    use crate::price::EdgeCosts;
     use proptest::prelude::*;
     use std::collections::BTreeSet;
     use surefoot_world::{Ability, Vec3};
@@ -210,11 +214,13 @@ mod tests {
             let leads_back = reached(&goals);
             let is_one_way = starts.iter().any(|(start, _)| leads_back[start.idx()]);
             let reason = if is_one_way { NoPath::OneWay } else { NoPath::DifferentIslands };
-            prop_assert_eq!(router.explain(&query, &starts, &goals), reason);
+            let repriced = EdgeCosts::new();
+            let search = router.search_for(&query, &repriced);
+            prop_assert_eq!(router.explain(&search, &starts, &goals), reason);
             let reached = reached(&starts);
             let distance = |vertex: VertexId| graph.position(vertex).distance_squared(query.goal);
             let nearest = graph.vertices().filter(|vertex| reached[vertex.idx()]).map(distance).min_by(f32::total_cmp);
-            prop_assert_eq!(router.nearest_reachable(&query, &starts).map(distance), nearest);
+            prop_assert_eq!(router.nearest_reachable(&search, &starts).map(distance), nearest);
         }
     }
 
@@ -222,8 +228,10 @@ mod tests {
     fn without_attachments_an_end_is_off_the_graph() {
         let router = Router::new(graph(&[(0, 1, Ability::Walk, 0)]), 0, 1);
         let (query, some) = (Query::new(Vec3::ZERO, Vec3::ONE), [(VertexId(0), 1.0)]);
-        assert_eq!(router.explain(&query, &[], &some), NoPath::StartOffGraph);
-        assert_eq!(router.explain(&query, &some, &[]), NoPath::GoalOffGraph);
-        assert_eq!(router.nearest_reachable(&query, &[]), None);
+        let repriced = EdgeCosts::new();
+        let search = router.search_for(&query, &repriced);
+        assert_eq!(router.explain(&search, &[], &some), NoPath::StartOffGraph);
+        assert_eq!(router.explain(&search, &some, &[]), NoPath::GoalOffGraph);
+        assert_eq!(router.nearest_reachable(&search, &[]), None);
     }
 }

@@ -67,7 +67,8 @@ impl VertexIndex {
     }
 
     /// Finds the cheapest attachments of `point` among the vertices that `accept` accepts with their legs, in ascending
-    /// order of cost: at most `most`, and not much farther away than `reach_m` on the plane.
+    /// order of cost: at most `most`, and not much farther away than `reach_m` on the plane. `surcharge` returns what
+    /// the leg of a vertex costs in addition, in decisions; `None` if it must not be used.
     pub fn cheapest(
         &self,
         point: Vec3,
@@ -75,7 +76,7 @@ impl VertexIndex {
         prices: &LegPrices,
         reach_m: f32,
         direction: Direction,
-        accept: impl Fn(VertexId, Vec3) -> bool,
+        (accept, surcharge): (impl Fn(VertexId, Vec3) -> bool, impl Fn(VertexId) -> Option<f32>),
     ) -> Vec<Attachment> {
         let mut best = Cheapest { entries: Vec::with_capacity(most + 1), most, prices, reach_m, limit_m: reach_m };
         // Vertices that may be among the cheapest wait until there are enough of them to be priced together.
@@ -98,12 +99,12 @@ impl VertexIndex {
                         }
                         let (leg, vertex) = (legs.map(|axis| axis[lane]), self.places[first + lane].1);
                         if accept(vertex, leg.into()) && waiting.push(vertex, leg) {
-                            best.insert(&mut waiting);
+                            best.insert(&mut waiting, &surcharge);
                         }
                     }
                 }
             });
-            best.insert(&mut waiting);
+            best.insert(&mut waiting, &surcharge);
             seen = next;
             let limit = (best.limit_m / self.grid.cell_m()).ceil().min(self.grid.ring_count() as f32) as i32 + 1;
             if seen >= limit {
@@ -153,16 +154,21 @@ struct Cheapest<'a> {
 }
 
 impl Cheapest<'_> {
-    /// Prices the waiting vertices and keeps the cheapest.
-    fn insert(&mut self, waiting: &mut Waiting) {
+    /// Prices the waiting vertices and keeps the cheapest. Only legs that may be among them are asked for surcharges.
+    fn insert(&mut self, waiting: &mut Waiting, surcharge: impl Fn(VertexId) -> Option<f32>) {
         if waiting.count == 0 {
             return;
         }
         let costs = self.prices.of(&waiting.legs);
         for (&vertex, cost) in waiting.vertices[..waiting.count].iter().zip(costs) {
-            let place = self.entries.partition_point(|&(_, other)| other <= cost);
+            let place_of = |cost: f32| self.entries.partition_point(|&(_, other)| other <= cost);
+            if place_of(cost) >= self.most {
+                continue;
+            }
+            let Some(more) = surcharge(vertex) else { continue };
+            let place = place_of(cost + more);
             if place < self.most {
-                self.entries.insert(place, (vertex, cost));
+                self.entries.insert(place, (vertex, cost + more));
                 self.entries.truncate(self.most);
             }
         }
@@ -238,25 +244,29 @@ mod tests {
             most in 1..20usize,
             reach_m in prop_oneof![Just(f32::INFINITY), 5.0..60.0f32],
             is_away in any::<bool>(),
+            surcharge in prop_oneof![Just(0.0), 1.0..99.0f32],
         ) {
             let graph = graph(vertices, Vec::new());
             let prices = LegPrices::new(graph.legs(), Caution::CAREFUL);
             let holds = |vertex: VertexId| !vertex.0.is_multiple_of(4);
             let accept = |vertex: VertexId, leg: Vec3| !vertex.0.is_multiple_of(7) && leg.y < 9.0;
+            let surcharge = |vertex: VertexId| if vertex.0.is_multiple_of(3) { surcharge } else { 0.0 };
             let leg = |vertex| (graph.position(vertex) - point) * if is_away { 1.0 } else { -1.0 };
             let direction = if is_away { Direction::Away } else { Direction::Back };
             let index = VertexIndex::new(&graph, cell_m, holds);
-            let found = index.cheapest(point, most, &prices, reach_m, direction, accept);
+            let rules = (accept, |vertex| Some(surcharge(vertex)));
+            let found = index.cheapest(point, most, &prices, reach_m, direction, rules);
+            let price = |vertex: VertexId| price(&prices, leg(vertex)) + surcharge(vertex);
 
             for (vertex, cost) in &found {
                 prop_assert!(holds(*vertex) && accept(*vertex, leg(*vertex)));
-                prop_assert!((cost - price(&prices, leg(*vertex))).abs() < 1.0e-3);
+                prop_assert!((cost - price(*vertex)).abs() < 1.0e-3);
             }
             prop_assert!(found.is_sorted_by(|a, b| a.1 <= b.1) && found.len() <= most);
             let within = |vertex: &VertexId| {
                 holds(*vertex) && accept(*vertex, leg(*vertex)) && leg(*vertex).with_y(0.0).length() <= reach_m
             };
-            let mut all: Vec<f32> = graph.vertices().filter(within).map(|vertex| price(&prices, leg(vertex))).collect();
+            let mut all: Vec<f32> = graph.vertices().filter(within).map(price).collect();
             all.sort_by(f32::total_cmp);
             prop_assert!(found.len() >= all.len().min(most));
             for ((_, cost), least) in found.iter().zip(all) {

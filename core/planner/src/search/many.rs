@@ -11,6 +11,7 @@ use crate::plan::{NoPath, Plan, Query};
 use crate::price::EdgeCosts;
 use crate::search::attach::Attachment;
 use crate::search::connectivity::flood;
+use crate::search::zoned::Search;
 use surefoot_world::{Chance, Decisions, Seconds, Vec3};
 
 /// The end that many plans have in common.
@@ -86,23 +87,24 @@ impl Router {
         places: &[Vec3],
         repriced: &EdgeCosts,
     ) -> Vec<Result<Arrival, NoPath>> {
-        let mut search = SharedSearch { shared, repriced, trees: Vec::new(), leading_back: None };
+        let mut common = SharedSearch { shared, trees: Vec::new(), leading_back: None };
         let mut query = query.clone();
         let arrival = |&place: &Vec3| {
             *(if shared == SharedEnd::Start { &mut query.goal } else { &mut query.start }) = place;
-            match self.find(&query, |starts, goals| search.join(self, [starts, goals], &query)) {
+            let search = self.search_for(&query, repriced);
+            match self.find(&search, |starts, goals| common.join(self, [starts, goals], &search)) {
                 Found::Path(path) => Ok(Arrival::of(&self.assemble(&query, &path), path.cost)),
-                Found::Direct => Ok(Arrival::of(&self.direct(&query, None), self.direct_cost(&query))),
-                Found::Nothing { starts, goals } => Err(search.explain(self, [&starts, &goals], &query)),
+                Found::Direct(cost) => Ok(Arrival::of(&self.direct(&query, None), cost)),
+                Found::Nothing { starts, goals } => Err(common.explain(self, [&starts, &goals], &search)),
             }
         };
         places.iter().map(arrival).collect()
     }
 
-    /// Whether a path that the query allows leads from each vertex to one of `ends`, or from one of them to it.
-    fn led_to(&self, query: &Query, growth: Growth, ends: &[Attachment]) -> Vec<bool> {
+    /// Whether a path that the search allows leads from each vertex to one of `ends`, or from one of them to it.
+    fn led_to(&self, search: &Search<'_>, growth: Growth, ends: &[Attachment]) -> Vec<bool> {
         let (count, ends) = (self.adjacency.vertex_count(), ends.iter().map(|&(vertex, _)| vertex));
-        let is_possible = |&(edge, ..): &(u32, VertexId, f32)| self.is_possible(query, edge);
+        let is_possible = |&(edge, ..): &(u32, VertexId, f32)| self.is_possible(search, edge);
         let other = |(_, other, _)| other;
         match growth {
             Growth::Forwards => {
@@ -117,20 +119,27 @@ impl Router {
 
 /// What many queries with a common end have in common.
 #[derive(Debug)]
-struct SharedSearch<'a> {
+struct SharedSearch {
     shared: SharedEnd,
-    repriced: &'a EdgeCosts,
     /// The trees that grow from the common end: from its first attachments, and from more of them.
     trees: Vec<Tree>,
     /// The vertices that a path joins to the common end against the direction of the queries.
     leading_back: Option<Vec<bool>>,
 }
 
-impl SharedSearch<'_> {
+impl SharedSearch {
+    /// Whether edges cost the same in a search as in the others. From a start in a zone that bars others, legs may lead
+    /// out of it.
+    fn holds_for(&self, search: &Search<'_>) -> bool {
+        self.shared == SharedEnd::Start || !search.leaves_zones()
+    }
+
     /// The cheapest path between attachments of start and goal.
-    fn join(&mut self, router: &Router, [starts, goals]: [&[Attachment]; 2], query: &Query) -> Option<Path> {
-        let repriced = self.repriced;
-        router.join_or([starts, goals], query, repriced, || {
+    fn join(&mut self, router: &Router, [starts, goals]: [&[Attachment]; 2], search: &Search<'_>) -> Option<Path> {
+        if !self.holds_for(search) {
+            return router.join(starts, goals, search);
+        }
+        router.join_or([starts, goals], search, |_| {
             let (roots, others, growth) = match self.shared {
                 SharedEnd::Start => (starts, goals, Growth::Forwards),
                 SharedEnd::Goal => (goals, starts, Growth::Backwards),
@@ -139,18 +148,21 @@ impl SharedSearch<'_> {
                 self.trees.push(Tree::new(roots, growth, router));
                 self.trees.len() - 1
             });
-            self.trees[idx].path(others, Terms { router, query, repriced })
+            self.trees[idx].path(others, Terms { router, search })
         })
     }
 
     /// Why there is no path between attachments of start and goal.
-    fn explain(&mut self, router: &Router, [starts, goals]: [&[Attachment]; 2], query: &Query) -> NoPath {
-        reason(starts, goals, || {
+    fn explain(&mut self, router: &Router, [starts, goals]: [&[Attachment]; 2], search: &Search<'_>) -> NoPath {
+        if !self.holds_for(search) {
+            return router.explain(search, starts, goals);
+        }
+        reason(search, [starts, goals], || {
             let (roots, others, growth) = match self.shared {
                 SharedEnd::Start => (starts, goals, Growth::Backwards),
                 SharedEnd::Goal => (goals, starts, Growth::Forwards),
             };
-            let leading_back = self.leading_back.get_or_insert_with(|| router.led_to(query, growth, roots));
+            let leading_back = self.leading_back.get_or_insert_with(|| router.led_to(search, growth, roots));
             others.iter().any(|&(vertex, _)| leading_back[vertex.idx()])
         })
     }

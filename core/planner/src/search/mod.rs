@@ -3,11 +3,12 @@
 //! Start and goal are each attached to several near vertices, at the cost that the graph's [model](crate::legs) of
 //! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest
 //! vertex, which a query may ask for. A [`Router`] looks the path up in hub labels. It searches with A* while there
-//! are no labels, and if the path that was looked up uses an avoided or repriced edge, or an ability that the query
-//! excludes.
+//! are no labels, and if the path that was looked up uses an avoided or repriced edge, an ability that the query
+//! excludes, or an edge on which a zone lies.
 
 pub(crate) mod adjacency;
 mod afar;
+mod astar;
 pub(crate) mod attach;
 pub(crate) mod connectivity;
 pub(crate) mod frontier;
@@ -16,6 +17,7 @@ pub mod many;
 pub mod reach;
 pub mod traffic;
 mod tree;
+pub(crate) mod zoned;
 
 use crate::graph::NavGraph;
 use crate::grid::spacing;
@@ -27,10 +29,10 @@ use crate::price::{Caution, EdgeCosts};
 use crate::search::adjacency::{Adjacency, EdgeIdx};
 use crate::search::attach::{ATTACHMENTS, Attachment, Direction, LegLimits, VertexIndex};
 use crate::search::connectivity::Closure;
-use crate::search::frontier::Frontier;
 use crate::search::labels::Labels;
 use crate::search::traffic::EdgesBySquare;
 pub use crate::search::traffic::Traffic;
+use crate::search::zoned::{Search, Zoned, ZonedSets};
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -73,6 +75,8 @@ pub struct Router {
     edges_by_square: OnceLock<EdgesBySquare>,
     /// The vertices on lifts and platforms. Unproved legs lead to or from them only if they begin or end there.
     ride_stops: HashSet<VertexId>,
+    /// The zones of recent queries.
+    zoned_sets: ZonedSets,
 }
 
 impl Router {
@@ -101,6 +105,7 @@ impl Router {
             closure: Closure::new(graph.connectivity()),
             labels: OnceLock::new(),
             edges_by_square: OnceLock::new(),
+            zoned_sets: ZonedSets::default(),
             adjacency: Adjacency::new(&graph),
             graph,
             metres_per_cost,
@@ -114,12 +119,27 @@ impl Router {
     /// Prepares hub labels on `thread_count` threads. Until they are ready, plans are searched with A*. A graph of a
     /// hundred thousand vertices takes a minute or two.
     pub fn prepare_labels(&self, thread_count: usize) {
-        self.labels.get_or_init(|| Labels::new(&self.adjacency, thread_count));
+        self.labels.get_or_init(|| Labels::new(&self.adjacency, &[], thread_count));
     }
 
     /// Whether plans are searched with A* because labels are not prepared.
     pub fn wants_labels(&self) -> bool {
         self.labels.get().is_none()
+    }
+
+    /// Prepares hub labels for the sets of zones that queries use often, on `thread_count` threads. Until they are
+    /// ready, plans that zones divert are searched with A*.
+    pub fn prepare_zone_labels(&self, thread_count: usize) {
+        if self.zones_want_labels() {
+            self.zoned_sets.prepare_labels(&self.adjacency, thread_count);
+        }
+    }
+
+    /// Whether queries often use a set of zones that has no hub labels. Only graphs with labels of at most
+    /// [`DEFAULT_LABEL_LIMIT`] vertices want them.
+    pub fn zones_want_labels(&self) -> bool {
+        let is_small = self.graph.vertex_count() <= DEFAULT_LABEL_LIMIT;
+        is_small && self.labels().is_some() && self.zoned_sets.want_labels()
     }
 
     /// Returns the size of the hub labels in memory, bytes; 0 without any.
@@ -167,44 +187,48 @@ impl Router {
     /// Finds the cheapest plan at current costs. If an edge has become cheaper, the plan may not be the cheapest,
     /// because the labels and the A* heuristic use the costs that the router was made with.
     pub fn find_path_at(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
-        if query.attach == Attach::Nearest {
-            return self.find_path_between_nearest(query, repriced);
+        let search = self.search_for(query, repriced);
+        if query.attach == Attach::Nearest && !search.bars_goal() {
+            return self.find_path_between_nearest(&search);
         }
-        match self.find(query, |starts, goals| self.join(starts, goals, query, repriced)) {
+        match self.find(&search, |starts, goals| self.join(starts, goals, &search)) {
             Found::Path(path) => self.assemble(query, &path),
-            Found::Direct => self.direct(query, None),
-            Found::Nothing { starts, goals } => self.plan_from_afar(query, &starts, &goals, repriced),
+            Found::Direct(_) => self.direct(query, None),
+            Found::Nothing { starts, goals } => self.plan_from_afar(&search, &starts, &goals),
         }
     }
 
     /// Decides how to get from the start to the goal. `join` finds the cheapest path between attachments of both.
-    fn find(&self, query: &Query, mut join: impl FnMut(&[Attachment], &[Attachment]) -> Option<Path>) -> Found {
-        let starts = self.attach_start(query);
-        let goals = self.attach_goal(query, ATTACHMENTS);
-        let is_near = self.is_near(query);
-        match join(&starts, &goals) {
-            Some(path) if is_near && self.direct_cost(query) <= path.cost => Found::Direct,
-            Some(path) => Found::Path(path),
-            None if is_near => Found::Direct,
-            None => self.find_widely(query, goals, join),
+    fn find(&self, search: &Search<'_>, mut join: impl FnMut(&[Attachment], &[Attachment]) -> Option<Path>) -> Found {
+        if search.bars_goal() {
+            return Found::Nothing { starts: self.attach_start_widely(search), goals: Vec::new() };
+        }
+        let starts = self.attach_start(search);
+        let goals = self.attach_goal(search, ATTACHMENTS);
+        match (join(&starts, &goals), self.direct_cost(search)) {
+            (Some(path), Some(cost)) if cost <= path.cost => Found::Direct(cost),
+            (Some(path), _) => Found::Path(path),
+            (None, Some(cost)) => Found::Direct(cost),
+            (None, None) => self.find_widely(search, goals, join),
         }
     }
 
-    /// Whether the goal is so near that a plan may lead straight to it.
-    fn is_near(&self, query: &Query) -> bool {
-        query.start.distance(query.goal) <= DIRECT_M
-            && !query.avoid.contains(&LegKey::DIRECT)
-            && !self.closed_from(query.start).iter().any(|&vertex| self.is_at(query.goal, vertex))
+    /// Adds to a query what edges cost in it.
+    fn search_for<'a>(&self, query: &'a Query, repriced: &'a EdgeCosts) -> Search<'a> {
+        self.zoned_sets.search(&self.graph, &self.adjacency, query, repriced)
     }
 
     /// Finds the cheapest plan from the vertex nearest to the start to the one nearest to the goal.
-    fn find_path_between_nearest(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
-        let nearest = |point| self.nearest_vertex(point, |_| true).map(|vertex| (vertex, 0.0));
-        let starts: Vec<Attachment> = nearest(query.start).into_iter().collect();
-        let goals: Vec<Attachment> = nearest(query.goal).into_iter().collect();
-        match self.join(&starts, &goals, query, repriced) {
+    fn find_path_between_nearest(&self, search: &Search<'_>) -> Plan {
+        let query = search.query;
+        let is_open_start = |vertex| search.leg_from_start(self.graph.position(vertex)).is_some();
+        let is_open_goal = |vertex| search.leg_to_goal(self.graph.position(vertex)).is_some();
+        let attach = |vertex: Option<VertexId>| vertex.map(|vertex| (vertex, 0.0)).into_iter().collect();
+        let starts: Vec<Attachment> = attach(self.nearest_vertex(query.start, is_open_start));
+        let goals: Vec<Attachment> = attach(self.nearest_vertex(query.goal, is_open_goal));
+        match self.join(&starts, &goals, search) {
             Some(path) => self.assemble(query, &path),
-            None => self.direct(query, Some(self.explain(query, &starts, &goals))),
+            None => self.head_straight(search, self.explain(search, &starts, &goals)),
         }
     }
 
@@ -243,41 +267,48 @@ impl Router {
     }
 
     /// The cheapest path from one of `starts` to one of `goals`.
-    fn join(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
-        self.join_or([starts, goals], query, repriced, || self.a_star(starts, goals, query, repriced))
+    fn join(&self, starts: &[Attachment], goals: &[Attachment], search: &Search<'_>) -> Option<Path> {
+        self.join_or([starts, goals], search, |labels| self.a_star(starts, goals, search, labels))
     }
 
-    /// The same for attachments of start and goal. `search` finds the path if it cannot be looked up.
+    /// The same for attachments of start and goal. `find` finds the path if it cannot be looked up; it gets the labels
+    /// whose paths cost no more than those of the search, if there are any.
     fn join_or(
         &self,
         [starts, goals]: [&[Attachment]; 2],
-        query: &Query,
-        repriced: &EdgeCosts,
-        search: impl FnOnce() -> Option<Path>,
+        search: &Search<'_>,
+        find: impl FnOnce(Option<&Labels>) -> Option<Path>,
     ) -> Option<Path> {
-        if self.labels().is_none() || query.caution != Caution::CAREFUL {
-            return search();
-        }
-        let path = self.look_up_path(starts, goals)?;
-        if query.is_usual() && repriced.is_empty() {
+        let Search { query, repriced, .. } = search;
+        let with_zones = search.zoned().and_then(Zoned::labels);
+        let Some(labels) = with_zones.or(self.labels()).filter(|_| query.caution == Caution::CAREFUL) else {
+            return find(None);
+        };
+        let path = Path::look_up(labels, starts, goals)?;
+        let zoned = search.zoned().filter(|_| with_zones.is_none());
+        if query.is_usual() && repriced.is_empty() && zoned.is_none() {
             return Some(path);
         }
         let is_usual = |edge: &EdgeIdx| {
-            self.is_open(query, *edge) && (repriced.is_empty() || !repriced.contains_key(&self.adjacency.key(*edge)))
+            self.is_open(search, *edge)
+                && (repriced.is_empty() || !repriced.contains_key(&self.adjacency.key(*edge)))
+                && zoned.is_none_or(|zoned| zoned.on_edge(*edge) == 0.0)
         };
-        if path.edges.iter().all(is_usual) { Some(path) } else { search() }
+        if path.edges.iter().all(is_usual) { Some(path) } else { find(Some(labels)) }
     }
 
     /// Searches the cheapest path between two vertices with A*. Returns its cost in decisions and its vertices.
     pub fn search(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
         let query = Query::new(self.graph.position(from), self.graph.position(to));
-        self.a_star(&[(from, 0.0)], &[(to, 0.0)], &query, &EdgeCosts::new()).map(|path| self.vertices_of(&path))
+        let repriced = EdgeCosts::new();
+        let search = self.search_for(&query, &repriced);
+        self.a_star(&[(from, 0.0)], &[(to, 0.0)], &search, None).map(|path| self.vertices_of(&path))
     }
 
     /// Looks up the cheapest path between two vertices in hub labels. Returns its cost in decisions and its vertices;
     /// `None` if there is no path, or no labels.
     pub fn look_up(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
-        self.look_up_path(&[(from, 0.0)], &[(to, 0.0)]).map(|path| self.vertices_of(&path))
+        Path::look_up(self.labels()?, &[(from, 0.0)], &[(to, 0.0)]).map(|path| self.vertices_of(&path))
     }
 
     fn vertices_of(&self, path: &Path) -> (f32, Vec<VertexId>) {
@@ -286,24 +317,28 @@ impl Router {
     }
 
     /// Finds the cheapest vertices to walk to from the start. Those without outgoing edges are left out.
-    fn attach_start(&self, query: &Query) -> Vec<Attachment> {
+    fn attach_start(&self, search: &Search<'_>) -> Vec<Attachment> {
+        let query = search.query;
         let closed = self.closed_from(query.start);
         let accept = |vertex, _| {
             is_start_open(query, vertex) && !closed.contains(&vertex) && self.is_boarded(query.start, vertex)
         };
-        self.sources.cheapest(query.start, ATTACHMENTS, &self.prices(query), f32::INFINITY, Direction::Away, accept)
+        let rules = (accept, |vertex| search.leg_from_start(self.graph.position(vertex)));
+        self.sources.cheapest(query.start, ATTACHMENTS, &self.prices(query), f32::INFINITY, Direction::Away, rules)
     }
 
     /// Finds the cheapest vertices to walk from to the goal, within the range of the edges that were proved on foot.
     /// Those without incoming edges are left out.
-    fn attach_goal(&self, query: &Query, most: usize) -> Vec<Attachment> {
+    fn attach_goal(&self, search: &Search<'_>, most: usize) -> Vec<Attachment> {
+        let query = search.query;
         let closed = self.closed_to(query.goal);
         let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
         let accept = |vertex, leg| {
             let stays = self.is_boarded(query.goal, vertex);
             is_open(vertex) && !closed.contains(&vertex) && self.reach.contains(leg) && stays
         };
-        self.targets.cheapest(query.goal, most, &self.prices(query), self.reach.length_m, Direction::Back, accept)
+        let rules = (accept, |vertex| search.leg_to_goal(self.graph.position(vertex)));
+        self.targets.cheapest(query.goal, most, &self.prices(query), self.reach.length_m, Direction::Back, rules)
     }
 
     /// The prices of unproved legs at the caution of a query.
@@ -350,11 +385,6 @@ impl Router {
         self.graph.position(vertex).distance_squared(point) <= AT_VERTEX_M * AT_VERTEX_M
     }
 
-    /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.
-    fn look_up_path(&self, starts: &[Attachment], goals: &[Attachment]) -> Option<Path> {
-        self.labels()?.path(starts, goals).map(|(cost, first, edges)| Path { cost, first, edges })
-    }
-
     /// Whether an unproved leg may join `point` and a vertex: a ride stop only if `point` is there.
     fn is_boarded(&self, point: Vec3, vertex: VertexId) -> bool {
         self.ride_stops.is_empty() || !self.ride_stops.contains(&vertex) || self.is_at(point, vertex)
@@ -366,76 +396,30 @@ impl Router {
     }
 
     /// Whether a plan may use an edge: it is [possible](Self::is_possible), and the query does not avoid it.
-    fn is_open(&self, query: &Query, edge: EdgeIdx) -> bool {
-        self.is_possible(query, edge)
-            && (query.avoid.is_empty() || !query.avoid.contains(&self.adjacency.key(edge).into()))
+    fn is_open(&self, search: &Search<'_>, edge: EdgeIdx) -> bool {
+        let avoid = &search.query.avoid;
+        self.is_possible(search, edge) && (avoid.is_empty() || !avoid.contains(&self.adjacency.key(edge).into()))
     }
 
-    /// Whether an edge needs no ability that the query excludes, and the movers stand where it needs them.
-    fn is_possible(&self, query: &Query, edge: EdgeIdx) -> bool {
+    /// Whether an edge needs no ability that the query excludes, the movers stand where it needs them, and no zone bars
+    /// it.
+    fn is_possible(&self, search: &Search<'_>, edge: EdgeIdx) -> bool {
+        let query = search.query;
         let is_met = |needs: &Needs| needs.are_met(&query.stops);
         (query.without.is_empty() || !query.without.rules_out(self.adjacency.ability(edge)))
             && (query.stops.is_empty() || self.needs_of(self.adjacency.key(edge)).is_none_or(is_met))
+            && search.zoned().is_none_or(|zoned| zoned.on_edge(edge).is_finite())
     }
 
-    /// Runs A* from all of `starts` to the best of `goals`, attachments included. The heuristic is the straight-line
-    /// distance at the graph's greatest distance per cost. It never overestimates, so the path is the cheapest.
-    fn a_star(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
-        if goals.is_empty() {
-            // Without a goal, the heuristic would put vertices into no useful order.
-            return None;
-        }
-        let ends: Vec<(Vec3, f32)> = goals.iter().map(|&(goal, exit)| (self.graph.position(goal), exit)).collect();
-        let heuristic = |vertex: VertexId| {
-            let at = self.graph.position(vertex);
-            ends.iter().map(|(end, exit)| at.distance(*end) / self.metres_per_cost + exit).fold(f32::INFINITY, f32::min)
-        };
-        let mut frontier = Frontier::new(self.graph.vertex_count());
-        let mut came_from: Vec<Option<EdgeIdx>> = vec![None; self.graph.vertex_count()];
-        for &(vertex, price) in starts {
-            frontier.offer_with(vertex.0, price, |cost| cost + heuristic(vertex));
-        }
-        let mut best: (f32, Option<VertexId>) = (f32::INFINITY, None);
-        // Rounding may lift a lower bound slightly above the true cost.
-        while let Some((vertex, so_far)) = frontier.settle(best.0 * (1.0 + 1.0e-5)) {
-            let vertex = VertexId(vertex);
-            for &(goal, exit) in goals {
-                if goal == vertex && so_far + exit < best.0 {
-                    best = (so_far + exit, Some(vertex));
-                }
-            }
-            for (edge, to, careful) in self.adjacency.outgoing(vertex) {
-                let next = so_far + self.price(query, repriced, edge, careful);
-                if next < frontier.cost(to.0) && self.is_open(query, edge) {
-                    frontier.offer_with(to.0, next, |cost| cost + heuristic(to));
-                    came_from[to.idx()] = Some(edge);
-                }
-            }
-        }
-        let (cost, last) = best;
-        let (mut edges, mut first) = (Vec::new(), last?);
-        while let Some(edge) = came_from[first.idx()] {
-            edges.push(edge);
-            first = self.adjacency.key(edge).from;
-        }
-        edges.reverse();
-        Some(Path { cost, first, edges })
-    }
-
-    /// The current cost of an edge for a query, in decisions; `careful` is the one for careful queries that the router
-    /// was made with.
-    fn price(&self, query: &Query, repriced: &EdgeCosts, edge: EdgeIdx, careful: f32) -> f32 {
-        let changed = if repriced.is_empty() { None } else { repriced.get(&self.adjacency.key(edge)) };
-        match changed {
-            Some(cost) => cost.at(query.caution),
-            None if query.caution == Caution::CAREFUL => careful,
-            None => self.adjacency.cost(edge).at(query.caution),
-        }
-    }
-
-    fn direct_cost(&self, query: &Query) -> f32 {
+    /// The cost of heading straight for the goal, in decisions; `None` if that is too far or not allowed.
+    fn direct_cost(&self, search: &Search<'_>) -> Option<f32> {
+        let query = search.query;
+        let is_open = query.start.distance(query.goal) <= DIRECT_M
+            && !query.avoid.contains(&LegKey::DIRECT)
+            && !self.closed_from(query.start).iter().any(|&vertex| self.is_at(query.goal, vertex));
+        let surcharge = if is_open { search.leg_to_goal(query.start)? } else { return None };
         let estimate = self.graph.legs().estimate(query.start, query.goal);
-        estimate.cost_at(query.caution) as f32
+        Some(estimate.cost_at(query.caution) as f32 + surcharge)
     }
 
     fn direct(&self, query: &Query, no_path: Option<NoPath>) -> Plan {
@@ -471,8 +455,8 @@ impl Router {
 enum Found {
     /// Along a path.
     Path(Path),
-    /// Straight.
-    Direct,
+    /// Straight, at this cost in decisions.
+    Direct(f32),
     /// No path joins these attachments.
     Nothing { starts: Vec<Attachment>, goals: Vec<Attachment> },
 }
@@ -486,6 +470,13 @@ struct Path {
     first: VertexId,
     /// Edges of the path, in order.
     edges: Vec<EdgeIdx>,
+}
+
+impl Path {
+    /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.
+    fn look_up(labels: &Labels, starts: &[Attachment], goals: &[Attachment]) -> Option<Self> {
+        labels.path(starts, goals).map(|(cost, first, edges)| Self { cost, first, edges })
+    }
 }
 
 /// Whether the query does not avoid the leg from its start to `vertex`.

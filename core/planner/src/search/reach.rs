@@ -40,11 +40,12 @@ impl Router {
     /// is faster. The goal of the query is ignored.
     pub fn reachable(&self, query: &Query, limit: Seconds, repriced: &EdgeCosts) -> Vec<ReachedVertex> {
         let mut seconds = vec![f32::INFINITY; self.adjacency.vertex_count()];
-        let terms = Terms { router: self, query, repriced };
-        let starts = self.attach_start(query);
+        let search = &self.search_for(query, repriced);
+        let terms = Terms { router: self, search };
+        let starts = self.attach_start(search);
         spread(&starts, limit, terms, &mut seconds);
         // The start may be near other vertices that the cheapest attachments do not lead to.
-        let (more, reached) = (self.attach_start_widely(query), self.reached_from(&starts, query));
+        let (more, reached) = (self.attach_start_widely(search), self.reached_from(&starts, search));
         if more.iter().any(|&(vertex, _)| !reached.contains(vertex)) {
             let mut others = vec![f32::INFINITY; seconds.len()];
             spread(&more, limit, terms, &mut others);
@@ -66,13 +67,15 @@ impl Router {
         limit: Seconds,
         side_m: f32,
     ) -> Option<Vec<ReachedCell>> {
+        let repriced = EdgeCosts::new();
+        let search = self.search_for(query, &repriced);
         let mut cells = Cells { side_m, first: BTreeMap::new() };
         for &ReachedVertex { vertex, seconds } in reached {
             let from = self.graph.position(vertex);
             cells.pass(from, seconds);
             for (edge, ..) in self.adjacency.outgoing(vertex) {
                 let hop = self.adjacency.hop(edge);
-                if hop.leg.ability <= Ability::DoubleJump && self.is_open(query, edge) {
+                if hop.leg.ability <= Ability::DoubleJump && self.is_open(&search, edge) {
                     cells.run([from, hop.end], [seconds, hop.leg.seconds], limit);
                 }
                 if cells.first.len() > MAX_CELLS {
@@ -91,7 +94,7 @@ fn spread(starts: &[Attachment], limit: Seconds, terms: Terms<'_>, seconds: &mut
     let mut tree = Tree::new(starts, Growth::Forwards, router);
     for &(vertex, _) in starts {
         let key = LegKey { from: Stop::Start, to: Stop::Vertex(vertex) };
-        let ends = [terms.query.start, router.graph.position(vertex)];
+        let ends = [terms.search.query.start, router.graph.position(vertex)];
         seconds[vertex.idx()] = Leg::unproved(router.graph.legs(), key, ends).seconds.0;
     }
     let is_within = |seconds: f32| seconds <= limit.0;
@@ -157,8 +160,10 @@ mod tests {
     use crate::graph::{Edge, GraphData, NavGraph};
     use crate::ids::EdgeKey;
     use crate::legs::LegModel;
+    use crate::zones::{Rule, Shape, Tags, Zone, Zones};
     use proptest::prelude::*;
     use std::collections::BTreeSet;
+    use surefoot_world::Aabb;
 
     const COUNT: u32 = 30;
 
@@ -179,10 +184,21 @@ mod tests {
         prop::sample::select(vec![Ability::Walk, Ability::Jump, Ability::Teleporter])
     }
 
+    fn zone() -> impl Strategy<Value = Zone> {
+        let rule = prop_oneof![(0.1..20.0f32).prop_map(Rule::Price), Just(Rule::Never)];
+        ((0.0..100.0f32, 0.0..90.0f32), 1.0..30.0f32, rule).prop_map(|((x, z), side, rule)| {
+            let low = Vec3::new(x, 0.0, z);
+            let shape = Shape::Box(Aabb { low, high: low + side });
+            Zone { name: "zone".to_owned(), shape, rule, concerns: Tags::new() }
+        })
+    }
+
     /// The time to a vertex by the search of a single plan.
     fn seconds_alone(router: &Router, query: &Query, vertex: VertexId) -> Option<f32> {
-        let (starts, ends) = ([router.attach_start(query), router.attach_start_widely(query)], [(vertex, 0.0)]);
-        let path = starts.iter().find_map(|starts| router.a_star(starts, &ends, query, &EdgeCosts::new()))?;
+        let repriced = EdgeCosts::new();
+        let search = router.search_for(query, &repriced);
+        let (starts, ends) = ([router.attach_start(&search), router.attach_start_widely(&search)], [(vertex, 0.0)]);
+        let path = starts.iter().find_map(|starts| router.a_star(starts, &ends, &search, None))?;
         let legs = &router.assemble(query, &path).legs;
         Some(legs[..legs.len() - 1].iter().map(|leg| leg.seconds).sum::<Seconds>().0)
     }
@@ -196,11 +212,13 @@ mod tests {
             start in (0.0..100.0f32, 0.0..90.0f32),
             limit in 0.0..60.0f32,
             is_without in any::<bool>(),
+            zones in prop::collection::vec(zone(), 0..5),
         ) {
             let router = router(&edges);
             let start = Vec3::new(start.0, 0.0, start.1);
             let query = Query {
                 without: [Ability::Jump].into_iter().filter(|_| is_without).collect(),
+                zones: Zones::new(zones),
                 ..Query::new(start, start)
             };
             let reached = router.reachable(&query, Seconds(limit), &EdgeCosts::new());

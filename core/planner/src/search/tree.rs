@@ -3,11 +3,10 @@
 
 use super::{Path, Router};
 use crate::ids::VertexId;
-use crate::plan::Query;
-use crate::price::EdgeCosts;
 use crate::search::adjacency::EdgeIdx;
 use crate::search::attach::Attachment;
 use crate::search::frontier::Frontier;
+use crate::search::zoned::Search;
 
 /// Where the paths of a tree lead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,8 +21,7 @@ pub(super) enum Growth {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Terms<'a> {
     pub router: &'a Router,
-    pub query: &'a Query,
-    pub repriced: &'a EdgeCosts,
+    pub search: &'a Search<'a>,
 }
 
 /// The cheapest paths found so far.
@@ -60,15 +58,15 @@ impl Tree {
     /// on the paths before, and the vertex at its other end.
     pub fn grow(
         &mut self,
-        Terms { router, query, repriced }: Terms<'_>,
+        Terms { router, search }: Terms<'_>,
         limit: f32,
         mut offer: impl FnMut(EdgeIdx, VertexId),
     ) -> Option<VertexId> {
         let (vertex, so_far) = self.frontier.settle(limit)?;
         let vertex = VertexId(vertex);
         let mut visit = |(edge, other, careful): (EdgeIdx, VertexId, f32)| {
-            let next = so_far + router.price(query, repriced, edge, careful);
-            if next < self.frontier.cost(other.0) && router.is_open(query, edge) {
+            let next = so_far + router.price(search, edge, careful);
+            if next < self.frontier.cost(other.0) && router.is_open(search, edge) {
                 self.frontier.offer(other.0, next);
                 self.edges[other.idx()] = Some(edge);
                 offer(edge, other);

@@ -171,6 +171,7 @@ impl fmt::Display for Failure {
             Self::Unreachable(Some(NoPath::OneWay)) => {
                 "unreachable: paths lead from the goal to the agent, but none leads there"
             }
+            Self::Unreachable(Some(NoPath::GoalInZone)) => "unreachable: the goal is in a zone that is closed",
             Self::Unreachable(None) => "unreachable: every path to the goal was tried",
             Self::GaveUp => "gave up: its patience or its plans ran out",
             Self::NoProgress => "no progress: give the agent a graph for goals that are further away",

@@ -32,6 +32,7 @@ const char* name_of_no_path(sf_no_path reason) {
         case SF_GOAL_OFF_GRAPH: return "goal_off_graph";
         case SF_DIFFERENT_ISLANDS: return "different_islands";
         case SF_ONE_WAY: return "one_way";
+        case SF_GOAL_IN_ZONE: return "goal_in_zone";
         default: return "unknown";
     }
 }

@@ -175,7 +175,7 @@ impl<'s> Hall<'s> {
             let spawn = |idx: &usize| {
                 let goal = self.map.goals[*idx];
                 let at = |place: [f32; 3]| Some(convert::to_wire(Vec3::from_array(place)));
-                wire::Spawn { position: at(goal.start), yaw: goal.yaw, goal: at(goal.goal), body: None }
+                wire::Spawn { position: at(goal.start), yaw: goal.yaw, goal: at(goal.goal), ..Default::default() }
             };
             let request = wire::BatchSpawnNpcsRequest {
                 world_id: self.world_id,

@@ -93,6 +93,7 @@ const NO_PATH_REASONS: Record<NoPath, string> = {
   [NoPath.GOAL_OFF_GRAPH]: 'No edge ends near the goal.',
   [NoPath.DIFFERENT_ISLANDS]: 'Start and goal are on different islands: no proved edge joins them.',
   [NoPath.ONE_WAY]: 'The path is one-way: it leads only from the goal to the start.',
+  [NoPath.GOAL_IN_ZONE]: 'The goal is in a closed zone.',
 }
 
 export function noPathReason(reason: NoPath): string {

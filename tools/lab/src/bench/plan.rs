@@ -20,7 +20,7 @@ use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::Progress;
 use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::store::GraphStore;
-use surefoot_planner::{BuildSettings, Built, NavGraph, Query, Router, Stop, VertexId};
+use surefoot_planner::{Aabb, BuildSettings, Built, NavGraph, Query, Router, Rule, Shape, Stop, VertexId, Zone, Zones};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner_service::{self as service, PlannerConfig};
 use surefoot_policy::Policy;
@@ -94,6 +94,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     }
     figures.extend(searches(&big.graph, &router, &queries));
     figures.extend(many::figures(&router, &context, &points));
+    figures.extend(in_zones(&router, &queries, &points));
     figures.extend(far_away(&big.graph, &points)?);
     figures.push(batch(&router, &queries));
     let folder = std::env::temp_dir().join(format!("surefoot-bench-{}", std::process::id()));
@@ -191,6 +192,44 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
         Figure::new("plan_legs_median", lengths, "legs"),
         Figure::new("look_up_us_median", look_up, "us").with_reference("petgraph's Dijkstra", by_dijkstra, false),
         Figure::new("search_us_median", our_search, "us").with_reference("petgraph's A*", by_astar, false),
+    ]
+}
+
+/// Number of zones in queries.
+const ZONES: usize = 64;
+
+/// Times plans with many zones, half of them closed to the NPC, and compares them with the same plans without zones.
+fn in_zones(router: &Router, queries: &[Query], points: &[Vec3]) -> Vec<Figure> {
+    let zone = |(idx, &at): (usize, &Vec3)| {
+        let size = 4.0 + (idx % 8) as f32 * 4.0;
+        let bottom = at - Vec3::Y * 4.0;
+        let shape = if idx % 2 == 0 {
+            Shape::Cylinder { bottom, radius: size, height: 12.0 }
+        } else {
+            Shape::Box(Aabb { low: bottom - Vec3::new(size, 0.0, size), high: bottom + Vec3::new(size, 12.0, size) })
+        };
+        let rule = match idx % 4 {
+            0 | 1 => Rule::Price(0.5 + idx as f32 * 0.1),
+            2 => Rule::Never,
+            _ => Rule::OnlyWith("key".to_owned()),
+        };
+        Zone { name: format!("zone {idx}"), shape, rule, concerns: Default::default() }
+    };
+    let zones = Zones::new(points.iter().enumerate().take(ZONES).map(zone));
+    let with_zones: Vec<Query> = queries.iter().map(|query| Query { zones: zones.clone(), ..query.clone() }).collect();
+    let first = micros(|| drop(black_box(router.find_path(&with_zones[0]))));
+    let searched = median(least_times(router, &with_zones));
+    let labels = timed(|| router.prepare_zone_labels(core_count()));
+    let (free, zoned) = (median(least_times(router, queries)), median(least_times(router, &with_zones)));
+    let plan = |query: &Query| router.find_path(query).waypoints;
+    let diverted = queries.iter().zip(&with_zones).filter(|(free, zoned)| plan(free) != plan(zoned)).count();
+    vec![
+        Figure::new("plan_zones_first_us", first, "us"),
+        Figure::new("plan_zones_searched_us_median", searched, "us"),
+        Figure::new("plan_zones_labels_s", labels, "s"),
+        Figure::new("plan_zones_us_median", zoned, "us"),
+        Figure::new("plan_zones_ratio", zoned / free, "times").at_most(1.5),
+        Figure::new("plan_zones_diverted", 100.0 * diverted as f64 / queries.len() as f64, "%"),
     ]
 }
 

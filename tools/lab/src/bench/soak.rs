@@ -206,7 +206,7 @@ async fn worlds(channel: &Channel, idx: u64) -> Result<(), Status> {
     let request = wire::SampleGroundRequest { world_id, count: 16, seed: idx, body: None, ..Default::default() };
     let points = client.sample_ground(request).await?.into_inner().points;
     let spawn =
-        |pair: &[wire::Vec3]| wire::Spawn { position: Some(pair[0]), yaw: 0.0, goal: Some(pair[1]), body: None };
+        |pair: &[wire::Vec3]| wire::Spawn { position: Some(pair[0]), goal: Some(pair[1]), ..Default::default() };
     let spawns = points.chunks_exact(2).map(spawn).collect();
     client.batch_spawn_npcs(wire::BatchSpawnNpcsRequest { world_id, spawns, ..Default::default() }).await?;
     tokio::time::sleep(Duration::from_secs(2)).await;

@@ -65,13 +65,16 @@ pub struct Contracted {
     pub entering: Vec<Vec<Arc>>,
 }
 
-/// Contracts all vertices of a graph.
-pub fn contract(adjacency: &Adjacency) -> Contracted {
+/// Contracts all vertices of a graph, whose edges cost `surcharges` more, if there are any; infinite ones close edges.
+pub fn contract(adjacency: &Adjacency, surcharges: &[f32]) -> Contracted {
     let count = adjacency.vertex_count();
     let mut rest = Uncontracted::new(count);
     for from in 0..count {
         for (edge, to, cost) in adjacency.outgoing(VertexId::at(from)) {
-            rest.add(from as u32, to.0, cost, Origin(edge), 1);
+            let cost = cost + surcharges.get(edge as usize).copied().unwrap_or(0.0);
+            if cost.is_finite() {
+                rest.add(from as u32, to.0, cost, Origin(edge), 1);
+            }
         }
     }
     let mut queue: BinaryHeap<Reverse<(u64, u32)>> =

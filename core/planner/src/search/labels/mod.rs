@@ -51,9 +51,10 @@ struct Entry {
 }
 
 impl Labels {
-    /// Prepares the labels of a graph on `thread_count` threads; `None` if a vertex gets too many arcs.
-    pub fn new(adjacency: &Adjacency, thread_count: usize) -> Option<Self> {
-        let Contracted { order, leaving, entering } = contract(adjacency);
+    /// Prepares the labels of a graph on `thread_count` threads; `None` if a vertex gets too many arcs. `surcharges`
+    /// are what the edges cost in addition, in decisions, infinite for closed edges; they are empty if there are none.
+    pub fn new(adjacency: &Adjacency, surcharges: &[f32], thread_count: usize) -> Option<Self> {
+        let Contracted { order, leaving, entering } = contract(adjacency, surcharges);
         let mut numbers = vec![0; order.len()];
         (0..).zip(&order).for_each(|(number, &vertex)| numbers[vertex as usize] = number);
         let renumber = |lists: Vec<Vec<Arc>>| -> Option<Vec<Vec<Arc>>> {
@@ -123,6 +124,19 @@ impl Labels {
         Some((cost, first, edges))
     }
 
+    /// Prepares lower bounds on the costs from all vertices to the best of `goals`, whose own costs count.
+    pub fn bounds_to(&self, goals: &[(VertexId, f32)]) -> Bounds<'_> {
+        let mut from_hubs = vec![f32::INFINITY; self.numbers.len()];
+        for &(goal, price) in goals {
+            let (hubs, costs) = self.entering.label(self.numbers[goal.idx()]);
+            for (&hub, cost) in hubs.iter().zip(costs) {
+                let known = &mut from_hubs[hub as usize];
+                *known = known.min(cost + price);
+            }
+        }
+        Bounds { labels: self, from_hubs }
+    }
+
     /// Appends the edges that an arc stands for. `stack` is empty before and after.
     fn unpack(&self, arc: (u32, u32, Origin), stack: &mut Vec<(u32, u32, Origin)>, edges: &mut Vec<EdgeIdx>) {
         stack.push(arc);
@@ -135,6 +149,23 @@ impl Labels {
                 }
             }
         }
+    }
+}
+
+/// The costs from all vertices to the best of some goals: bounds for a search in which edges cost no less than in the
+/// labels (Strasser and Zeitz 2021, "A Fast and Tight Heuristic for A* in Road Networks").
+pub(crate) struct Bounds<'a> {
+    labels: &'a Labels,
+    /// The least cost from each hub to any goal.
+    from_hubs: Vec<f32>,
+}
+
+impl Bounds<'_> {
+    /// The cost from `vertex`, in decisions; infinite without a path.
+    pub fn of(&self, vertex: VertexId) -> f32 {
+        let (hubs, costs) = self.labels.leaving.label(self.labels.numbers[vertex.idx()]);
+        let by_hub = hubs.iter().zip(costs).map(|(&hub, cost)| cost + self.from_hubs[hub as usize]);
+        by_hub.fold(f32::INFINITY, f32::min)
     }
 }
 

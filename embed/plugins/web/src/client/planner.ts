@@ -26,6 +26,7 @@ const NO_PATHS: Partial<Record<NoPathCode, NoPath>> = {
   [NoPathCode.GOAL_OFF_GRAPH]: 'goal-off-graph',
   [NoPathCode.DIFFERENT_ISLANDS]: 'different-islands',
   [NoPathCode.ONE_WAY]: 'one-way',
+  [NoPathCode.GOAL_IN_ZONE]: 'goal-in-zone',
 }
 
 /** Most legs that a query can avoid. */

@@ -33,8 +33,9 @@ export interface Leg extends LegEnds {
  * - start-off-graph, goal-off-graph: no vertex near that end has edges
  * - different-islands: no path joins the two in either direction
  * - one-way: a path leads only from the goal to the start
+ * - goal-in-zone: the goal is in a zone that the plan must not enter
  */
-export type NoPath = 'start-off-graph' | 'goal-off-graph' | 'different-islands' | 'one-way'
+export type NoPath = 'start-off-graph' | 'goal-off-graph' | 'different-islands' | 'one-way' | 'goal-in-zone'
 
 /** The answer to a query. No path is an answer as well: the waypoints then lead as near to the goal as paths do. */
 export interface Plan {

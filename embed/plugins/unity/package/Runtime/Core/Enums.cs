@@ -104,6 +104,8 @@ namespace Surefoot
         DifferentIslands = 3,
         /// <summary>A path leads from the goal to the start, but none from the start to the goal.</summary>
         OneWay = 4,
+        /// <summary>The goal is in a zone that the plan must not enter.</summary>
+        GoalInZone = 5,
     }
 
     /// <summary>What a <see cref="Follower"/> wants the NPC to do; <c>sf_step_kind</c>.</summary>
