@@ -14,8 +14,8 @@ def call(method, message):
     return json.load(post(method, message))
 
 
-floor = {"seed": 7, "size": {"width": 60, "depth": 60, "height": 60}}
-world_id = call("CreateWorld", {"map": floor})["world"]["worldId"]
+terrain = {"seed": 7, "size": {"width": 60, "depth": 60, "height": 60}}
+world_id = call("CreateWorld", {"map": terrain})["world"]["worldId"]
 start, first, second = call("SampleGround", {"worldId": world_id, "count": 3})["points"]
 npc_id = call("SpawnNpc", {"worldId": world_id, "position": start})["npcId"]
 events = post("WatchEvents", {"worldId": world_id})

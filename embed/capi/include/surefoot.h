@@ -459,7 +459,9 @@ enum {
     SF_DROWNED = 4,
     /* 300 decisions without coming closer. */
     SF_NO_PROGRESS = 5,
-    SF_UNREACHABLE = 6
+    SF_UNREACHABLE = 6,
+    /* Other NPCs stand at the goal. Worlds of this library do not end attempts so. */
+    SF_REACHED_NEAR = 7
 };
 
 /* The outcome of a decision. */

@@ -156,5 +156,7 @@ namespace Surefoot
         /// <summary>The NPC came no closer for 300 decisions.</summary>
         NoProgress = 5,
         Unreachable = 6,
+        /// <summary>Other NPCs stand at the goal.</summary>
+        ReachedNear = 7,
     }
 }
