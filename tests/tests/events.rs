@@ -1,6 +1,6 @@
 //! Events reach clients in order and without gaps; batch calls; idempotent calls.
 
-use e2e::{LIMIT, create_world, ground, metrics, set_goal, spawn, start_server, start_worker, world_client};
+use e2e::{LIMIT, create_world, distance, ground, metrics, set_goal, spawn, start_server, start_worker, world_client};
 use std::collections::BTreeMap;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1::npc_event::Event;
@@ -63,14 +63,14 @@ async fn every_event_has_a_number_and_a_stream_can_be_resumed_after_any_of_them(
     let server = start_server(ServerConfig::default());
     let mut client = world_client(&server).await;
     let world_id = create_world(&mut client, 30, wire::TimeMode::Realtime).await.world_id;
-    let points = ground(&mut client, world_id, 2).await;
+    let points = ground(&mut client, world_id, 16).await;
     let mut stream = events(&mut client, world_id, None).await;
     let begin = stream.next().await.unwrap().unwrap();
     assert!(begin.events.is_empty() && begin.server_time.is_some(), "the stream says where it begins");
     let npc_id = spawn(&mut client, world_id, points[0]).await;
     // A goal elsewhere begins another attempt; the same goal does not.
-    let far = |part: f32| if part < 50.0 { 95.0 } else { 5.0 };
-    let elsewhere = wire::Vec3 { x: far(points[1].x), z: far(points[1].z), ..points[1] };
+    let apart = |point: &&wire::Vec3| distance(**point, points[1]);
+    let elsewhere = *points.iter().max_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap();
     let mut attempts = Vec::new();
     for goal in [points[1], points[1], elsewhere] {
         let request = wire::SetGoalRequest { npc_id, goal: Some(goal), ..Default::default() };
@@ -270,9 +270,11 @@ async fn an_item_of_a_batch_that_fails_leaves_the_others_alone() {
         .collect();
     let missing = Err((i32::from(Code::NotFound), "NPC_NOT_FOUND"));
     assert_eq!(found, [Ok(other), missing, Ok(ids[0]), missing, Ok(ids[1])]);
+    let there = ground(&mut client, worlds[1], 1).await[0];
+    let goal = |npc_id| Some(if npc_id == other { there } else { start });
     let goals = npc_ids
         .iter()
-        .map(|&npc_id| wire::SetGoalRequest { npc_id, goal: Some(start), ..Default::default() })
+        .map(|&npc_id| wire::SetGoalRequest { npc_id, goal: goal(npc_id), ..Default::default() })
         .collect();
     let set = client.batch_set_goals(wire::BatchSetGoalsRequest { goals }).await.unwrap().into_inner().results;
     let attempt = |result: &wire::SetGoalResult| match result.result.as_ref().unwrap() {

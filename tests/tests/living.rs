@@ -8,13 +8,13 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::set_mover_request::Where;
 use surefoot_server::ServerConfig;
 
-/// Two rooms of 16 x 16 m with a door between them, and walls that nobody leaps around.
+/// Two rooms of 16 x 16 m with a door between them, and walls around and over which no NPC leaps.
 fn rooms() -> Vec<u8> {
     level(&[
         ("floor", [0.0, -1.0, 0.0], [33.0, 0.0, 16.0]),
-        ("wall_a", [16.0, 0.0, -14.0], [17.0, 9.0, 7.0]),
-        ("wall_b", [16.0, 0.0, 9.0], [17.0, 9.0, 30.0]),
-        ("lintel", [16.0, 3.0, 7.0], [17.0, 9.0, 9.0]),
+        ("wall_a", [16.0, 0.0, -14.0], [17.0, 20.0, 7.0]),
+        ("wall_b", [16.0, 0.0, 9.0], [17.0, 20.0, 30.0]),
+        ("lintel", [16.0, 3.0, 7.0], [17.0, 20.0, 9.0]),
         ("Door_1", [16.3, 0.0, 7.0], [16.7, 3.0, 9.0]),
     ])
 }
@@ -42,7 +42,7 @@ async fn a_door_bars_the_way_while_it_is_shut() {
     // As it was modelled, the door is shut, and no way leads around it.
     set_goal(&mut stage.client, npc, there).await;
     let (outcome, place) = stage.end_of(1).await;
-    assert_eq!(outcome, wire::Outcome::Unreachable);
+    assert_eq!(outcome, wire::Outcome::Unreachable, "at {place:?}");
     assert!(place.x < stage.at([16.6, 0.0, 0.0]).x, "{place:?}");
     let request = wire::FollowNpcRequest { npc_id: npc, ..Default::default() };
     let first = stage.client.follow_npc(request).await.unwrap().into_inner().message().await.unwrap().unwrap();

@@ -14,13 +14,13 @@ use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
 use surefoot_world::character::Body;
-use surefoot_world::{Ability, CharacterProfile, Map, Npc, Vec3, arrival};
+use surefoot_world::{Ability, Arrival, CharacterProfile, Map, Npc, Vec3, arrival};
 
 /// Rehearsals that end in harm, with other noise each time, before the NPC takes another way.
 const HARM_DRAWS: u32 = 3;
 /// Rehearsals without progress, with other noise each time, before the NPC takes another way.
 const STALL_DRAWS: u32 = 2;
-/// Distance of a waypoint up to which a straight walk needs no rehearsal, m.
+/// Distance of a goal up to which a straight walk to it needs no rehearsal, m.
 const STRAIGHT_M: f32 = 8.0;
 /// Most rehearsals before one decision.
 const MAX_REHEARSALS: u32 = 96;
@@ -68,20 +68,25 @@ impl Attempt {
     }
 
     /// How the NPC moves in the next decision: composed only where a rehearsal has shown that it arrives so, or where
-    /// it could walk straight to its waypoint.
+    /// it could walk straight to a goal at which it must stand.
     pub fn style(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Style {
         let style = self.follower.style();
-        let is_near = |place: &Vec3| place.distance(body.feet) <= STRAIGHT_M;
-        let is_straight = |place| body.is_grounded() && arrival::walks_straight(map, profile, body.feet, place);
-        if self.is_forecast()
-            || self.follower.stay().is_some()
-            || style == Style::for_leg(Ability::Walk)
-                && self.follower.waypoint().filter(is_near).is_some_and(is_straight)
-        {
+        let is_shown = self.is_forecast() || self.follower.stay().is_some();
+        if is_shown || style == Style::for_leg(Ability::Walk) && self.walks_straight(map, profile, body) {
             style
         } else {
             Style::Free
         }
+    }
+
+    /// Whether the body could walk straight to a goal nearby at which it must stand.
+    fn walks_straight(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> bool {
+        let goal = self.follower.waypoint().filter(|_| self.follower.arrival() == Arrival::Stand);
+        goal.is_some_and(|goal| {
+            body.is_grounded()
+                && goal.distance(body.feet) <= STRAIGHT_M
+                && arrival::walks_straight(map, profile, body.feet, goal)
+        })
     }
 
     /// Whether a rehearsal has shown the next decision.

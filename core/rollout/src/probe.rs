@@ -19,8 +19,8 @@ use surefoot_policy::noise::fill_gaussian;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    Ability, Arrival, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, TICKS_PER_DECISION,
-    TaskConfig, Vec3, World,
+    Ability, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, TICKS_PER_DECISION, TaskConfig,
+    Vec3, World,
 };
 
 /// Most trials of a chunk.
@@ -312,7 +312,7 @@ impl Running {
         let (probe, Goal { start, yaw, goal }) = RunningProbe::begin(trial, seed, wait, &world.config().profiles[0]);
         let probe = RunningProbe { style, ..probe };
         let slot = world.spawn(start, yaw);
-        world.head_for(slot, goal, Arrival::Stand);
+        world.set_waypoint(slot, goal);
         Self { slot, trial_idx, probe }
     }
 
@@ -340,7 +340,7 @@ impl Running {
         match self.probe.record(&report, &world.config().profiles[0]) {
             ProbeStep::Keep => true,
             ProbeStep::HeadFor(goal) => {
-                world.head_for(self.slot, goal, Arrival::Stand);
+                world.set_waypoint(self.slot, goal);
                 true
             }
             ProbeStep::End => false,

@@ -13,7 +13,7 @@ use surefoot_rollout::{
     AttemptResult, DecidingNpc, DecisionBatch, DecisionLoop, FollowConfig, Follower, Goal, Noise, ProbeContext, Rollout,
 };
 use surefoot_world::map::MapKind;
-use surefoot_world::{CharacterProfile, End, Map, MapSpec, RawMapSpec, TaskConfig, Vec3, World, navigable};
+use surefoot_world::{Arrival, CharacterProfile, End, Map, MapSpec, RawMapSpec, TaskConfig, Vec3, World, navigable};
 
 /// Platforms over a void.
 fn islands() -> Arc<Map> {
@@ -58,7 +58,7 @@ fn heads_straight(
 ) -> ([World; 1], DecidingNpc, RehearsalStart) {
     let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
     let deciding = DecidingNpc::of(world.spawn(goal.start, goal.yaw));
-    world.set_waypoint(deciding.slot, goal.goal);
+    world.head_for(deciding.slot, goal.goal, Arrival::Stand);
     let follower = Follower::new(goal.goal, FollowConfig::default()).straight();
     let npc = *world.npc(deciding.slot).unwrap();
     let start = RehearsalStart { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, forecast: None };

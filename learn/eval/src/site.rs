@@ -24,9 +24,9 @@ use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
-use surefoot_rollout::{AttemptResult, Goal, Rollout};
+use surefoot_rollout::{AttemptResult, FollowConfig, Goal, Rollout};
 use surefoot_world::reach::Reach;
-use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
+use surefoot_world::{Arrival, CharacterProfile, End, Map, TaskConfig, navigable};
 
 /// Number of navigable points that the goals of one map are drawn from.
 const POINTS_PER_MAP: usize = 3000;
@@ -154,15 +154,27 @@ fn save(path: &Path, unit: &Unit) -> Result<(), EvalError> {
         .map_err(|source| EvalError::Io { path: path.to_owned(), source })
 }
 
+/// Rules of following plans, for the file name of a unit. Arrival by touch is left out, so that tables that were made
+/// before there was another rule keep their units.
+fn rules(follow: &FollowConfig) -> String {
+    let FollowConfig { replan_after, patience, max_replans, remembers, attach, composes, arrival } = follow;
+    let arrival = if *arrival == Arrival::Touch { String::new() } else { format!(", arrival: {arrival:?}") };
+    format!(
+        "FollowConfig {{ replan_after: {replan_after}, patience: {patience}, max_replans: {max_replans}, \
+         remembers: {remembers}, attach: {attach:?}, composes: {composes}{arrival} }}"
+    )
+}
+
 /// File name of a unit, which depends on everything that determines its result, the version of the builder included.
 fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64, builder: u32) -> String {
     let EvalConfig { goals, method, distance, noise_share, rehearses, follow, price, profile, .. } = config;
     let map = choice.identity();
     let text = format!(
-        "{VERSION} {} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {follow:?} {price:?} \
+        "{VERSION} {} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {} {price:?} \
          {:?} {:?}{}",
         policy.weights_hash(),
         policy.senses_transports(),
+        rules(follow),
         TaskConfig::default(),
         profile,
         if *method == Method::Policy { String::new() } else { format!(" {builder}") },

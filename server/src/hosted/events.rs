@@ -1,6 +1,6 @@
 //! The bounded, ordered log of a world's events. Readers follow it at their own pace.
 
-use super::goals::Pursuit;
+use super::pursuit::Pursuit;
 use super::snapshot::Standing;
 use crate::ids::NpcId;
 use std::collections::VecDeque;

@@ -3,11 +3,11 @@
 use super::commands::NpcError;
 use super::events::EventKind;
 use super::gathering::{NEAR_M, PLACE_RADIUS_M, Reserved, touch};
+use super::pursuit::{GoalOrder, GoalSet, Pursuit, Retry, Target};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
-use serde::{Deserialize, Serialize};
 use surefoot_world::arrival::{NoFooting, SNAP_M};
-use surefoot_world::{Action, Arrival, End, PlayerSlot, TICKS_PER_DECISION, TICKS_PER_SECOND, Tick, Vec3};
+use surefoot_world::{Action, Arrival, End, TICKS_PER_DECISION, TICKS_PER_SECOND, Vec3};
 
 /// Distance between two goals of an NPC up to which they are one target that moves: in metres, and as a share of the
 /// NPC's distance from the first. A plan to a goal that is farther away is of more use elsewhere too.
@@ -19,68 +19,6 @@ const KEEP_SLACK_M: f32 = 0.5;
 const TARGET_STEP_M: f32 = 0.1;
 /// Time after which an NPC that keeps to its target tries again to reach it.
 const RETRY_TICKS: u64 = 3 * TICKS_PER_SECOND as u64;
-
-/// A body that a goal follows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Target {
-    /// An NPC of the same world.
-    Npc(NpcId),
-    /// A player of the same world.
-    Player(PlayerSlot),
-}
-
-/// How an NPC goes to its goal.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Pursuit {
-    /// The body that the goal follows; `None` if only clients move the goal.
-    pub target: Option<Target>,
-    /// Distance within which the NPC arrives, m.
-    pub radius: f32,
-    /// Whether the attempt goes on after the NPC has arrived.
-    pub keeps: bool,
-    /// Distance by which the goal may be moved to a place to stand, m.
-    pub snap: f32,
-}
-
-impl Default for Pursuit {
-    fn default() -> Self {
-        Self { target: None, radius: 1.0, keeps: false, snap: SNAP_M }
-    }
-}
-
-/// A goal that a client sets.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GoalOrder {
-    /// The goal, m; `None`: where the target is.
-    pub goal: Option<Vec3>,
-    /// How the NPC goes there.
-    pub pursuit: Pursuit,
-}
-
-impl From<Vec3> for GoalOrder {
-    fn from(goal: Vec3) -> Self {
-        Self { goal: Some(goal), pursuit: Pursuit::default() }
-    }
-}
-
-/// A goal that was set.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GoalSet {
-    /// Number of the attempt that begins, or of the attempt under way if its goal merely moves.
-    pub attempt: u32,
-    /// The place to stand that the NPC goes to, m.
-    pub goal: Vec3,
-    /// Its distance from the goal that was asked for, m.
-    pub moved_by_m: f32,
-}
-
-/// A goal to which an NPC that keeps to its target returns.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct Retry {
-    goal: Vec3,
-    pursuit: Pursuit,
-    at: Tick,
-}
 
 impl HostedWorld {
     /// Sends an NPC to a goal, or to the nearest place where it can stand.

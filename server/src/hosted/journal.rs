@@ -5,7 +5,7 @@
 
 use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
-use super::goals::Pursuit;
+use super::pursuit::Pursuit;
 use super::saved::{SavedError, WorldSave};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;

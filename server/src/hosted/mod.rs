@@ -16,6 +16,7 @@ mod living;
 mod motion;
 mod outbox;
 mod pieces;
+mod pursuit;
 mod saved;
 mod snapshot;
 mod standing;
@@ -27,10 +28,10 @@ mod zones;
 pub use crate::messages::TimeMode;
 pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
-pub use goals::{GoalOrder, GoalSet, Pursuit, Target};
 pub use journal::{FleetSave, Journal, SavedLog};
 pub use living::{Destination, LivingError};
 pub use pieces::{EditError, MapEdit, MapEdited};
+pub use pursuit::{GoalOrder, GoalSet, Pursuit, Target};
 pub use saved::{RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
 pub use snapshot::{
     Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Standing, Support, Tally, WorldStats,

@@ -1,7 +1,7 @@
 //! The save of a world, and its file format.
 
 use super::commands::MAX_BODIES;
-use super::goals::{Pursuit, Retry};
+use super::pursuit::{Pursuit, Retry};
 use super::snapshot::Counters;
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::{NpcId, WorldId};

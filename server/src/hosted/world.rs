@@ -2,9 +2,9 @@
 
 use super::events::{EventKind, EventLog};
 use super::gathering::{Gatherings, Reserved};
-use super::goals::{Pursuit, Retry};
 use super::motion::Motion;
 use super::outbox::Outbox;
+use super::pursuit::{Pursuit, Retry};
 use super::snapshot::{Counters, EndedAttempt, NpcPlan, Standing};
 use super::standing::{Shortage, Stand};
 use crate::ids::WorkerId;

@@ -178,7 +178,7 @@ enum Cost {
 /// What counts as having arrived at a goal.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Arrive {
-    /// Standing within 1 m of it where the body could walk straight to it
+    /// Standing within 1 m of it where the body could walk straight to it, as in worlds of a server
     Stand,
     /// Being within 1 m of it, in the air or behind a wall as well; always so for the suites paper and sweep
     Paper,
@@ -222,7 +222,7 @@ pub(super) struct Rules {
     #[arg(long)]
     forget: bool,
     /// What counts as having arrived at a goal
-    #[arg(long, default_value = "stand")]
+    #[arg(long, default_value = "paper")]
     arrive: Arrive,
     /// Hide zip lines and teleporters from the NPCs' observations
     #[arg(long)]

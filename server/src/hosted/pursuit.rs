@@ -1,0 +1,70 @@
+//! What an NPC goes to, as data.
+
+use crate::ids::NpcId;
+use serde::{Deserialize, Serialize};
+use surefoot_world::arrival::SNAP_M;
+use surefoot_world::{PlayerSlot, Tick, Vec3};
+
+/// A body that a goal follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Target {
+    /// An NPC of the same world.
+    Npc(NpcId),
+    /// A player of the same world.
+    Player(PlayerSlot),
+}
+
+/// How an NPC goes to its goal.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pursuit {
+    /// The body that the goal follows; `None` if only clients move the goal.
+    pub target: Option<Target>,
+    /// Distance within which the NPC arrives, m.
+    pub radius: f32,
+    /// Whether the attempt goes on after the NPC has arrived.
+    pub keeps: bool,
+    /// Distance by which the goal may be moved to a place to stand, m.
+    pub snap: f32,
+}
+
+impl Default for Pursuit {
+    fn default() -> Self {
+        Self { target: None, radius: 1.0, keeps: false, snap: SNAP_M }
+    }
+}
+
+/// A goal that a client sets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GoalOrder {
+    /// The goal, m; `None`: where the target is.
+    pub goal: Option<Vec3>,
+    /// How the NPC goes there.
+    pub pursuit: Pursuit,
+}
+
+impl From<Vec3> for GoalOrder {
+    fn from(goal: Vec3) -> Self {
+        Self { goal: Some(goal), pursuit: Pursuit::default() }
+    }
+}
+
+/// A goal that was set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GoalSet {
+    /// Number of the attempt that begins, or of the attempt under way if its goal merely moves.
+    pub attempt: u32,
+    /// The place to stand that the NPC goes to, m.
+    pub goal: Vec3,
+    /// Its distance from the goal that was asked for, m.
+    pub moved_by_m: f32,
+}
+
+/// A goal to which an NPC that keeps to its target returns.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Retry {
+    /// Where the goal is, m.
+    pub goal: Vec3,
+    pub pursuit: Pursuit,
+    /// When the next attempt begins.
+    pub at: Tick,
+}
