@@ -26,11 +26,11 @@ async fn an_npc_has_not_arrived_behind_a_wall_and_goals_are_moved_to_where_it_ca
     let start = stage.at([9.55, 0.0, 20.0]);
     let npc_id = spawn(&mut stage.client, stage.world_id, start).await;
     // 0.95 m away, on the other side.
-    let goal = Some(stage.at([10.5, 0.0, 20.0]));
-    stage.client.set_goal(wire::SetGoalRequest { npc_id, goal, ..Default::default() }).await.unwrap();
+    let goal = stage.at([10.5, 0.0, 20.0]);
+    stage.client.set_goal(wire::SetGoalRequest { npc_id, goal: Some(goal), ..Default::default() }).await.unwrap();
     let (outcome, place) = stage.end_of(1).await;
     assert_eq!(outcome, wire::Outcome::Reached);
-    assert!(place.x > stage.at([10.1, 0.0, 0.0]).x && distance(place, goal.unwrap()) <= 1.0, "{place:?}");
+    assert!(place.x > stage.at([10.1, 0.0, 0.0]).x && distance(place, goal) <= 1.0, "{place:?}");
 
     let set = |at: [f32; 3], snap: Option<f32>| wire::SetGoalRequest {
         npc_id,

@@ -209,7 +209,8 @@ async fn senseless_questions_are_refused() {
         ..Default::default()
     };
     client.rank_places(rank.clone()).await.unwrap();
-    let cases: [(fn(&mut wire::RankPlacesRequest), Code, &str); 22] = [
+    type Change = fn(&mut wire::RankPlacesRequest);
+    let cases: [(Change, Code, &str); 22] = [
         (|it| it.query = None, Code::InvalidArgument, "query is missing"),
         (|it| it.query = from(None, None), Code::InvalidArgument, "query.start or query.goal"),
         (|it| it.query = from(at(1.0), at(2.0)), Code::InvalidArgument, "exclude each other"),

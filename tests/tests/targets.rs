@@ -161,12 +161,12 @@ async fn a_batch_of_moves_leads_npcs_that_keep_their_attempts() {
     let request = wire::SetGoalRequest { npc_id, goal, keep: true, ..Default::default() };
     let attempt = stage.client.set_goal(request).await.unwrap().into_inner().attempt;
     // Farther than a goal that SetGoal takes for the same.
-    let position = Some(stage.at([35.0, 0.0, 16.0]));
-    let moves = vec![wire::TargetMove { npc_id, position, ..Default::default() }];
+    let place = stage.at([35.0, 0.0, 16.0]);
+    let moves = vec![wire::TargetMove { npc_id, position: Some(place), ..Default::default() }];
     let moved = stage.client.move_targets(wire::MoveTargetsRequest { moves }).await.unwrap().into_inner();
     assert_eq!(moved.results, [wire::ItemResult { error: None }]);
     let is_there = |snapshot: &wire::WatchWorldResponse| {
-        snapshot.npcs.iter().all(|npc| distance(npc.position.unwrap(), position.unwrap()) <= 1.0)
+        snapshot.npcs.iter().all(|npc| distance(npc.position.unwrap(), place) <= 1.0)
     };
     let npc = watch_until(&mut stage.client, stage.world_id, is_there).await.npcs[0];
     assert_eq!((npc.attempts_begun, npc.attempts_ended, npc.status()), (attempt, 0, wire::NpcStatus::Seeking));
