@@ -295,9 +295,14 @@ pub fn seconds_to_goal(units: &[Unit]) -> f64 {
     decisions / count.max(1) as f64 * f64::from(DECISION_SECONDS)
 }
 
-/// Number of attempts by outcome; every outcome has an entry.
+/// The outcomes of attempts whose NPCs share no goals.
+pub(crate) fn outcomes() -> impl Iterator<Item = End> {
+    End::ALL.iter().copied().filter(|end| *end != End::ReachedNear)
+}
+
+/// Number of attempts by outcome; every outcome of attempts whose NPCs share no goals has an entry.
 pub fn count_ends(units: &[Unit]) -> BTreeMap<String, usize> {
-    let mut ends: BTreeMap<String, usize> = End::ALL.iter().map(|end| (end.name().to_owned(), 0)).collect();
+    let mut ends: BTreeMap<String, usize> = outcomes().map(|end| (end.name().to_owned(), 0)).collect();
     for attempt in attempts(units) {
         *ends.entry(attempt.end.name().to_owned()).or_default() += 1;
     }

@@ -247,11 +247,11 @@ impl SuiteReport {
             );
         }
         text += "\n| method | ";
-        let names: Vec<String> = End::ALL.iter().map(|end| end.name().replace('_', " ")).collect();
+        let names: Vec<String> = report::outcomes().map(|end| end.name().replace('_', " ")).collect();
         text += &names.join(" | ");
         text += " |\n|---|---|---|---|---|---|\n";
         for row in &self.rows {
-            let counts: Vec<String> = End::ALL.iter().map(|end| row.ends[end.name()].to_string()).collect();
+            let counts: Vec<String> = report::outcomes().map(|end| row.ends[end.name()].to_string()).collect();
             text += &format!("| {} | {} |\n", row.name, counts.join(" | "));
         }
         text += &self.faults();
