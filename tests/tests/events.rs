@@ -223,7 +223,11 @@ async fn an_item_of_a_batch_that_fails_leaves_the_others_alone() {
     for seed in [33, 34] {
         worlds.push(create_world(&mut client, seed, wire::TimeMode::Realtime).await.world_id);
     }
-    let start = ground(&mut client, worlds[0], 1).await[0];
+    let points = ground(&mut client, worlds[0], 16).await;
+    let start = points[0];
+    // Without a worker, no NPC gets there.
+    let apart = |point: &&wire::Vec3| distance(**point, start);
+    let away = *points.iter().max_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap();
     let far = wire::Vec3 { x: 9999.0, ..start };
     let spawn = |position, goal| wire::Spawn { position, goal, ..Default::default() };
     let spawns = vec![
@@ -231,7 +235,7 @@ async fn an_item_of_a_batch_that_fails_leaves_the_others_alone() {
         spawn(None, None),
         spawn(Some(far), None),
         spawn(Some(start), Some(far)),
-        spawn(Some(start), Some(start)),
+        spawn(Some(start), Some(away)),
         spawn(Some(start), None),
         spawn(Some(start), None),
     ];
@@ -271,7 +275,7 @@ async fn an_item_of_a_batch_that_fails_leaves_the_others_alone() {
     let missing = Err((i32::from(Code::NotFound), "NPC_NOT_FOUND"));
     assert_eq!(found, [Ok(other), missing, Ok(ids[0]), missing, Ok(ids[1])]);
     let there = ground(&mut client, worlds[1], 1).await[0];
-    let goal = |npc_id| Some(if npc_id == other { there } else { start });
+    let goal = |npc_id| Some(if npc_id == other { there } else { away });
     let goals = npc_ids
         .iter()
         .map(|&npc_id| wire::SetGoalRequest { npc_id, goal: goal(npc_id), ..Default::default() })
