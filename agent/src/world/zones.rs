@@ -63,7 +63,9 @@ impl ZoneRules {
         if concerns_all || !concerned.is_empty() {
             (self.revision, self.are_new) = (self.revision.wrapping_add(1), true);
         }
-        self.zones = zones.unwrap_or_else(|| self.zones.clone());
+        if let Some(zones) = zones {
+            self.zones = zones;
+        }
         (!concerns_all).then_some(concerned)
     }
 }

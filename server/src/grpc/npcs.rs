@@ -142,7 +142,7 @@ pub async fn move_targets(api: &WorldApi, call: Call<wire::MoveTargetsRequest>) 
         world.move_target(npc, place)
     };
     let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, move_to).await;
-    Ok(wire::MoveTargetsResponse { results: results.into_iter().map(|it| item_result(it.map(drop))).collect() })
+    Ok(wire::MoveTargetsResponse { results: results.into_iter().map(item_result).collect() })
 }
 
 pub async fn clear_goals(api: &WorldApi, call: Call<wire::ClearGoalsRequest>) -> Reply<wire::ClearGoalsResponse> {

@@ -47,8 +47,8 @@ impl HostedWorld {
         Ok(GoalSet { attempt, goal, moved_by_m: goal.distance(asked) })
     }
 
-    /// Moves the goal of the attempt under way, m, as a target that moves. Returns the number of the attempt.
-    pub fn move_target(&mut self, id: NpcId, goal: Vec3) -> Result<u32, NpcError> {
+    /// Moves the goal of the attempt under way, m, as a target that moves.
+    pub fn move_target(&mut self, id: NpcId, goal: Vec3) -> Result<(), NpcError> {
         self.check_inside(goal, "position")?;
         let slot = self.records.get(&id).ok_or(NpcError::Unknown(id))?.slot;
         let no_footing = NpcError::NoFooting(NoFooting::InAir, SNAP_M);
@@ -56,14 +56,14 @@ impl HostedWorld {
         let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
         if let Some(retry) = &mut record.retry {
             retry.goal = goal;
-            return Ok(record.attempts);
+            return Ok(());
         }
         if record.goal.is_none() {
             return Err(NpcError::NoGoal(id));
         }
         record.pursuit.target = None;
         self.move_goal(id, goal);
-        Ok(self.records[&id].attempts)
+        Ok(())
     }
 
     /// Ends the attempt under way, if there is one; the NPC comes to rest.
@@ -157,10 +157,9 @@ impl HostedWorld {
         }
         let due = self.records.iter().filter_map(|(&id, record)| Some((id, record.retry?)));
         for (id, retry) in due.filter(|(_, retry)| retry.at <= tick).collect::<Vec<_>>() {
-            let place = retry.pursuit.target.map(|target| self.place_of(id, target).ok());
-            let target = retry.pursuit.target.filter(|_| place.is_none_or(|place| place.is_some()));
-            let goal = place.flatten().unwrap_or(retry.goal);
-            self.begin_attempt(id, goal, Pursuit { target, ..retry.pursuit });
+            let place = retry.pursuit.target.and_then(|target| self.place_of(id, target).ok());
+            let target = retry.pursuit.target.filter(|_| place.is_some());
+            self.begin_attempt(id, place.unwrap_or(retry.goal), Pursuit { target, ..retry.pursuit });
         }
     }
 

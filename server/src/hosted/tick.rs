@@ -10,7 +10,7 @@ use crate::messages::TimeMode;
 use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use surefoot_world::{Action, End, MoverState, Npc, ProfileIdx, TICKS_PER_DECISION};
+use surefoot_world::{Action, End, MoverState, Npc, NpcSlot, ProfileIdx, TICKS_PER_DECISION, Vec3, World};
 use tracing::warn;
 
 impl HostedWorld {
@@ -208,7 +208,7 @@ impl HostedWorld {
         let tick = self.tick();
         let record = self.records.get_mut(&id).expect("an attempt has a record");
         let Some(goal) = record.goal else { return };
-        let distance_m = self.world.npc(record.slot).map_or(0.0, |npc| npc.body.feet.distance(goal));
+        let distance_m = distance_to(&self.world, record.slot, goal);
         let no_path = record.why_unreachable(end);
         record.note_end(end, tick, distance_m, no_path.clone());
         let (pursuit, reserved) = (record.pursuit, record.reserved);
@@ -237,11 +237,15 @@ impl HostedWorld {
     pub(super) fn log_replaced_attempt(&mut self, id: NpcId) {
         let Some(record) = self.records.get(&id).filter(|record| record.goal.is_some()) else { return };
         let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(self.tick()));
-        let feet = self.world.npc(record.slot).map(|npc| npc.body.feet);
-        let distance_m = goal.zip(feet).map_or(0.0, |(goal, feet)| feet.distance(goal));
+        let distance_m = goal.map_or(0.0, |goal| distance_to(&self.world, record.slot, goal));
         let no_path = Arc::default();
         self.log_event(id, EventKind::AttemptEnded { attempt, end: None, goal, distance_m, seconds, no_path });
     }
+}
+
+/// Distance of an NPC's feet from a place, m.
+fn distance_to(world: &World, slot: NpcSlot, place: Vec3) -> f32 {
+    world.npc(slot).expect("every record has an NPC").body.feet.distance(place)
 }
 
 impl NpcRecord {
