@@ -2,15 +2,18 @@
 
 use e2e::stage::{Stage, level, start_planning_worker, world_of};
 use e2e::{
-    LIMIT, create_world, ground, set_goal, spawn, start_planner, start_server, start_worker, until_metrics_say,
-    watch_until, world_client,
+    LIMIT, create_world, ground, set_goal, spawn, start_planner, start_server, start_worker, start_worker_of,
+    until_metrics_say, watch_until, worker_config, world_client,
 };
 use std::collections::BTreeMap;
+use surefoot_agent::WorkConfig;
 use surefoot_planner_service::PlannerConfig;
+use surefoot_policy::Policy;
 use surefoot_proto::world::v1::npc_event::Event;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, Standing, WarningReason};
 use surefoot_server::ServerConfig;
+use tokio::net::TcpListener;
 use tokio_stream::StreamExt;
 use tonic::transport::Channel;
 
@@ -103,15 +106,22 @@ async fn rooms(server: &e2e::Running) -> Stage {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_npc_says_that_it_awaits_its_graph_and_that_a_door_bars_its_way() {
-    let cache = tempfile::tempdir().unwrap();
     let server = start_server(ServerConfig::default());
-    let planner = start_planner(cache.path(), PlannerConfig::default());
-    let worker = start_planning_worker(&server, &planner);
+    // A planner that accepts connections and never answers.
+    let silent = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let planners = vec![format!("http://{}", silent.local_addr().unwrap())];
+    let config = WorkConfig { planners, ..worker_config(&server, None, 8) };
+    let worker = start_worker_of(config, Policy::shipped().unwrap());
     let mut stage = rooms(&server).await;
     let (here, there) = (stage.at([4.0, 0.0, 4.0]), stage.at([29.0, 0.0, 12.0]));
     let npc_id = spawn(&mut stage.client, stage.world_id, here).await;
     set_goal(&mut stage.client, npc_id, there).await;
     until_one_stands(&mut stage.client, stage.world_id, Standing::AwaitsGraph).await;
+    worker.stop().await;
+
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
     let npc = until_one_stands(&mut stage.client, stage.world_id, Standing::Barred).await;
     assert_eq!((npc.npc_id, npc.status()), (npc_id, wire::NpcStatus::Seeking));
     worker.stop().await;
