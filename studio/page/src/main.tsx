@@ -55,8 +55,11 @@ async function begin(): Promise<void> {
   )
   const sessions = new Sessions(storage('sessionStorage'), page.origin)
   const leaving = new AbortController()
+  let isHiding = false
+  // What the page says as it goes arrives, even if the page is gone by then.
+  const fetchToTheEnd: typeof fetch = (input, init) => fetch(input, { ...init, keepalive: isHiding })
   const context: Context = {
-    world: connectWorld(addresses.world, sessions),
+    world: connectWorld(addresses.world, sessions, fetchToTheEnd),
     planner: connectPlanner(addresses.planner, sessions),
     toasts: new Toasts(),
     store,
@@ -71,8 +74,11 @@ async function begin(): Promise<void> {
     state: studio,
   }
   window.addEventListener('pagehide', (event) => {
+    isHiding = true
+    studio.setTool('select')
     if (!event.persisted) leaving.abort()
   })
+  window.addEventListener('pageshow', () => (isHiding = false))
   const noticeVisibility = () => studio.setVisible(document.visibilityState === 'visible')
   noticeVisibility()
   document.addEventListener('visibilitychange', noticeVisibility)

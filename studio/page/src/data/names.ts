@@ -113,6 +113,11 @@ export function npcNames({ id, npc, plan, waypointIdx }: Followed): Label[] {
   return labels
 }
 
+/** The player of this page. */
+export function playerNames(at: Place | undefined): Label[] {
+  return at === undefined ? [] : [{ text: 'Player', at: raised(at, NPC_M), rank: CHOSEN, colour: MARK_COLOURS.player }]
+}
+
 /** The ends of a plan that was asked for. */
 export function planNames(start: Place | undefined, goal: Place | undefined, nearest: Place | undefined): Label[] {
   const end = (text: string, at: Place | undefined, colour: string): Label[] =>

@@ -21,6 +21,7 @@ import { Marks } from './world/marks'
 import { Movers } from './world/movers'
 import { Npcs } from './world/npcs'
 import { Pieces } from './world/pieces'
+import { nextChaser, OwnPlayer } from './world/player'
 import { Recorder } from './world/recorder'
 import { Replays } from './world/replays'
 import { boxOnMap } from './world/report'
@@ -30,10 +31,25 @@ import { type Site, Worlds } from './world/worlds'
 
 /** What a click on the map does. */
 export type Tool =
-  'select' | 'plan' | 'forbid' | 'add' | 'move' | 'remove' | 'force' | 'spawn' | 'send' | 'teleport' | 'mark' | 'build'
+  | 'select'
+  | 'plan'
+  | 'forbid'
+  | 'add'
+  | 'move'
+  | 'remove'
+  | 'force'
+  | 'spawn'
+  | 'player'
+  | 'send'
+  | 'teleport'
+  | 'mark'
+  | 'build'
 
 /** Tools that change the graph. */
 export const EDIT_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['forbid', 'add', 'move', 'remove', 'force'])
+
+/** Tools that are put down when another world is shown. */
+const WORLD_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['mark', 'build', 'player'])
 
 export type Tab = 'map' | 'report' | 'npcs' | 'graph' | 'plan' | 'layers' | 'build'
 
@@ -50,6 +66,7 @@ export class Studio {
   readonly movers: Movers
   readonly pieces: Pieces
   readonly npcs: Npcs
+  readonly player: OwnPlayer
   readonly graphs: Graphs
   readonly layers: Layers
   readonly plans: Plans
@@ -114,6 +131,7 @@ export class Studio {
     this.levels = new Levels(context)
     this.surveys = new Surveys(context)
     this.npcs = new Npcs(context)
+    this.player = new OwnPlayer(context, () => this.setTool('select'))
     this.layers = new Layers(context, () => void this.graphs.reload())
     this.graphs = new Graphs(context, this.live.npcs, (graph) => this.layers.sync(graph))
     this.plans = new Plans(context, this.movers.given)
@@ -189,6 +207,12 @@ export class Studio {
       if (this.replays.shown.peek()?.npcId !== id) this.replays.close()
     })
     effect(() => {
+      const { npcs, players } = this.live.moment.value
+      const id = this.player.body.peek()?.playerId
+      const player = players.find(({ playerId }) => playerId === id)
+      untracked(() => this.npcs.noteChasers(npcs, player?.position))
+    })
+    effect(() => {
       // Each step begins with what is known then.
       void this.tour.at.value
       this.tour.take(this.facts())
@@ -216,6 +240,7 @@ export class Studio {
   setTool(tool: Tool): void {
     batch(() => {
       this.tool.value = tool
+      if (tool !== 'player') this.removePlayer()
       // What is clicked stands still.
       if (tool !== 'select') this.npcs.camera.value = false
       this.forceFrom.value = undefined
@@ -255,6 +280,25 @@ export class Studio {
     const next = npcAfter(this.live.moment.peek().npcs, this.npcs.selectedId.peek())
     if (next === undefined) return this.context.toasts.say('There is no NPC to follow.')
     this.npcs.goAlong(next.npcId)
+  }
+
+  /** Lets an NPC chase the player: this one, or the selected one, or the nearest one that does not do so yet. */
+  chasePlayer(npcId?: bigint): void {
+    const { npcs, player } = this
+    const [at, body] = [player.at.peek(), player.body.peek()]
+    if (at === undefined || body === undefined) return
+    const { npcs: all } = this.live.moment.peek()
+    const chaser = npcId ?? nextChaser(all, npcs.selectedId.peek(), at, npcs.chasers.peek())?.npcId
+    if (chaser === undefined) return this.context.toasts.say('There is no NPC left to chase the player.')
+    void npcs.chase(chaser, body.playerId).then(() => {
+      if (player.body.peek() !== body) void npcs.stopChase([chaser])
+    })
+  }
+
+  /** Removes the player. NPCs that chase it are free for other goals. */
+  removePlayer(): void {
+    void this.npcs.stopChase([...this.npcs.chasers.peek().keys()])
+    this.player.remove()
   }
 
   /** Replays the last attempt of the selected NPC, or ends the replay. */
@@ -329,7 +373,8 @@ export class Studio {
       this.opening.value = true
       this.marks.clear()
       this.surveys.shown.value = undefined
-      if (this.tool.value === 'mark' || this.tool.value === 'build') this.tool.value = 'select'
+      this.removePlayer()
+      if (WORLD_TOOLS.has(this.tool.value)) this.tool.value = 'select'
       this.forceFrom.value = undefined
     })
   }

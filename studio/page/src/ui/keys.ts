@@ -28,6 +28,13 @@ export const TOOL_KEYS: readonly { key: string; tool: Tool; name: string }[] = [
   { key: '6', tool: 'remove', name: 'Remove a vertex' },
   { key: '7', tool: 'force', name: 'Force an edge' },
   { key: '8', tool: 'spawn', name: 'Spawn an NPC' },
+  { key: '9', tool: 'player', name: 'Move a player' },
+]
+
+/** Keys of the player while there is one. */
+export const PLAYER_KEYS: readonly { keys: string; does: string }[] = [
+  { keys: 'W A S D', does: 'Walk with the player' },
+  { keys: 'Shift W', does: 'Run' },
 ]
 
 /** All other keys, for the sheet. */
@@ -125,7 +132,7 @@ export function cancel(studio: Studio): void {
   else studio.npcs.select(undefined)
 }
 
-const TEXT_FIELDS = 'input:not([type=checkbox]):not([type=radio]):not([type=range]), select, textarea, dialog'
+export const TEXT_FIELDS = 'input:not([type=checkbox]):not([type=radio]):not([type=range]), select, textarea, dialog'
 
 export function listenToKeys(target: Window, studio: Studio): void {
   target.addEventListener('keydown', (event) => {

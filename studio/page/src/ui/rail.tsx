@@ -12,6 +12,7 @@ const ICONS: Record<Tool, IconName> = {
   remove: 'remove',
   force: 'force',
   spawn: 'spawn',
+  player: 'player',
   send: 'send',
   teleport: 'teleport',
   mark: 'add',
@@ -38,7 +39,7 @@ export function Rail({ studio }: { studio: Studio }) {
           <button
             key={tool}
             type="button"
-            class={EDIT_TOOLS.has(tool) && !EDIT_TOOLS.has(TOOL_KEYS[index - 1]?.tool ?? 'forbid') ? 'first' : ''}
+            class={EDIT_TOOLS.has(tool) !== EDIT_TOOLS.has(TOOL_KEYS[index - 1]?.tool ?? tool) ? 'first' : ''}
             aria-label={name}
             aria-pressed={tool === current}
             aria-keyshortcuts={key}

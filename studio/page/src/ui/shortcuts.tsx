@@ -1,12 +1,12 @@
 import type { Studio } from '../data/studio'
 import { Button } from './controls'
 import { Dialog } from './dialog'
-import { OTHER_KEYS, TOOL_KEYS } from './keys'
+import { OTHER_KEYS, PLAYER_KEYS, TOOL_KEYS } from './keys'
 
 /** The help: the tour and all keys. */
 export function Shortcuts({ studio }: { studio: Studio }) {
   if (!studio.helpOpen.value) return null
-  const rows = [...TOOL_KEYS.map(({ key, name }) => ({ keys: key, does: name })), ...OTHER_KEYS]
+  const rows = [...TOOL_KEYS.map(({ key, name }) => ({ keys: key, does: name })), ...PLAYER_KEYS, ...OTHER_KEYS]
   const close = () => (studio.helpOpen.value = false)
   const startTour = () => {
     close()

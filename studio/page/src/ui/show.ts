@@ -2,11 +2,12 @@
 
 import { computed, effect } from '@preact/signals'
 import { marksOf } from '../data/edit/edits'
-import { moverNames, npcNames, placeNames, planNames, topOf } from '../data/names'
+import { moverNames, npcNames, placeNames, planNames, playerNames, topOf } from '../data/names'
 import type { Studio } from '../data/studio'
 import { PICKABLE } from './tools'
 import { featuresWith } from '../data/world/marks'
 import { lostWithout } from '../data/world/movers'
+import { posesOf } from '../data/world/player'
 import { poseOf } from '../data/world/snapshot'
 import { type Mover, MoverKind, type MoverState } from '../gen/surefoot/world/v1/living_pb'
 import { Outcome } from '../gen/surefoot/world/v1/world_pb'
@@ -19,15 +20,13 @@ const LOST_M = 1.2
 
 /** Shows everything, and goes on doing so until what is returned is called. */
 export function show(studio: Studio, viewport: Viewport): () => void {
-  const { graphs, layers, live, npcs, plans, builds, view, marks, movers, surveys, replays } = studio
+  const { graphs, layers, live, npcs, player, plans, builds, view, marks, movers, surveys, replays } = studio
   const ends = [
     effect(() => {
-      const { tick, npcs, players } = live.moment.value
+      const { tick, npcs } = live.moment.value
       viewport.setNpcs(tick, [...npcs.values()].map(poseOf))
-      viewport.setPlayers(
-        players.map(({ position, radius, height }) => ({ position: position ?? ORIGIN, radius, height })),
-      )
     }),
+    effect(() => viewport.setPlayers(posesOf(live.moment.value.players, player.body.value, player.at.value))),
     effect(() => viewport.setMovers(movers.list.value.map(shapeOf))),
     effect(() => {
       void movers.list.value
@@ -88,7 +87,7 @@ export function show(studio: Studio, viewport: Viewport): () => void {
 
 /** Names of places, of what moves, and of what is selected. */
 function showNames(studio: Studio, viewport: Viewport): (() => void)[] {
-  const { level, pieces, marks, movers, npcs, plans } = studio
+  const { level, pieces, marks, movers, npcs, plans, player } = studio
   const tops = computed(() => movers.list.value.map(topOf))
   return [
     effect(() => {
@@ -101,6 +100,7 @@ function showNames(studio: Studio, viewport: Viewport): (() => void)[] {
       const followed = npcs.followed.value
       viewport.setLabels('npc', followed?.id === npcs.selectedId.value && followed ? npcNames(followed) : [])
     }),
+    effect(() => viewport.setLabels('player', playerNames(player.at.value))),
     effect(() => {
       viewport.setLabels('plan', planNames(plans.start.value, plans.goal.value, plans.nearest.value))
     }),

@@ -12,6 +12,7 @@ import { CreateWorldForm } from './map/create-world'
 import { show } from './show'
 import { clicked, dragged, hintFor } from './tools'
 import { ViewBar } from './view-bar'
+import { walkWithKeys } from './walk'
 import { WatchBar } from './watch-bar'
 
 const hovered = signal<Hit | undefined>(undefined)
@@ -50,10 +51,10 @@ function mount(studio: Studio, container: HTMLElement): () => void {
     })
     // First, since the level clears the view before it is loaded into it.
     studio.viewport.value = viewport
-    const end = show(studio, viewport)
+    const ends = [show(studio, viewport), walkWithKeys(studio, viewport)]
     return () => {
       studio.viewport.value = undefined
-      end()
+      for (const end of ends) end()
       viewport.dispose()
     }
   } catch (error) {

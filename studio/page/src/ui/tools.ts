@@ -21,6 +21,9 @@ export function hintFor(studio: Studio): string {
     remove: 'Click a vertex to remove it',
     force: studio.forceFrom.value === undefined ? 'Click the start of the edge' : 'Click the end of the edge',
     spawn: 'Click where to spawn the NPC',
+    player: studio.player.isThere.value
+      ? 'Walk with W A S D or a click, run with Shift, remove the player with Esc'
+      : 'Click where to put the player',
     send: `Click where to send ${named}`,
     teleport: `Click where to teleport ${named}`,
     mark: markHint(studio),
@@ -61,6 +64,7 @@ export const PICKABLE: Readonly<Record<Tool, ReadonlySet<Hit['kind']> | undefine
   remove: new Set(['vertex']),
   force: new Set(['vertex']),
   spawn: new Set(['ground', 'vertex']),
+  player: new Set(['ground', 'npc']),
   send: new Set(['ground', 'vertex']),
   teleport: new Set(['ground', 'vertex']),
   mark: new Set(['ground']),
@@ -104,6 +108,11 @@ const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
   spawn: (studio, hit) => {
     const worldId = studio.worlds.chosenId.peek()
     if (hit !== undefined && worldId !== undefined) void studio.npcs.spawn(worldId, hit.at)
+  },
+  player: (studio, hit) => {
+    const worldId = studio.worlds.chosenId.peek()
+    if (hit?.kind === 'npc') select(studio, hit)
+    else if (hit !== undefined && worldId !== undefined) void studio.player.click(worldId, hit.at)
   },
   build: (studio, hit) => {
     const worldId = studio.worlds.chosenId.peek()

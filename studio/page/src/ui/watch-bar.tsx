@@ -5,11 +5,13 @@ import { npcNumber, stateOf } from '../data/world/snapshot'
 import { STATE_NAMES } from '../data/abilities'
 import { STATE_COLOURS } from '../view/colours'
 import { AbilityName, Button } from './controls'
+import { PlayerBar } from './player-bar'
 import { ReplayBar } from './replay-bar'
 
-/** What the watched NPC is doing, below the map; in its place, the replay of an attempt. */
+/** What the watched NPC is doing, below the map; in its place, the player or the replay of an attempt. */
 export function WatchBar({ studio }: { studio: Studio }) {
-  const { npcs, live, replays } = studio
+  const { npcs, live, player, replays } = studio
+  if (player.isThere.value) return <PlayerBar studio={studio} />
   if (replays.shown.value !== undefined) return <ReplayBar studio={studio} />
   if (live.npcs.value.size === 0) return null
   const selected = npcs.selectedId.value

@@ -117,6 +117,13 @@ export class CameraRig {
     this.timeMs = HAND_MS
   }
 
+  /** Moves with what it looks at. */
+  move({ x, y, z }: Place): void {
+    const { target } = this.goal
+    this.goal.target = { x: target.x + x, y: target.y + y, z: target.z + z }
+    this.timeMs = HAND_MS
+  }
+
   lookAt(place: Place): void {
     this.goal.target = { ...place }
     this.goal.distance = Math.min(this.goal.distance, LOOK_M)

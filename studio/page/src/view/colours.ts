@@ -42,6 +42,7 @@ export const STATE_COLOURS: Readonly<Record<NpcState, string>> = {
 export const MARK_COLOURS = {
   start: '#38d977',
   goal: '#ff4d6d',
+  player: '#ed59bf',
   nearest: '#ffc93a',
   forbidden: '#ff3b4e',
   lost: '#ff4252',

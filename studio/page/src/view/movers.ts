@@ -1,7 +1,7 @@
 // Movers and players: what moves besides NPCs.
 
 import { BufferAttribute, BufferGeometry, CapsuleGeometry, Group, Mesh } from 'three'
-import type { Rgb } from './colours'
+import { MARK_COLOURS, parseColour, type Rgb } from './colours'
 import type { Materials } from './materials'
 import type { PickPoint } from './picking'
 import { Solids } from './shapes'
@@ -10,7 +10,7 @@ import type { MoverPose, MoverShape, PlayerPose } from './viewport.types'
 /** Of doors, and of what carries. */
 const DOOR: Rgb = [0.78, 0.52, 0.25]
 const CARRIER: Rgb = [0.36, 0.6, 0.78]
-const PLAYER: Rgb = [0.93, 0.35, 0.75]
+const PLAYER = parseColour(MARK_COLOURS.player)
 
 /** Triangles as they were modelled, around their pivot. */
 function shapeOf({ positions, pivot, isDoor }: MoverShape): BufferGeometry {

@@ -22,6 +22,9 @@ import type { Box, MeshTile, Place } from './viewport.types'
 /** Triangles of fine tiles that are kept at once. */
 const FINE_TRIANGLES = 2_500_000
 
+/** Rock nearer than this to what is looked at does not hide it, m. */
+const HIDING_M = 1.2
+
 /** Triangles of a quick picture. */
 const QUICK_TRIANGLES = 24_000
 
@@ -87,6 +90,15 @@ export class Terrain extends Group {
 
   cast(ray: Ray, ceiling: number | undefined): GroundHit | undefined {
     return castGround(this.grounds(), ray, ceiling)
+  }
+
+  /** Whether rock is between two places. */
+  hides(from: Place, to: Place, ceiling: number | undefined): boolean {
+    const [x, y, z] = [to.x - from.x, to.y - from.y, to.z - from.z]
+    const length = Math.hypot(x, y, z)
+    const direction = { x: x / length, y: y / length, z: z / length }
+    const met = this.cast({ origin: { x: from.x, y: from.y, z: from.z }, direction }, ceiling)
+    return met !== undefined && met.distance < length - HIDING_M
   }
 
   /** Takes rougher tiles where they are many or far, so that a picture comes quickly; or whole ones again. */

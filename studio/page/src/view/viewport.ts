@@ -59,8 +59,6 @@ const STEER_MS = 300
 /** Names are shown at least so far around what the camera looks at, and while it is nearer than this to that, m. */
 const NAMED_M = 45
 const MOST_NAMED_M = 150
-/** Rock nearer than this to what is looked at does not hide it, m. */
-const HIDING_M = 1.2
 
 /** @throws Error if the browser offers no WebGL 2. */
 export function createViewport(container: HTMLElement, events: Partial<ViewportEvents>): Viewport {
@@ -295,6 +293,15 @@ class View implements Viewport, Show {
     this.frames.wake()
   }
 
+  moveCamera(by: Place): void {
+    this.rig.move(by)
+    this.frames.wake()
+  }
+
+  distanceToGround(origin: Place, direction: Place): number | undefined {
+    return this.scene.terrain.cast({ origin, direction }, undefined)?.distance
+  }
+
   camera(): CameraPose {
     return this.rig.kept
   }
@@ -426,7 +433,7 @@ class View implements Viewport, Show {
       reach: rig.pose.distance < MOST_NAMED_M ? rig.pose.distance * 0.7 + NAMED_M : 0,
       ceiling: aim.section ?? Infinity,
       npc: (id) => this.poses.find(id),
-      isHidden: (place) => this.isHidden(stage.camera.position, place),
+      isHidden: (place) => this.scene.terrain.hides(stage.camera.position, place, aim.section),
     })
     this.clip?.take()
   }
@@ -455,18 +462,11 @@ class View implements Viewport, Show {
     const { rig } = this
     const { azimuth, polar } = rig.pose
     const at = { x: npc.x, y: npc.y + 0.8, z: npc.z }
-    const isFree = (angles: Angles): boolean => !this.isHidden(at, lensOf(rig.chasePose(at, angles), 1).eye)
+    const { terrain } = this.scene
+    const isFree = (angles: Angles): boolean =>
+      !terrain.hides(at, lensOf(rig.chasePose(at, angles), 1).eye, this.aim.section)
     const present = { azimuth, polar }
     rig.steer(chaseAngles(npc, npc.goal, present, isFree), !isFree(present))
-  }
-
-  /** Whether rock is between two places. */
-  private isHidden(from: Place, to: Place): boolean {
-    const [x, y, z] = [to.x - from.x, to.y - from.y, to.z - from.z]
-    const length = Math.hypot(x, y, z)
-    const direction = { x: x / length, y: y / length, z: z / length }
-    const met = this.scene.terrain.cast({ origin: { x: from.x, y: from.y, z: from.z }, direction }, this.aim.section)
-    return met !== undefined && met.distance < length - HIDING_M
   }
 
   private resize(container: HTMLElement): void {

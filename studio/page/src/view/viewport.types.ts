@@ -154,7 +154,7 @@ export interface Label {
 }
 
 /** Labels of one source, which replaces all of them at a time. */
-export type LabelGroup = 'places' | 'movers' | 'npc' | 'plan'
+export type LabelGroup = 'places' | 'movers' | 'npc' | 'plan' | 'player'
 
 /** Something that an NPC did, to be shown at any of its moments. */
 export interface Replay {
@@ -264,6 +264,10 @@ export interface Viewport {
   lookAt(place: Place): void
   /** Shows a box from near by, from the side that the camera is on. */
   frameBox(box: Box): void
+  /** Moves the camera and what it looks at. */
+  moveCamera(by: Place): void
+  /** Metres from a place to the ground or a wall in a direction of length 1; undefined: there is none. Sections do not count. */
+  distanceToGround(origin: Place, direction: Place): number | undefined
   camera(): CameraPose
   /** Goes there at once. */
   setCamera(pose: CameraPose): void

@@ -13,6 +13,7 @@ describe('tools', () => {
     ['remove', ['vertex']],
     ['force', ['vertex']],
     ['spawn', ['ground', 'vertex']],
+    ['player', ['ground', 'npc']],
   ] as const)('%s meets %s', (tool, kinds) => {
     expect(PICKABLE[tool]).toEqual(kinds === undefined ? undefined : new Set(kinds))
   })

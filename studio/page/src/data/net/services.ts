@@ -29,8 +29,9 @@ export interface PlannerSide extends Side {
   calls: Client<typeof PlannerService>
 }
 
-export function connectWorld(address: ServiceAddress, sessions: Sessions): WorldSide {
-  const { side, transport } = connect(address, sessions)
+/** `fetch`: makes the calls, as the browser's does. */
+export function connectWorld(address: ServiceAddress, sessions: Sessions, fetch?: typeof globalThis.fetch): WorldSide {
+  const { side, transport } = connect(address, sessions, fetch)
   return { ...side, calls: createClient(WorldService, transport) }
 }
 
@@ -39,10 +40,10 @@ export function connectPlanner(address: ServiceAddress, sessions: Sessions): Pla
   return { ...side, calls: createClient(PlannerService, transport) }
 }
 
-function connect({ url, origin, isForeign }: ServiceAddress, sessions: Sessions) {
+function connect({ url, origin, isForeign }: ServiceAddress, sessions: Sessions, fetch = globalThis.fetch) {
   const [link, session] = [new Link(), sessions.at(origin)]
   const interceptors = [link.interceptor, session.interceptor]
-  const transport = createConnectTransport({ baseUrl: url, useBinaryFormat: true, interceptors })
+  const transport = createConnectTransport({ baseUrl: url, useBinaryFormat: true, interceptors, fetch })
   const side: Side = { address: url, isForeign, link, session, maps: createClient(MapService, transport) }
   return { side, transport }
 }

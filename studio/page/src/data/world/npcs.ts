@@ -1,14 +1,27 @@
 // The selected NPC, and what can be done with NPCs.
 
 import { batch, signal } from '@preact/signals'
-import type { AttemptEnded, FollowNpcResponse, Npc, NpcPlan, Ray } from '../../gen/surefoot/world/v1/world_pb'
+import {
+  type AttemptEnded,
+  type FollowNpcResponse,
+  type Npc,
+  type NpcPlan,
+  NpcStatus,
+  type Ray,
+} from '../../gen/surefoot/world/v1/world_pb'
 import type { Place } from '../../view/viewport.types'
 import { type Context, report } from '../context'
 import { failureOf } from '../net/errors'
 import { keepReading } from '../net/stream'
-import { npcNumber } from './snapshot'
+import { npcNumber, type NpcsById } from './snapshot'
 
 const RATE_HZ = 10
+/** An NPC that chases the player has caught up at this distance, m. */
+const CHASE_RADIUS_M = 1.5
+/** The goal of an NPC that chases the player is never farther from it than this, m. */
+const DIVERTED_M = 5
+/** Snapshots that are older than an order have arrived after so long, ms. */
+const SETTLED_MS = 1000
 /** A stream that is silent for so long is taken for dead. */
 const IDLE_MS = 10_000
 
@@ -46,7 +59,13 @@ function headingOf(known: Followed, { npc, plan, waypointIdx }: FollowNpcRespons
   return isOnPlan ? waypointIdx : plan === undefined ? known.waypointIdx : 0
 }
 
-const isSame = (a: Place, b: Place): boolean => a.x === b.x && a.y === b.y && a.z === b.z
+export const isSame = (a: Place, b: Place): boolean => a.x === b.x && a.y === b.y && a.z === b.z
+
+/** Whether an NPC that chased the player has another goal now, as clients of the same world may give it. */
+export function isDiverted({ status, goal }: Npc, player: Place | undefined): boolean {
+  if (status !== NpcStatus.SEEKING || goal === undefined || player === undefined) return false
+  return Math.hypot(goal.x - player.x, goal.z - player.z) > DIVERTED_M
+}
 
 export class Npcs {
   readonly selectedId = signal<bigint | undefined>(undefined)
@@ -55,6 +74,8 @@ export class Npcs {
   readonly camera = signal(false)
   /** NPCs that were sent to a goal so far. */
   readonly sent = signal(0)
+  /** NPCs that chase the player, and when they were sent after it, ms. */
+  readonly chasers = signal<ReadonlyMap<bigint, number>>(new Map())
 
   constructor(private readonly context: Context) {}
 
@@ -121,14 +142,55 @@ export class Npcs {
     try {
       await this.context.world.calls.setGoal({ npcId, goal })
       this.sent.value += 1
+      this.forgetChasers([npcId])
     } catch (error) {
       report(this.context, `NPC ${npcNumber(npcId)} was not sent`, error)
     }
   }
 
+  /** Lets an NPC chase a player of its world. */
+  async chase(npcId: bigint, targetPlayerId: number): Promise<void> {
+    try {
+      const target = { case: 'targetPlayerId', value: targetPlayerId } as const
+      await this.context.world.calls.setGoal({ npcId, target, radius: CHASE_RADIUS_M, keep: true })
+      this.chasers.value = new Map([...this.chasers.peek(), [npcId, performance.now()]])
+    } catch (error) {
+      report(this.context, `NPC ${npcNumber(npcId)} does not chase the player`, error)
+    }
+  }
+
+  /** Ends the chase of NPCs. */
+  async stopChase(npcIds: readonly bigint[]): Promise<void> {
+    this.forgetChasers(npcIds)
+    if (npcIds.length === 0) return
+    try {
+      await this.context.world.calls.clearGoals({ npcIds: [...npcIds] })
+    } catch (error) {
+      report(this.context, 'The chase cannot be ended', error)
+    }
+  }
+
+  /** Notes which NPCs no longer chase the player, which is `at` as the server has it. */
+  noteChasers(npcs: NpcsById, at: Place | undefined): void {
+    for (const [id, since] of this.chasers.peek()) {
+      const npc = npcs.get(id)
+      if (npc === undefined || npc.status === NpcStatus.DOWN) this.forgetChasers([id])
+      else if (performance.now() - since > SETTLED_MS && isDiverted(npc, at)) {
+        this.forgetChasers([id])
+        this.context.toasts.say(`NPC ${npcNumber(id)} was sent elsewhere and no longer chases the player.`)
+      }
+    }
+  }
+
+  private forgetChasers(npcIds: readonly bigint[]): void {
+    if (!npcIds.some((id) => this.chasers.peek().has(id))) return
+    this.chasers.value = new Map([...this.chasers.peek()].filter(([id]) => !npcIds.includes(id)))
+  }
+
   async teleport(npcId: bigint, position: Place, yaw: number): Promise<void> {
     try {
       await this.context.world.calls.teleportNpc({ npcId, position, yaw })
+      this.forgetChasers([npcId])
     } catch (error) {
       report(this.context, `NPC ${npcNumber(npcId)} was not teleported`, error)
     }

@@ -28,13 +28,22 @@ function NpcList({ studio }: { studio: Studio }) {
     <Section
       title={counted(live.npcs.value.size, 'NPC')}
       actions={
-        <Button
-          label="Spawn"
-          icon="plus"
-          hint="Then click the ground (8)"
-          pressed={studio.tool.value === 'spawn'}
-          onClick={() => studio.setTool('spawn')}
-        />
+        <>
+          <Button
+            label="Spawn"
+            icon="plus"
+            hint="Then click the ground (8)"
+            pressed={studio.tool.value === 'spawn'}
+            onClick={() => studio.setTool('spawn')}
+          />
+          <Button
+            label="Player"
+            icon="player"
+            hint="Walk among the NPCs as a player (9)"
+            pressed={studio.tool.value === 'player'}
+            onClick={() => studio.setTool('player')}
+          />
+        </>
       }
     >
       <input

@@ -2,6 +2,7 @@ import { outcomeName, standingReason, STATE_NAMES } from '../../data/abilities'
 import { count, duration, place } from '../../data/format'
 import type { Studio } from '../../data/studio'
 import type { Followed } from '../../data/world/npcs'
+import { metresBetween } from '../../data/world/player'
 import { npcNumber, stateOf } from '../../data/world/snapshot'
 import { Outcome } from '../../gen/surefoot/world/v1/world_pb'
 import { STATE_COLOURS } from '../../view/colours'
@@ -9,7 +10,7 @@ import { AbilityName, Button, ChanceBar, Facts, Section, SureButton } from '../c
 import { LegActions } from '../plan/leg-actions'
 
 export function SelectedNpcCard({ studio }: { studio: Studio }) {
-  const { npcs, live } = studio
+  const { npcs, live, player } = studio
   const id = npcs.selectedId.value
   if (id === undefined) return null
   const followed = npcs.followed.value?.id === id ? npcs.followed.value : undefined
@@ -32,7 +33,9 @@ export function SelectedNpcCard({ studio }: { studio: Studio }) {
               </span>,
             ],
             ['At', place(npc.position)],
-            ['Goal', place(npc.goal)],
+            npcs.chasers.value.has(id)
+              ? ['Chases', `the player, ${metresBetween(npc.position, player.at.peek()).toFixed(1)} m away`]
+              : ['Goal', place(npc.goal)],
             ['Worker', npc.workerId === 0n ? <span class="warn">none</span> : String(npc.workerId)],
             ['Attempts', `${count(npc.attemptsBegun)} begun, ${count(npc.attemptsEnded)} ended`],
           ]}
@@ -51,7 +54,7 @@ export function SelectedNpcCard({ studio }: { studio: Studio }) {
 }
 
 function Actions({ studio, id }: { studio: Studio; id: bigint }) {
-  const { npcs, live, plans } = studio
+  const { npcs, live, plans, player } = studio
   const planFromHere = () => {
     const at = live.moment.peek().npcs.get(id)?.position
     if (at === undefined) return
@@ -68,9 +71,18 @@ function Actions({ studio, id }: { studio: Studio; id: bigint }) {
         pressed={tool === 'teleport'}
         onClick={() => studio.setTool('teleport')}
       />
+      {player.isThere.value && <ChaseButton studio={studio} id={id} />}
       <Button label="Plan from here" icon="plan" onClick={planFromHere} />
       <SureButton label="Remove" question="Remove this NPC?" icon="trash" onSure={() => void npcs.remove(id)} />
     </div>
+  )
+}
+
+function ChaseButton({ studio, id }: { studio: Studio; id: bigint }) {
+  return studio.npcs.chasers.value.has(id) ? (
+    <Button label="Stop chasing" icon="stop" onClick={() => void studio.npcs.stopChase([id])} />
+  ) : (
+    <Button label="Chase the player" icon="chase" onClick={() => studio.chasePlayer(id)} />
   )
 }
 
