@@ -48,6 +48,13 @@ for (const colorScheme of ['light', 'dark'] as const) {
       state.context.toasts.say('An example of a message.', 'bad')
     })
     await check('replay, section and a message')
+    await ask(page, ({ state }) => {
+      state.setTool('player')
+      const { x, y, z } = state.graphs.loaded.value!.vertices[0]!
+      return state.player.click(state.worlds.chosenId.value!, { x, y, z }).then(() => state.chasePlayer())
+    })
+    await expect(page.getByRole('group', { name: 'Player' })).toContainText('chases')
+    await check('player')
     expect(found).toEqual([])
   })
 }

@@ -22,7 +22,7 @@ export function hintFor(studio: Studio): string {
     force: studio.forceFrom.value === undefined ? 'Click the start of the edge' : 'Click the end of the edge',
     spawn: 'Click where to spawn the NPC',
     player: studio.player.isThere.value
-      ? 'Walk with W A S D or a click, run with Shift, remove the player with Esc'
+      ? 'Walk with W A S D or clicks, run with Shift, leave with Esc'
       : 'Click where to put the player',
     send: `Click where to send ${named}`,
     teleport: `Click where to teleport ${named}`,

@@ -8,8 +8,9 @@ import { TEXT_FIELDS } from './keys'
 
 /** Longest time that one picture moves the player by, s. */
 const MOST_S = 0.1
-/** What is shown around the player when it is put down, m. */
-const AROUND_M = 5
+/** When the player is put down, the camera looks at this height over its feet, and comes this near, m. */
+const BREAST_M = 1.2
+const NEAR_M = 16
 /** What moves its own marker with the arrow keys. */
 const ARROW_FIELDS = '[role=toolbar], [role=tablist], [role=radiogroup], input'
 
@@ -44,7 +45,8 @@ function begin({ player }: Studio, viewport: Viewport): () => void {
     request = requestAnimationFrame(frame)
   }
   request = requestAnimationFrame(frame)
-  showAround(viewport, player.at.peek())
+  const { x, y, z } = player.at.peek()!
+  viewport.lookAt({ x, y: y + BREAST_M, z }, NEAR_M)
   return () => {
     ends.abort()
     cancelAnimationFrame(request)
@@ -69,10 +71,4 @@ function listen(signal: AbortSignal, held: Set<string>, shifted: (shift: boolean
   }
   window.addEventListener('keydown', pressed, options)
   window.addEventListener('keyup', released, options)
-}
-
-function showAround(viewport: Viewport, at: Place | undefined): void {
-  if (at === undefined) return
-  const low = { x: at.x - AROUND_M, y: at.y, z: at.z - AROUND_M }
-  viewport.frameBox({ low, high: { x: at.x + AROUND_M, y: at.y + 2, z: at.z + AROUND_M } })
 }

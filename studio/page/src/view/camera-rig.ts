@@ -124,9 +124,9 @@ export class CameraRig {
     this.timeMs = HAND_MS
   }
 
-  lookAt(place: Place): void {
+  lookAt(place: Place, within = LOOK_M): void {
     this.goal.target = { ...place }
-    this.goal.distance = Math.min(this.goal.distance, LOOK_M)
+    this.goal.distance = Math.min(this.goal.distance, within)
     this.timeMs = FLIGHT_MS
   }
 

@@ -280,9 +280,9 @@ class View implements Viewport, Show {
     this.frames.wake()
   }
 
-  lookAt(place: Place): void {
+  lookAt(place: Place, within?: number): void {
     this.stopFollowing()
-    this.rig.lookAt(place)
+    this.rig.lookAt(place, within)
     this.frames.wake()
   }
 

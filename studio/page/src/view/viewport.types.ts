@@ -261,7 +261,8 @@ export interface Viewport {
   setTopView(top: boolean): void
   /** Shows the whole map. */
   frameMap(): void
-  lookAt(place: Place): void
+  /** Looks at a place from the side that the camera is on, and from so near, m. */
+  lookAt(place: Place, within?: number): void
   /** Shows a box from near by, from the side that the camera is on. */
   frameBox(box: Box): void
   /** Moves the camera and what it looks at. */
