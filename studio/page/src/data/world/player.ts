@@ -56,7 +56,7 @@ export class OwnPlayer {
   readonly at = signal<Place | undefined>(undefined)
   readonly body = signal<Body | undefined>(undefined)
   readonly isThere = computed(() => this.body.value !== undefined)
-  /** Where it was told to walk by a click. */
+  /** Where a click sends it. */
   private target: Place | undefined
   private velocity = REST
   /** Whether the server has the latest place and velocity. */
