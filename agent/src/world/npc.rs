@@ -79,14 +79,13 @@ impl Npc {
     /// Follows a goal that may have moved, m: the NPC heads for its new place if it is on the last leg, and needs
     /// another plan once the goal has moved far.
     pub fn follow_goal(&mut self, goal: Vec3, has_arrived: bool) {
-        let follower = &mut self.attempt.follower;
+        let follower = &self.attempt.follower;
         if follower.waypoint().is_none() && follower.goal() != goal {
             // The straight way to it was not rehearsed.
             self.hold.next_try = 0;
         }
-        if let Some(waypoint) = follower.move_goal(goal, self.feet, has_arrived) {
+        if let Some(waypoint) = self.attempt.follow_goal(goal, self.feet, has_arrived) {
             self.news.waypoint = Some(waypoint);
-            self.attempt.forget_forecast();
         }
         self.planning.is_outdated |= self.attempt.follower.has_goal_drifted(self.feet);
     }

@@ -85,6 +85,13 @@ impl WorldTask {
     /// The NPCs that rehearse before this decision. An NPC that stands still waits for its turn, but not for ever: most
     /// legs go well without.
     fn choose_due<'b>(&mut self, batch: &'b Batch) -> Vec<&'b Sighting> {
+        if let Some((map, profile)) = self.ground.map().zip(self.ground.body()) {
+            for seen in &batch.sightings {
+                if let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) {
+                    npc.attempt.skip_plain_rehearsal(map, profile, &state.body);
+                }
+            }
+        }
         let is_due = |seen: &&Sighting| {
             seen.state.is_some()
                 && self.npcs.get(&seen.id).is_some_and(|npc| npc.attempt.is_due() && !npc.planning.is_requested)

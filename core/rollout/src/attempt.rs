@@ -20,8 +20,10 @@ use surefoot_world::{Ability, Arrival, CharacterProfile, Map, Npc, Vec3, arrival
 const HARM_DRAWS: u32 = 3;
 /// Rehearsals without progress, with other noise each time, before the NPC takes another way.
 const STALL_DRAWS: u32 = 2;
-/// Distance of a goal up to which a straight walk to it needs no rehearsal, m.
+/// Distance of a goal up to which a straight walk to it may do without a rehearsal, m.
 const STRAIGHT_M: f32 = 8.0;
+/// Distance on both sides of a straight walk at which it must be as plain, so that it needs no rehearsal, m.
+const MARGIN_M: f32 = 1.0;
 /// Most rehearsals before one decision.
 const MAX_REHEARSALS: u32 = 96;
 
@@ -67,6 +69,16 @@ impl Attempt {
         self.follower.plan(feet, search)
     }
 
+    /// Follows a goal that may have moved, m, with the feet at `feet`, m. Returns the waypoint, m, if it has changed,
+    /// and rehearses the way to it.
+    pub fn follow_goal(&mut self, goal: Vec3, feet: Vec3, has_arrived: bool) -> Option<Vec3> {
+        let waypoint = self.follower.move_goal(goal, feet, has_arrived);
+        if waypoint.is_some() {
+            self.forget_forecast();
+        }
+        waypoint
+    }
+
     /// How the NPC moves in the next decision: composed only where a rehearsal has shown that it arrives so, or where
     /// it could walk straight to a goal at which it must stand.
     pub fn style(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Style {
@@ -81,12 +93,24 @@ impl Attempt {
 
     /// Whether the body could walk straight to a goal nearby at which it must stand.
     fn walks_straight(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> bool {
-        let goal = self.follower.waypoint().filter(|_| self.follower.arrival() == Arrival::Stand);
-        goal.is_some_and(|goal| {
-            body.is_grounded()
-                && goal.distance(body.feet) <= STRAIGHT_M
-                && arrival::walks_straight(map, profile, body.feet, goal)
-        })
+        self.near_goal(body).is_some_and(|goal| arrival::walks_straight(map, profile, body.feet, goal))
+    }
+
+    /// The goal, m, if it is next, near a body on the ground, and the body must stand there.
+    fn near_goal(&self, body: &Body) -> Option<Vec3> {
+        let goal = self.follower.waypoint().filter(|_| self.follower.arrival() == Arrival::Stand)?;
+        (body.is_grounded() && goal.distance(body.feet) <= STRAIGHT_M).then_some(goal)
+    }
+
+    /// Lets the NPC act without a rehearsal where it must stand at a goal nearby, and the way there and both of its sides
+    /// are plain ground.
+    pub fn skip_plain_rehearsal(&mut self, map: &Map, profile: &CharacterProfile, body: &Body) {
+        let Some(goal) = self.near_goal(body).filter(|_| self.is_due()) else { return };
+        let ahead = (goal - body.feet).with_y(0.0).normalize_or_zero() * MARGIN_M;
+        let is_plain = [Vec3::ZERO, ahead.cross(Vec3::Y), Vec3::Y.cross(ahead)]
+            .into_iter()
+            .all(|side| arrival::is_plain(map, profile, body.feet + side, goal + side));
+        self.must_rehearse = !is_plain;
     }
 
     /// Whether a rehearsal has shown the next decision.

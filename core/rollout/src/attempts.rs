@@ -1,17 +1,20 @@
 //! Runs many attempts at once in this process, straight or by plan, for validation, evaluation and pictures.
 
-use crate::attempt::{AfterRehearsal, Attempt};
+mod chase;
+mod guide;
+
+pub use chase::{Chase, Chased};
+
+use self::guide::Guide;
+use crate::attempt::Attempt;
 use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
-use crate::follow::scene::Scene;
-use crate::follow::{Fault, FollowConfig, Follower, Step};
+use crate::follow::{Fault, FollowConfig, Follower};
 use crate::goals::Goal;
 use crate::motion::{Motion, Trace};
 use crate::rehearse::{NoiseStream, Rehearsal};
 use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-use std::time::Instant;
-use surefoot_planner::EdgeCosts;
 use surefoot_planner::{Router, Traffic};
 use surefoot_policy::Policy;
 use surefoot_world::{Action, CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};
@@ -203,53 +206,20 @@ impl Rollout {
         Figures { search_us, motion }: &mut Figures,
         before_each_decision: &mut dyn FnMut(&mut World, u32),
     ) -> Vec<Played> {
-        let config = WorldConfig::new(self.profile.clone(), self.task.clone(), self.solid);
-        let mut worlds = [World::with_config(self.map.clone(), config)];
-        before_each_decision(&mut worlds[0], 0);
-        let mut decisions = DecisionLoop::new(policy);
-        let mut walkers: Vec<Walker> = (0..)
-            .zip(goals)
-            .map(|(idx, goal)| {
-                let noise = NoiseStream::new(self.noise_share, self.seed, idx);
-                Walker::start(&mut worlds[0], goal, noise, (self.follow, router.is_some()))
-            })
-            .collect();
-        walkers.iter().for_each(|walker| decisions.begin(walker.deciding.row_idx));
-        let mut guide = router.map(|router| Guide {
-            router,
-            policy,
-            rehearsal: Rehearsal::new(self.map.clone(), self.profile.clone(), self.task.clone(), policy),
-            rehearses: self.rehearses,
-            traffic: self.solid.then(Traffic::default),
-            search_us,
-        });
-        if let Some(guide) = &mut guide {
-            walkers.iter_mut().for_each(|walker| guide.begin(&mut worlds[0], walker));
-        }
-        let mut npcs: Vec<DecidingNpc> = walkers.iter().map(|walker| walker.deciding).collect();
+        let mut run = Run::prepare(self, policy);
+        before_each_decision(&mut run.worlds[0], 0);
+        run.begin(router, goals, search_us);
+        let mut npcs: Vec<DecidingNpc> = run.walkers.iter().map(|walker| walker.deciding).collect();
         for decision in 1.. {
-            before_each_decision(&mut worlds[0], decision);
-            if let Some(guide) = &mut guide {
-                guide.prepare(&mut worlds[0], &mut walkers, &decisions);
-            }
-            npcs.retain(|npc| walkers[npc.slot.0 as usize].is_running(&mut worlds[0], self.solid));
+            before_each_decision(&mut run.worlds[0], decision);
+            run.guide();
+            npcs.retain(|npc| run.walkers[npc.slot.0 as usize].is_running(&mut run.worlds[0], self.solid));
             if npcs.is_empty() {
                 break;
             }
-            npcs.iter_mut().for_each(|npc| npc.style = walkers[npc.slot.0 as usize].style(&worlds[0]));
-            let noise = npcs.iter().flat_map(|npc| walkers[npc.slot.0 as usize].noise.draw(npc.style)).collect();
-            let mut batch = DecisionBatch { worlds: &mut worlds, npcs: &npcs };
-            let outcomes = decisions.decide(&mut batch, policy, Noise::Rows(noise)).to_vec();
-            for ((npc, outcome), action) in npcs.iter().zip(outcomes).zip(decisions.actions()) {
-                let walker = &mut walkers[npc.slot.0 as usize];
-                walker.record(&worlds[0], *action, motion);
-                match &mut guide {
-                    Some(guide) => guide.follow(&mut worlds[0], walker, outcome.end),
-                    None => walker.measured.end = self.end_of_straight(&worlds[0], walker, outcome),
-                }
-            }
+            run.decide(&mut npcs, motion);
         }
-        walkers.into_iter().map(Walker::finish).collect()
+        run.walkers.into_iter().map(Walker::finish).collect()
     }
 
     /// How the attempt of an NPC that heads straight for its goal has ended, if it has.
@@ -260,6 +230,73 @@ impl Rollout {
     }
 }
 
+/// Attempts that run together in one world.
+struct Run<'a> {
+    rollout: &'a Rollout,
+    policy: &'a Policy,
+    worlds: [World; 1],
+    decisions: DecisionLoop,
+    walkers: Vec<Walker>,
+    /// `None` if NPCs head straight for their goals.
+    guide: Option<Guide<'a>>,
+}
+
+impl<'a> Run<'a> {
+    /// A world without NPCs.
+    fn prepare(rollout: &'a Rollout, policy: &'a Policy) -> Self {
+        let config = WorldConfig::new(rollout.profile.clone(), rollout.task.clone(), rollout.solid);
+        let worlds = [World::with_config(rollout.map.clone(), config)];
+        Self { rollout, policy, worlds, decisions: DecisionLoop::new(policy), walkers: Vec::new(), guide: None }
+    }
+
+    /// Begins an attempt for each goal, with its first plan if there is a router.
+    fn begin(&mut self, router: Option<&'a Router>, goals: &[Goal], search_us: &'a mut Vec<f64>) {
+        let Self { rollout, policy, .. } = *self;
+        let world = &mut self.worlds[0];
+        let walkers = (0..).zip(goals).map(|(idx, goal)| {
+            let noise = NoiseStream::new(rollout.noise_share, rollout.seed, idx);
+            Walker::start(world, goal, noise, (rollout.follow, router.is_some()))
+        });
+        self.walkers = walkers.collect();
+        self.walkers.iter().for_each(|walker| self.decisions.begin(walker.deciding.row_idx));
+        self.guide = router.map(|router| Guide {
+            router,
+            policy,
+            rehearsal: Rehearsal::new(rollout.map.clone(), rollout.profile.clone(), rollout.task.clone(), policy),
+            rehearses: rollout.rehearses,
+            traffic: rollout.solid.then(Traffic::default),
+            search_us,
+        });
+        if let Some(guide) = &mut self.guide {
+            self.walkers.iter_mut().for_each(|walker| guide.begin(&mut self.worlds[0], walker));
+        }
+    }
+
+    /// Lets NPCs look at movers and rehearse before a decision.
+    fn guide(&mut self) {
+        if let Some(guide) = &mut self.guide {
+            guide.prepare(&mut self.worlds[0], &mut self.walkers, &self.decisions);
+        }
+    }
+
+    /// Runs one decision of these NPCs.
+    fn decide(&mut self, npcs: &mut [DecidingNpc], motion: &mut Motion) {
+        let Self { rollout, policy, worlds, decisions, walkers, guide } = self;
+        npcs.iter_mut().for_each(|npc| npc.style = walkers[npc.slot.0 as usize].style(&worlds[0]));
+        let noise = npcs.iter().flat_map(|npc| walkers[npc.slot.0 as usize].noise.draw(npc.style)).collect();
+        let mut batch = DecisionBatch { worlds: &mut *worlds, npcs };
+        let outcomes = decisions.decide(&mut batch, policy, Noise::Rows(noise)).to_vec();
+        for ((npc, outcome), action) in npcs.iter().zip(outcomes).zip(decisions.actions()) {
+            let walker = &mut walkers[npc.slot.0 as usize];
+            walker.record(&worlds[0], *action, motion);
+            match guide {
+                Some(guide) => guide.follow(&mut worlds[0], walker, outcome.end),
+                None => walker.measured.end = rollout.end_of_straight(&worlds[0], walker, outcome),
+            }
+        }
+    }
+}
+
 /// One NPC with its running attempt.
 struct Walker {
     deciding: DecidingNpc,
@@ -267,6 +304,10 @@ struct Walker {
     /// The attempt by plan; `None` if the NPC heads straight for its goal.
     attempt: Option<Attempt>,
     measured: Measured,
+    /// Whether the attempt goes on after the NPC has arrived.
+    keeps: bool,
+    /// Whether the NPC keeps to its goal and is there.
+    rests: bool,
     track: Track,
     actions: Vec<Action>,
     trace: Trace,
@@ -282,10 +323,17 @@ impl Walker {
             noise,
             attempt: has_plans.then(|| Attempt::new(Follower::new(goal.goal, config))),
             measured: Measured::begin(goal.start),
+            keeps: false,
+            rests: false,
             track: vec![goal.start],
             actions: Vec::new(),
             trace: Trace::begin(world.npc(slot).expect("just spawned")),
         }
+    }
+
+    /// Whether the NPC decides.
+    fn acts(&self) -> bool {
+        self.measured.end.is_none() && !self.rests
     }
 
     fn follower(&self) -> Option<&Follower> {
@@ -320,150 +368,4 @@ impl Walker {
         let attempt = self.measured.result(self.follower());
         Played { attempt, track: self.track, actions: self.actions }
     }
-}
-
-/// Plans for NPCs, and rehearses their plans.
-struct Guide<'a> {
-    router: &'a Router,
-    policy: &'a Policy,
-    rehearsal: Rehearsal,
-    rehearses: bool,
-    /// Predicted places of the NPCs; `None` if they do not get in each other's way.
-    traffic: Option<Traffic>,
-    search_us: &'a mut Vec<f64>,
-}
-
-impl Guide<'_> {
-    /// Begins the attempt of an NPC with its first plan.
-    fn begin(&mut self, world: &mut World, walker: &mut Walker) {
-        self.plan(world, walker, walker.measured.feet);
-        let Walker { attempt, measured, .. } = walker;
-        measured.record_first_plan(&attempt_of(attempt).follower);
-    }
-
-    /// Prepares the next decision of all NPCs.
-    fn prepare(&mut self, world: &mut World, walkers: &mut [Walker], decisions: &DecisionLoop) {
-        self.count_traffic(walkers);
-        if !world.movers().is_empty() {
-            walkers.iter_mut().for_each(|walker| self.watch_movers(world, walker));
-        }
-        if self.rehearses {
-            self.rehearse(world, walkers, decisions);
-        }
-    }
-
-    fn count_traffic(&mut self, walkers: &[Walker]) {
-        let Some(traffic) = &mut self.traffic else { return };
-        *traffic = Traffic::default();
-        for walker in walkers.iter().filter(|walker| walker.measured.end.is_none()) {
-            if let Some(follower) = walker.follower() {
-                follower.add_to(traffic, walker.measured.feet);
-            }
-        }
-    }
-
-    /// Processes one decision of an NPC. `leg_end` is how the way to the current waypoint ended, if it did.
-    fn follow(&mut self, world: &mut World, walker: &mut Walker, leg_end: Option<End>) {
-        let slot = walker.deciding.slot;
-        let body = world.npc(slot).expect("a running NPC").body;
-        let attempt = attempt_of(&mut walker.attempt);
-        let is_as_forecast = attempt.check_forecast(&body);
-        let mut step = attempt.follower.record_decision(body.feet, leg_end);
-        let is_pushed = world.config().npc_collision && !is_as_forecast && body.is_grounded();
-        if is_pushed && matches!(step, Step::Keep | Step::HeadFor(_)) {
-            let waypoint = attempt.follower.return_to_way(world.map(), &world.config().profiles[0], body.feet);
-            step = waypoint.map_or(step, Step::HeadFor);
-        }
-        match step {
-            Step::Keep => {}
-            Step::HeadFor(waypoint) => {
-                attempt.extend_forecast();
-                world.head_for(slot, waypoint, attempt.follower.arrival());
-            }
-            Step::Plan => self.plan(world, walker, body.feet),
-            Step::End(end) => walker.measured.end = Some(end),
-        }
-    }
-
-    /// Plans for an NPC from `feet`, m; it heads for the first waypoint.
-    fn plan(&mut self, world: &mut World, walker: &mut Walker, feet: Vec3) {
-        let Self { router, traffic, search_us, .. } = self;
-        let waypoint = attempt_of(&mut walker.attempt).plan(feet, |query| {
-            let started = Instant::now();
-            let plan = match traffic {
-                Some(traffic) => router.find_path_in(traffic, query, &EdgeCosts::new()),
-                None => router.find_path(query),
-            };
-            search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
-            plan
-        });
-        let arrival = attempt_of(&mut walker.attempt).follower.arrival();
-        world.head_for(walker.deciding.slot, waypoint, arrival);
-    }
-
-    /// Lets an NPC watch the movers, call those that it needs, and plan again if they bar its plan.
-    fn watch_movers(&mut self, world: &mut World, walker: &mut Walker) {
-        if walker.measured.end.is_some() {
-            return;
-        }
-        let body = world.npc(walker.deciding.slot).expect("a running NPC").body;
-        let watch = |world: &World, attempt: &mut Attempt| {
-            let scene = Scene { map: world.map(), states: world.movers() };
-            attempt.follower.watch_movers(scene, body.feet, body.is_grounded());
-        };
-        let attempt = attempt_of(&mut walker.attempt);
-        watch(world, attempt);
-        if attempt.follower.has_used_up_replans() {
-            walker.measured.end = Some(End::NoProgress);
-            return;
-        }
-        if attempt.follower.waypoint().is_none() && !attempt.follower.is_barred() {
-            self.plan(world, walker, body.feet);
-            watch(world, attempt_of(&mut walker.attempt));
-        }
-        if let Some(call) = walker.follower().and_then(Follower::call) {
-            world.call(call);
-        }
-    }
-
-    /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more.
-    fn rehearse(&mut self, world: &mut World, walkers: &mut [Walker], decisions: &DecisionLoop) {
-        let hidden_len = self.policy.memory_len();
-        let is_due =
-            |walker: &Walker| walker.measured.end.is_none() && walker.attempt.as_ref().is_some_and(Attempt::is_due);
-        let mut due: Vec<usize> = (0..walkers.len()).filter(|idx| is_due(&walkers[*idx])).collect();
-        due.iter().for_each(|idx| attempt_of(&mut walkers[*idx].attempt).begin_rehearsals());
-        while !due.is_empty() {
-            let starts = due.iter().map(|idx| {
-                let Walker { deciding, attempt, noise, .. } = &mut walkers[*idx];
-                let npc = *world.npc(deciding.slot).expect("a running NPC");
-                let hidden = decisions.hidden()[deciding.row_idx * hidden_len..][..hidden_len].to_vec();
-                attempt_of(attempt).rehearsal(npc, hidden, *noise)
-            });
-            let starts = starts.collect();
-            let mut results = self.rehearsal.run(self.policy, starts, world.movers()).into_iter();
-            due.retain(|idx| {
-                let walker = &mut walkers[*idx];
-                let result = results.next().expect("a result for each rehearsal");
-                match attempt_of(&mut walker.attempt).record_rehearsal(result, &mut walker.noise) {
-                    AfterRehearsal::Act => false,
-                    AfterRehearsal::Rehearse => true,
-                    AfterRehearsal::Plan => {
-                        let feet = world.npc(walker.deciding.slot).expect("a running NPC").body.feet;
-                        self.plan(world, walker, feet);
-                        true
-                    }
-                    AfterRehearsal::End => {
-                        walker.measured.end = Some(End::Unreachable);
-                        false
-                    }
-                }
-            });
-        }
-    }
-}
-
-/// The attempt of an NPC with a guide.
-fn attempt_of(attempt: &mut Option<Attempt>) -> &mut Attempt {
-    attempt.as_mut().expect("NPCs with a guide follow plans")
 }

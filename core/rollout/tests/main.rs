@@ -1,6 +1,7 @@
 //! Tests of the crate through its public interface, in one program.
 
 mod build;
+mod chase;
 mod crowd;
 mod edits;
 mod env;

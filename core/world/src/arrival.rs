@@ -1,11 +1,11 @@
 //! When a body has arrived at a place.
 
-use crate::Vec3;
 use crate::character::{Body, CharacterProfile, MoveScratch, is_clear};
 use crate::float::horizontal;
 use crate::map::{Liquid, Map};
 use crate::movers::Movers;
 use crate::navigable::DOWN;
+use crate::{TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Distance between two points of a walk at which the ground is searched, m.
@@ -36,6 +36,10 @@ pub enum Arrival {
 
 /// Distance by which a goal may be moved to a place to stand, unless the client says otherwise, m.
 pub const SNAP_M: f32 = 2.0;
+/// How much farther than its radius a target gets away from an NPC that keeps to it, until the NPC follows again, m.
+pub const KEEP_SLACK_M: f32 = 0.5;
+/// Time after which an NPC that keeps to its target tries again to reach it.
+pub const RETRY_TICKS: u64 = 3 * TICKS_PER_SECOND as u64;
 /// Distance between the places that are tried around a goal, m, and directions that are tried.
 const SNAP_STEP_M: f32 = 0.25;
 const SNAP_SPOKES: u8 = 12;
@@ -74,6 +78,17 @@ impl Arrival {
 /// Whether a body could walk straight from one place on a map to another, m. Movers do not count.
 pub fn walks_straight(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
     Place { map, movers: &Movers::default(), profile }.walks_straight(from, to)
+}
+
+/// Like [`walks_straight`], but only over ground without stairs, steep slopes and gaps, on which no body stumbles.
+pub fn is_plain(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
+    let place = Place { map, movers: &Movers::default(), profile };
+    place.is_open(from, to) && place.has_ground_within(from, to, profile.step_height)
+}
+
+/// Number of strides of a walk.
+fn stride_count(from: Vec3, to: Vec3) -> f32 {
+    (horizontal(to - from) / STRIDE_M).ceil().max(1.0)
 }
 
 impl Place<'_> {
@@ -170,10 +185,14 @@ impl Place<'_> {
 
     /// Whether the ground on the straight way between two places is nowhere too steep, and is continuous.
     fn has_ground(self, from: Vec3, to: Vec3) -> bool {
+        let slope = horizontal(to - from) / stride_count(from, to) * libm::tanf(self.profile.max_slope);
+        self.has_ground_within(from, to, self.profile.step_height + slope + SLACK_M)
+    }
+
+    /// Whether the ground on the straight way between two places rises or drops by at most `rise` metres in a stride.
+    fn has_ground_within(self, from: Vec3, to: Vec3, rise: f32) -> bool {
         let offset = to - from;
-        let run = horizontal(offset);
-        let stride_count = (run / STRIDE_M).ceil().max(1.0);
-        let rise = self.profile.step_height + run / stride_count * libm::tanf(self.profile.max_slope) + SLACK_M;
+        let stride_count = stride_count(from, to);
         let mut height = from.y;
         for stride in 1..=stride_count as u32 {
             let above = (from + offset * (stride as f32 / stride_count)).with_y(height + rise);

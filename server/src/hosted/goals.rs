@@ -6,19 +6,15 @@ use super::gathering::{NEAR_M, PLACE_RADIUS_M, Reserved, touch};
 use super::pursuit::{GoalOrder, GoalSet, Pursuit, Retry, Target};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
-use surefoot_world::arrival::{NoFooting, SNAP_M};
-use surefoot_world::{Action, Arrival, End, TICKS_PER_DECISION, TICKS_PER_SECOND, Vec3};
+use surefoot_world::arrival::{KEEP_SLACK_M, NoFooting, RETRY_TICKS, SNAP_M};
+use surefoot_world::{Action, Arrival, End, TICKS_PER_DECISION, Vec3};
 
 /// Distance between two goals of an NPC up to which they are one target that moves: in metres, and as a share of the
 /// NPC's distance from the first. A plan to a goal that is farther away is of more use elsewhere too.
 const SAME_TARGET_M: f32 = 4.0;
 const SAME_TARGET_SHARE: f32 = 0.25;
-/// How much farther than its radius a target gets away from an NPC that keeps to it, until the NPC follows again, m.
-const KEEP_SLACK_M: f32 = 0.5;
 /// Distance that a target moves before the goal follows it, m.
 const TARGET_STEP_M: f32 = 0.1;
-/// Time after which an NPC that keeps to its target tries again to reach it.
-const RETRY_TICKS: u64 = 3 * TICKS_PER_SECOND as u64;
 
 impl HostedWorld {
     /// Sends an NPC to a goal, or to the nearest place where it can stand.

@@ -1,8 +1,9 @@
-//! The living suite: crowds, doors, lifts, platforms, floors that vanish, and players.
+//! The living suite: crowds, doors, lifts, platforms, floors that vanish, players, and chases.
 //!
-//! Every NPC that does not arrive counts as a failure. The levels are made for the suite, and nothing
-//! was trained on them; their graphs are built as usual.
+//! Every NPC that does not arrive counts as a failure. In chases, every decision in which an NPC is not with its target
+//! counts as one. The levels are made for the suite, and nothing was trained on them; their graphs are built as usual.
 
+mod chases;
 mod scenes;
 
 use super::config::EvalError;
@@ -33,8 +34,26 @@ const CROWD: usize = 1024;
 const DOOR_DECISIONS: std::ops::Range<u32> = 18..48;
 
 /// Names of all scenes.
-pub const SCENES: [&str; 9] =
-    ["door", "corridor", "crowd", "doors", "lift", "called lift", "ferry", "vanishing bridge", "players"];
+pub const SCENES: [&str; 18] = [
+    "door",
+    "corridor",
+    "crowd",
+    "doors",
+    "lift",
+    "called lift",
+    "ferry",
+    "vanishing bridge",
+    "players",
+    "chase, 2 Hz",
+    "chase, 10 Hz",
+    "chase, 60 Hz",
+    "chase, 6 m/s",
+    "chase, 10 m/s",
+    "chase through doors",
+    "chase by lift",
+    "column",
+    "cut off",
+];
 
 /// Settings of a run.
 #[derive(Debug, Clone)]
@@ -71,21 +90,24 @@ pub struct SceneReport {
     pub target: String,
     /// Runs, each with another seed.
     pub runs: u64,
-    /// NPCs that arrived.
+    /// NPCs that arrived; in chases, decisions within 3 m of the target, of those since the first contact.
     pub success: Rate,
-    /// Number of attempts by their end.
+    /// Number of attempts by their end; in chases, NPCs that had contact and NPCs that died.
     pub ends: BTreeMap<String, u64>,
     /// In crowds of solid NPCs, attempts that ended without progress: every deadlock is one of them.
     pub deadlocks: Option<u64>,
-    /// Time until an NPC arrived, s: mean, and mean over the runs of the last one.
+    /// Time until an NPC arrived or had contact, s: mean, and mean over the runs of the last one.
     pub seconds_mean: f64,
     /// See above.
     pub seconds_last: f64,
-    /// Runs in which all NPCs arrived.
+    /// Runs in which all NPCs arrived; in chases, runs in which none died.
     pub runs_complete: u64,
     /// The same scene without what makes it hard, where there is one: what that is, share of success, and time of the
     /// last one, s.
     pub reference: Option<(String, f64, f64)>,
+    /// In chases, time that a decision takes in relation to one on the way to a goal that does not move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu_ratio: Option<f64>,
 }
 
 /// Runs the scenes; `begun` is called with the name of each.
@@ -106,6 +128,15 @@ pub fn run(policy: &Policy, config: &LivingConfig, mut begun: impl FnMut(&str)) 
         Suite::ferry,
         Suite::bridge,
         |suite| Ok(suite.players()),
+        |suite| suite.pursuit(3.0, 2.0),
+        |suite| suite.pursuit(3.0, 10.0),
+        |suite| suite.pursuit(3.0, 60.0),
+        |suite| suite.pursuit(6.0, 10.0),
+        |suite| suite.pursuit(10.0, 10.0),
+        Suite::pursuit_through_doors,
+        Suite::pursuit_onto_a_lift,
+        Suite::column,
+        Suite::cut_off,
     ];
     let is_wanted = |name: &str| config.scenes.is_empty() || config.scenes.iter().any(|wanted| wanted == name);
     for (name, scene) in SCENES.into_iter().zip(all).filter(|(name, _)| is_wanted(name)) {
@@ -167,6 +198,7 @@ impl Tally {
             seconds_last: self.last_s / self.runs.max(1) as f64,
             runs_complete: self.complete,
             reference,
+            cpu_ratio: None,
         }
     }
 
@@ -336,6 +368,7 @@ impl Suite<'_> {
             deadlocks: None,
             runs_complete: u64::from(stood == ENCOUNTERS),
             reference: None,
+            cpu_ratio: None,
         }
     }
 }
@@ -344,7 +377,7 @@ impl LivingReport {
     /// The results as a Markdown table.
     pub fn markdown(&self) -> String {
         let mut text = String::from(
-            "| scene | target | arrived | deadlocks | runs in which all did | last one, s | beside \
+            "| scene | target | arrived or near | deadlocks | runs without failures | last one, s | beside \
              |\n|---|---|---|---|---|---|---|\n",
         );
         for scene in &self.scenes {
@@ -354,6 +387,9 @@ impl LivingReport {
                 .map_or(String::new(), |(what, rate, last)| format!("{what}: {:.2} %, {last:.1} s", 100.0 * rate));
             let Rate { rate, n, .. } = scene.success;
             let arrived = (rate * n as f64).round();
+            let beside = scene
+                .cpu_ratio
+                .map_or(beside, |ratio| format!("CPU per decision {ratio:.2} x that of a standing goal"));
             text.push_str(&format!(
                 "| {}: {} | {} | {arrived} of {n} ({:.2} %) | {} | {} of {} | {:.1} | {beside} |\n",
                 scene.name,

@@ -1,5 +1,6 @@
 //! The levels of the living suite: made of boxes, with their movers, and the goals of the NPCs in them.
 
+use super::chases::Way;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use surefoot_rollout::goals::{Goal, random_yaw};
@@ -9,7 +10,7 @@ use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{StopIdx, Vec3};
 
 /// Height of all floors, m: what falls below 0 has left the map.
-const FLOOR: f32 = 10.0;
+pub const FLOOR: f32 = 10.0;
 /// Height of walls, which no jump gets over, m.
 const WALL: f32 = 9.0;
 /// Distance between NPCs at the start, and between their goals, m.
@@ -177,6 +178,95 @@ pub fn deck_with_lift(cycles: bool) -> Map {
     let lift = blocks.mover(MoverKind::Lift, [18.9, -0.1, 20.0], [21.95, 0.1, 24.0], &[Vec3::Y * 8.95], 3.0);
     lift.cycles = cycles;
     blocks.map(54, 44)
+}
+
+/// Length of the way from the floor of [`deck_with_lift`] over the lift to the deck, m.
+pub const LIFT_WAY: f32 = 26.0;
+/// Where that way gets to the lift, stands on it, and leaves it, m.
+pub const LIFT_STOPS: [f32; 3] = [10.0, 12.5, 15.0];
+
+/// The place on that way after `run` metres, m, while the lift is `lift_m` above its place on the floor.
+pub fn on_the_lift_way(run: f32, lift_m: f32) -> Vec3 {
+    let x = 8.0 + run;
+    let height = if x < 18.9 {
+        0.0
+    } else if x <= 21.95 {
+        lift_m + 0.1
+    } else {
+        9.0
+    };
+    Vec3::new(x, FLOOR + height, 22.0)
+}
+
+/// A hall with a doorway of 3 m, and beyond it stairs up to a deck of 3 m whose far side is a ledge.
+pub fn course() -> Map {
+    let mut blocks = hall(64.0);
+    blocks.wall([22.8, 2.0], [23.2, 11.5]);
+    blocks.wall([22.8, 14.5], [23.2, 24.0]);
+    for step in 0..20 {
+        let (begin, top) = (30.0 + 0.3 * step as f32, 0.15 * (step + 1) as f32);
+        blocks.solid([begin, -1.0, 3.0], [36.0, top, 8.0]);
+    }
+    blocks.solid([36.0, -1.0, 3.0], [48.0, 3.0, 8.0]);
+    blocks.map(66, 26)
+}
+
+/// Distance from the begin of [`round_the_course`] to the doorway, m.
+pub const DOORWAY_AT: f32 = 18.0;
+
+/// Round the hall: through the doorway, up the stairs, down the ledge, and back.
+pub fn round_the_course() -> Way {
+    let way = [
+        [6.0, 0.0, 6.0],
+        [20.0, 0.0, 13.0],
+        [26.0, 0.0, 13.0],
+        [29.0, 0.0, 5.5],
+        [30.0, 0.0, 5.5],
+        [36.0, 3.0, 5.5],
+        [48.5, 3.0, 5.5],
+        [49.0, 0.0, 5.5],
+        [54.0, 0.0, 10.0],
+        [50.0, 0.0, 19.0],
+        [26.0, 0.0, 13.0],
+        [20.0, 0.0, 13.0],
+        [6.0, 0.0, 19.0],
+    ];
+    on_the_floor(&way)
+}
+
+/// Round six of the rooms of [`rooms`], with the doors on the way: their movers and middles, m.
+pub fn round_the_rooms() -> (Way, Vec<(usize, Vec3)>) {
+    let middle = |[x, z]: [usize; 2]| [7.0 + 10.0 * x as f32, 0.0, 7.0 + 10.0 * z as f32];
+    let rooms = [[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [0, 1]];
+    let next = rooms.iter().copied().cycle().skip(1);
+    let doors = rooms.iter().copied().zip(next).map(|([x, z], [to_x, to_z])| {
+        let (line, room, kind) = if z == to_z { (x.max(to_x), z, 1) } else { (z.max(to_z), x, 0) };
+        let at = Vec3::from(middle([x, z])).midpoint(Vec3::from(middle([to_x, to_z])));
+        (2 * (4 * (line - 1) + room) + kind, at + Vec3::Y * FLOOR)
+    });
+    (on_the_floor(&rooms.map(middle)), doors.collect())
+}
+
+/// A hall of 44 x 44 m around a block of 24 x 24 m.
+pub fn block() -> Map {
+    let mut blocks = Blocks::default();
+    blocks.ground([2.0, 2.0], [46.0, 46.0]);
+    blocks.wall([12.0, 12.0], [36.0, 36.0]);
+    for (low, high) in [([1.0, 1.0], [47.0, 2.0]), ([1.0, 46.0], [47.0, 47.0])] {
+        blocks.wall(low, high);
+        blocks.wall([low[1], low[0]], [high[1], high[0]]);
+    }
+    blocks.map(48, 48)
+}
+
+/// Round the block of [`block`].
+pub fn round_the_block() -> Way {
+    on_the_floor(&[[7.0, 0.0, 7.0], [41.0, 0.0, 7.0], [41.0, 0.0, 41.0], [7.0, 0.0, 41.0]])
+}
+
+/// A way whose heights are above the floor, m.
+fn on_the_floor(way: &[[f32; 3]]) -> Way {
+    Way(way.iter().map(|place| Vec3::from(*place) + Vec3::Y * FLOOR).collect())
 }
 
 /// Two islands over a void, 26 m apart, with a platform that goes to and fro.

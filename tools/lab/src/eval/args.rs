@@ -138,7 +138,7 @@ pub enum Suite {
     Sweep,
     /// The 1 km map with and without graphs
     BigMap,
-    /// Crowds, doors, lifts, platforms, floors that vanish, and players
+    /// Crowds, doors, lifts, platforms, floors that vanish, players, and chases
     Living,
     /// The models in the folder seeds of --models, which differ in their training seed, on the benchmark maps
     Seeds,

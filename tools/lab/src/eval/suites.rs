@@ -80,7 +80,7 @@ fn eval_maps(text: &str, side: u32) -> anyhow::Result<Vec<EvalMap>> {
     Ok(parse_specs(text, side)?.into_iter().map(EvalMap::from).collect())
 }
 
-/// Crowds, doors, lifts, platforms, floors that vanish, and players.
+/// Crowds, doors, lifts, platforms, floors that vanish, players, and chases.
 pub fn living(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
     let policy = load_policy(Some(&args.models.join("general-reactive")))?;
     let scenes = args.scene.clone();
