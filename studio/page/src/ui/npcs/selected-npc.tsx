@@ -1,4 +1,4 @@
-import { outcomeName, standingReason, STATE_NAMES } from '../../data/abilities'
+import { outcomeName, routeName, standingReason, STATE_NAMES } from '../../data/abilities'
 import { count, duration, place } from '../../data/format'
 import type { Studio } from '../../data/studio'
 import type { Followed } from '../../data/world/npcs'
@@ -33,6 +33,7 @@ export function SelectedNpcCard({ studio }: { studio: Studio }) {
             ],
             ['At', place(npc.position)],
             ['Goal', place(npc.goal)],
+            ['Route', routeName(npc.route, npc.routeStop) || 'none'],
             ['Worker', npc.workerId === 0n ? <span class="warn">none</span> : String(npc.workerId)],
             ['Attempts', `${count(npc.attemptsBegun)} begun, ${count(npc.attemptsEnded)} ended`],
           ]}
