@@ -100,12 +100,11 @@ pub struct Change<'a> {
 }
 
 impl Change<'_> {
-    fn point(&self, wire::Vec3 { x, y, z }: wire::Vec3) -> wire::Vec3 {
-        let point = Vec3::new(x, y, z);
-        convert::to_wire(match self.direction {
+    fn point(&self, point: Vec3) -> Vec3 {
+        match self.direction {
             Direction::ToMap => self.frame.to_map(point.as_dvec3()),
             Direction::ToLevel => self.frame.to_level(point).as_vec3(),
-        })
+        }
     }
 
     fn places(&self, places: &mut impl Places) {
@@ -127,8 +126,8 @@ impl Change<'_> {
         for point in bytes.as_chunks_mut::<12>().0 {
             let numbers = point.as_chunks_mut::<4>().0;
             let [x, y, z] = [0, 1, 2].map(|axis| f32::from_le_bytes(numbers[axis]));
-            let wire::Vec3 { x, y, z } = self.point(wire::Vec3 { x, y, z });
-            numbers.iter_mut().zip([x, y, z]).for_each(|(number, value)| *number = value.to_le_bytes());
+            let point = self.point(Vec3::new(x, y, z)).to_array();
+            numbers.iter_mut().zip(point).for_each(|(number, value)| *number = value.to_le_bytes());
         }
     }
 }
@@ -139,9 +138,15 @@ pub trait Places {
     fn change(&mut self, change: &Change<'_>);
 }
 
-impl Places for wire::Vec3 {
+impl Places for Vec3 {
     fn change(&mut self, change: &Change<'_>) {
         *self = change.point(*self);
+    }
+}
+
+impl Places for wire::Vec3 {
+    fn change(&mut self, change: &Change<'_>) {
+        *self = convert::to_wire(change.point(Vec3::new(self.x, self.y, self.z)));
     }
 }
 

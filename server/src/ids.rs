@@ -27,6 +27,11 @@ impl NpcId {
         Self(world.0 << Self::SERIAL_BITS | u64::from(serial))
     }
 
+    /// Returns the number of the NPC in its world.
+    pub fn serial(self) -> u32 {
+        self.0 as u32 & Self::MAX_SERIAL
+    }
+
     /// Returns the world that the NPC belongs to.
     pub fn world(self) -> WorldId {
         WorldId(self.0 >> Self::SERIAL_BITS)

@@ -9,7 +9,8 @@ pub mod worker;
 
 use crate::figures::WorldSummary;
 use crate::hosted::{
-    EndedAttempt, EventKind, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, Standing, Support, TimeMode, WorldStats,
+    EndedAttempt, EventKind, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, RouteKind, Standing, Support, TimeMode,
+    WorldStats,
 };
 use crate::ids::NpcId;
 use crate::view::{Region, Shown};
@@ -26,7 +27,9 @@ wire_enum!(TimeMode = wire::TimeMode: Realtime Lockstep);
 wire_enum!(NpcStatus = wire::NpcStatus: Idle Seeking Down);
 wire_enum!(Support = wire::Support: Air Ground Steep Water ZipLine);
 wire_enum!(Standing = wire::Standing:
-    NoWorker SilentWorker AwaitsMap AwaitsGraph AwaitsPlan AwaitsRehearsal AwaitsMover Barred Blocked AtTarget);
+    NoWorker SilentWorker AwaitsMap AwaitsGraph AwaitsPlan AwaitsRehearsal AwaitsMover Barred Blocked AtTarget Holds
+    Rests NoPlace);
+wire_enum!(RouteKind = wire::RouteKind: Patrol Hold Wander);
 
 /// Reads a region; absent means everywhere.
 pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {
@@ -87,6 +90,8 @@ pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
         cause: convert::outcome(npc.cause).into(),
         body_idx: npc.body.0.into(),
         standing: standing_to_wire(npc.standing),
+        route: route_to_wire(npc.route),
+        route_stop: npc.route_stop,
     }
 }
 
@@ -114,11 +119,17 @@ fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
         ability: changed(old.ability, npc.ability).map(|ability| ability.to_wire().into()),
         cause: changed(old.cause, npc.cause).map(|cause| convert::outcome(cause).into()),
         standing: changed(old.standing, npc.standing).map(standing_to_wire),
+        route: changed(old.route, npc.route).map(route_to_wire),
+        route_stop: changed(old.route_stop, npc.route_stop),
     }
 }
 
 fn standing_to_wire(reason: Option<Standing>) -> i32 {
     reason.map_or(wire::Standing::Unspecified, Standing::to_wire).into()
+}
+
+fn route_to_wire(kind: Option<RouteKind>) -> i32 {
+    kind.map_or(wire::RouteKind::Unspecified, RouteKind::to_wire).into()
 }
 
 /// The warning that `lacking` NPCs have no worker, because all of `workers` are full.
@@ -159,6 +170,8 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
             Event::TargetReached(wire::TargetReached { attempt, goal: point(goal) })
         }
         EventKind::TargetLost { attempt } => Event::TargetLost(wire::TargetLost { attempt }),
+        EventKind::RouteSet { kind } => Event::RouteSet(wire::RouteSet { kind: route_to_wire(kind) }),
+        EventKind::StopReached { attempt, stop } => Event::StopReached(wire::StopReached { attempt, stop }),
         EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds, no_path } => {
             Event::AttemptEnded(wire::AttemptEnded {
                 attempt,

@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 use surefoot_planner::{Rule, Shape, Tags, Zone};
 use surefoot_server::WorldId;
-use surefoot_server::hosted::{FleetSave, HostedWorld, Journal, NpcStatus, SavedMap, SpawnOrder, TimeMode, ZonesEdit};
+use surefoot_server::hosted::{
+    FleetSave, HostedWorld, Journal, NpcStatus, Route, RouteKind, SavedMap, SpawnOrder, Stop, TimeMode, ZonesEdit,
+};
 use surefoot_server::ids::NpcId;
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
@@ -104,6 +106,31 @@ fn zones_and_tags_are_known_to_the_next_server() {
     let next = restored(saved, vec![journal(&world)], &quota);
     assert_eq!(next.zones().collect::<Vec<_>>(), [&zone]);
     assert_eq!([first, new].map(|npc| next.tags(npc).unwrap().clone()), [tags("key"), tags("red")]);
+}
+
+#[test]
+fn routes_and_how_far_npcs_have_come_are_known_to_the_next_server() {
+    let (mut world, quota, places) = world();
+    let route = |first: Vec3| {
+        let stops = [first, places[9], places[10]].map(|at| Stop { at, dwell: 600, radius: 1.0, facing: None });
+        Some(Route::Patrol { stops: stops.to_vec(), back_and_forth: false })
+    };
+    let ids: Vec<NpcId> = world.npcs().map(|npc| npc.id).collect();
+    ids.iter().for_each(|id| world.clear_goal(*id).unwrap());
+    world.set_route(ids[0], route(places[0])).unwrap();
+    world.set_route(ids[1], route(places[1])).unwrap();
+    let saved = kept(&world);
+    world.confirm(saved.log.written());
+    // Two arrive where they stand, one gets a route, one loses it.
+    world.set_route(ids[2], route(places[2])).unwrap();
+    (0..30).for_each(|_| world.step());
+    world.set_route(ids[1], None).unwrap();
+    let next = restored(saved, vec![journal(&world)], &quota);
+    let routes = |world: &HostedWorld| world.npcs().map(|npc| (npc.route, npc.route_stop)).collect::<Vec<_>>();
+    let patrol = Some(RouteKind::Patrol);
+    assert_eq!(routes(&world), [(patrol, 1), (None, 0), (patrol, 1), (None, 0)]);
+    assert_eq!(routes(&next), routes(&world));
+    assert_eq!(known(&next), known(&world));
 }
 
 #[test]

@@ -168,6 +168,7 @@ const KNOW_THE_WIRE: [&str; 39] = [
     "server/src/grpc/worlds.rs",
     "server/src/grpc/directory.rs",
     "server/src/grpc/redirect.rs",
+    "server/src/grpc/routes.rs",
     "server/src/grpc/env.rs",
     "server/src/grpc/living.rs",
     "server/src/grpc/errors.rs",

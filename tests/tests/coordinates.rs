@@ -2,7 +2,7 @@
 
 use e2e::{
     LIMIT, Running, build_to_end, create_world, ground, planner_client, small_graph, start_planner, start_server,
-    world_client,
+    watch_until, world_client,
 };
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::convert::{to_wire, unpack_points};
@@ -127,6 +127,13 @@ async fn npcs_are_where_the_levels_file_says() {
     client.batch_spawn_npcs(request).await.unwrap();
     let listed = client.list_npcs(wire::ListNpcsRequest { world_id, ..Default::default() }).await.unwrap();
     assert_near(listed.into_inner().npcs[1].goal, on_map[5]);
+
+    let hold = wire::Hold { position: Some(places[6]), ..Default::default() };
+    let route = Some(wire::Route { kind: Some(wire::route::Kind::Hold(hold)) });
+    let routes = vec![wire::NpcRoute { npc_id, route, coordinates: LEVEL }];
+    client.set_routes(wire::SetRoutesRequest { routes }).await.unwrap();
+    let has_goal = |snapshot: &wire::WatchWorldResponse| snapshot.npcs[0].goal.is_some();
+    assert_near(watch_until(&mut client, world_id, has_goal).await.npcs[0].goal, on_map[6]);
 
     let mistaken = wire::SetGoalRequest { npc_id, goal: Some(places[1]), coordinates: 0, ..Default::default() };
     let refusal = client.set_goal(mistaken).await.unwrap_err();

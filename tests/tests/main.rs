@@ -29,6 +29,7 @@ mod operators;
 mod planning;
 mod replicas;
 mod round_trips;
+mod routes;
 mod security;
 mod shared;
 mod standing;

@@ -36,8 +36,13 @@ impl From<NpcError> for Status {
             }
             NpcError::TooManyBodies(world) => status::quota(Reason::TooManyBodies, format!("world:{world}"), message),
             NpcError::Outside { field, .. } => status::invalid(field, message),
-            NpcError::NoFooting(NoFooting::InSolid, _) => status::failure(Reason::GoalInSolid, message),
-            NpcError::NoFooting(NoFooting::InAir, _) => status::failure(Reason::GoalInAir, message),
+            NpcError::NoFooting(NoFooting::InSolid, _) | NpcError::NoRoom { why: NoFooting::InSolid, .. } => {
+                status::failure(Reason::GoalInSolid, message)
+            }
+            NpcError::NoFooting(NoFooting::InAir, _) | NpcError::NoRoom { why: NoFooting::InAir, .. } => {
+                status::failure(Reason::GoalInAir, message)
+            }
+            NpcError::NoZone(_, name) => status::not_found(Reason::ZoneNotFound, "zone", name, message),
             NpcError::NoGoal(_) => status::failure(Reason::NoGoal, message),
             NpcError::OwnTarget(_) => status::invalid("target_npc_id", message),
             NpcError::NoPlayer(_, player) => {

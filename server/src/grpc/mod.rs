@@ -1,9 +1,9 @@
 //! `WorldService`: decode, call, encode.
 //!
-//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `living` those about movers, players
-//! and pieces, `zones` those about zones and tags, `readers` the streams to readers, `work` the stream of a worker.
-//! `env` implements `EnvService`, `directory` `DirectoryService`. `redirect` says where worlds run that other servers
-//! have, `errors` converts errors to statuses.
+//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `routes` that about their routes,
+//! `living` those about movers, players and pieces, `zones` those about zones and tags, `readers` the streams to
+//! readers, `work` the stream of a worker. `env` implements `EnvService`, `directory` `DirectoryService`. `redirect`
+//! says where worlds run that other servers have, `errors` converts errors to statuses.
 
 pub mod directory;
 pub mod env;
@@ -12,6 +12,7 @@ mod living;
 mod npcs;
 mod readers;
 pub mod redirect;
+mod routes;
 mod work;
 mod worlds;
 mod zones;
@@ -131,6 +132,7 @@ world_service! {
     npcs::batch_set_goals(wire::BatchSetGoalsRequest) -> wire::BatchSetGoalsResponse;
     npcs::move_targets(wire::MoveTargetsRequest) -> wire::MoveTargetsResponse;
     npcs::clear_goals(wire::ClearGoalsRequest) -> wire::ClearGoalsResponse;
+    routes::set_routes(wire::SetRoutesRequest) -> wire::SetRoutesResponse;
     npcs::teleport_npc(wire::TeleportNpcRequest) -> wire::TeleportNpcResponse;
     npcs::batch_teleport_npcs(wire::BatchTeleportNpcsRequest) -> wire::BatchTeleportNpcsResponse;
     npcs::get_npc(wire::GetNpcRequest) -> wire::GetNpcResponse;

@@ -253,13 +253,25 @@ fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, WireGoal), FieldErr
         None => Some(Place::read(request.goal.as_ref(), request.coordinates, "goal")?),
     };
     let usual = Pursuit::default();
-    let radius = if request.radius == 0.0 { usual.radius } else { request.radius };
-    convert::in_range(f64::from(radius), 0.3, 50.0, "radius")?;
+    let radius = radius_or(request.radius, usual.radius, 0.3, "radius")?;
+    let facing = facing(request.facing, "facing")?;
     let snap = request.snap.unwrap_or(usual.snap);
     convert::in_range(f64::from(snap), 0.0, 10.0, "snap")?;
     let coordinates = Coordinates::read(request.coordinates)?;
-    let pursuit = Pursuit { target, radius, keeps: request.keep, snap };
+    let pursuit = Pursuit { target, radius, keeps: request.keep, snap, facing, ..usual };
     Ok((NpcId(request.npc_id), WireGoal { place, coordinates, pursuit }))
+}
+
+/// Reads a distance within which an NPC is at a place, from `least` to 50 m; 0 means `usual`.
+pub(super) fn radius_or(radius: f32, usual: f32, least: f64, field: &'static str) -> Result<f32, FieldError> {
+    let radius = if radius == 0.0 { usual } else { radius };
+    convert::in_range(f64::from(radius), least, 50.0, field)?;
+    Ok(radius)
+}
+
+/// Reads a heading, rad.
+pub(super) fn facing(yaw: Option<f32>, field: &'static str) -> Result<Option<f32>, FieldError> {
+    yaw.map(|yaw| Ok(finite(yaw, field)? % std::f32::consts::TAU)).transpose()
 }
 
 /// A goal in the coordinates of its request.

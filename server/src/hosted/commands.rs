@@ -11,7 +11,7 @@ use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_planner::Tags;
-use surefoot_world::arrival::NoFooting;
+use surefoot_world::arrival::{NoFooting, SNAP_M};
 use surefoot_world::character::{self, Body};
 use surefoot_world::map::Liquid;
 use surefoot_world::sense::Sight;
@@ -30,11 +30,15 @@ pub enum NpcError {
     #[error("world {0} has NPCs of {MAX_BODIES} bodies, the most allowed: create another world")]
     TooManyBodies(WorldId),
     #[error("{field} lies outside the map, which spans {span}")]
-    Outside { field: &'static str, span: String },
+    Outside { field: String, span: String },
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
     #[error("{}", no_footing(*.0, *.1))]
     NoFooting(NoFooting, f32),
+    #[error("{field}: {}", no_room(*.why))]
+    NoRoom { field: String, why: NoFooting },
+    #[error("world {0} has no zone `{1}`: ListZones names them")]
+    NoZone(WorldId, String),
     #[error("npc {0} has no goal to move: set one first")]
     NoGoal(NpcId),
     #[error("npc {0} cannot be its own target")]
@@ -54,6 +58,15 @@ fn no_footing(why: NoFooting, snap: f32) -> String {
              the goal or raise snap"
         ),
         NoFooting::InAir => format!("there is no ground within {snap} m of the goal: move the goal or raise snap"),
+    }
+}
+
+fn no_room(why: NoFooting) -> String {
+    match why {
+        NoFooting::InSolid => {
+            format!("the NPC cannot stand in or so close to solid ground, nor within {SNAP_M} m of it")
+        }
+        NoFooting::InAir => format!("there is no ground within {SNAP_M} m"),
     }
 }
 
@@ -241,8 +254,8 @@ impl HostedWorld {
         if is_outside { Err(map.frame().describe_span(extent)) } else { Ok(()) }
     }
 
-    pub(super) fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
-        self.within_map(point).map_err(|span| NpcError::Outside { field, span })
+    pub(super) fn check_inside(&self, point: Vec3, field: &str) -> Result<(), NpcError> {
+        self.within_map(point).map_err(|span| NpcError::Outside { field: field.to_owned(), span })
     }
 
     fn status(&self, record: &NpcRecord) -> NpcStatus {
@@ -276,6 +289,8 @@ impl HostedWorld {
             cause: npc.harm,
             body: npc.profile,
             standing: record.standing(npc, self.tick()),
+            route: record.itinerary.as_ref().map(|itinerary| itinerary.route.kind()),
+            route_stop: record.itinerary.as_ref().map_or(0, |itinerary| itinerary.stop),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The bounded, ordered log of a world's events. Readers follow it at their own pace.
 
+use super::itinerary::RouteKind;
 use super::pursuit::Pursuit;
 use super::snapshot::Standing;
 use crate::ids::NpcId;
@@ -54,6 +55,18 @@ pub enum EventKind {
     TargetLost {
         /// Number of the attempt.
         attempt: u32,
+    },
+    /// The route was set, or cleared.
+    RouteSet {
+        /// Its kind; `None` if it was cleared.
+        kind: Option<RouteKind>,
+    },
+    /// An NPC has arrived at a stop of its patrol.
+    StopReached {
+        /// Number of the attempt that ended there.
+        attempt: u32,
+        /// Index of the stop.
+        stop: u32,
     },
     /// An attempt ended.
     AttemptEnded {

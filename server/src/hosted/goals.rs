@@ -6,7 +6,7 @@ use super::gathering::{NEAR_M, PLACE_RADIUS_M, Reserved, touch};
 use super::pursuit::{GoalOrder, GoalSet, Pursuit, Retry, Target};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
-use surefoot_world::arrival::{KEEP_SLACK_M, NoFooting, RETRY_TICKS, SNAP_M};
+use surefoot_world::arrival::{NoFooting, RETRY_TICKS, SNAP_M};
 use surefoot_world::{Action, Arrival, End, TICKS_PER_DECISION, Vec3};
 
 /// Distance between two goals of an NPC up to which they are one target that moves: in metres, and as a share of the
@@ -50,11 +50,11 @@ impl HostedWorld {
         let no_footing = NpcError::NoFooting(NoFooting::InAir, SNAP_M);
         let goal = self.world.footing_below(slot, goal).ok_or(no_footing)?;
         let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
-        if let Some(retry) = &mut record.retry {
+        if let Some(retry) = record.retry.as_mut().filter(|retry| !retry.pursuit.is_of_route) {
             retry.goal = goal;
             return Ok(());
         }
-        if record.goal.is_none() {
+        if record.goal.is_none() || record.pursuit.is_of_route {
             return Err(NpcError::NoGoal(id));
         }
         record.pursuit.target = None;
@@ -62,8 +62,14 @@ impl HostedWorld {
         Ok(())
     }
 
-    /// Ends the attempt under way, if there is one; the NPC comes to rest.
+    /// Ends the attempt under way and the route, if there are any; the NPC comes to rest.
     pub fn clear_goal(&mut self, id: NpcId) -> Result<(), NpcError> {
+        self.set_route(id, None)?;
+        self.drop_goal(id)
+    }
+
+    /// Ends the attempt under way, if there is one; the NPC comes to rest.
+    pub(super) fn drop_goal(&mut self, id: NpcId) -> Result<(), NpcError> {
         self.log_replaced_attempt(id);
         let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
         record.clear_goal();
@@ -89,10 +95,13 @@ impl HostedWorld {
     }
 
     /// Begins an attempt and returns its number.
-    fn begin_attempt(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) -> u32 {
+    pub(super) fn begin_attempt(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) -> u32 {
         let tick = self.tick();
         self.gatherings.release(id);
         let record = self.records.get_mut(&id).expect("an NPC that exists");
+        if record.turns_to.is_some() {
+            self.world.decide(record.slot, Action::default());
+        }
         record.clear_goal();
         (record.goal, record.pursuit) = (Some(goal), pursuit);
         record.attempts += 1;
@@ -107,18 +116,21 @@ impl HostedWorld {
     /// The NPC keeps its plan, so that clients may follow a moving target with one call in each of their frames.
     fn continue_attempt(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) -> Option<u32> {
         let record = self.records.get_mut(&id)?;
-        if let Some(retry) = record.retry.as_mut().filter(|it| pursuit.keeps && it.pursuit.target == pursuit.target) {
+        let is_same = |former: &Pursuit| !former.is_of_route && former.target == pursuit.target;
+        if let Some(retry) = record.retry.as_mut().filter(|retry| pursuit.keeps && is_same(&retry.pursuit)) {
             (retry.goal, retry.pursuit) = (goal, pursuit);
             return Some(record.attempts);
         }
         let former = record.goal?;
         let feet = self.world.npc(record.slot)?.body.feet;
         let is_near = former.distance(goal) <= SAME_TARGET_M.max(SAME_TARGET_SHARE * feet.distance(former));
-        let has_same_target = pursuit.target == record.pursuit.target;
-        if !(has_same_target && (pursuit.target.is_some() || is_near)) {
+        if !(is_same(&record.pursuit) && (pursuit.target.is_some() || is_near)) {
             return None;
         }
         record.pursuit = pursuit;
+        if record.is_at_target {
+            record.turns_to = pursuit.facing;
+        }
         let attempt = record.attempts;
         self.move_goal(id, goal);
         Some(attempt)
@@ -222,9 +234,10 @@ impl HostedWorld {
         blocked
     }
 
-    /// Lets an NPC that has arrived keep its place: the reserved one, or where it stands.
-    pub(super) fn stay_at(&mut self, id: NpcId, goal: Vec3, reserved: Option<Reserved>) {
-        let Some(record) = self.records.get(&id) else { return };
+    /// Lets an NPC that has arrived keep its place, the reserved one or where it stands, and turn to its heading, rad.
+    pub(super) fn stay_at(&mut self, id: NpcId, goal: Vec3, (reserved, facing): (Option<Reserved>, Option<f32>)) {
+        let Some(record) = self.records.get_mut(&id) else { return };
+        record.turns_to = facing;
         let feet = self.world.npc(record.slot).expect("every record has an NPC").body.feet;
         if reserved.is_some_and(|reserved| reserved.at.distance(feet) > PLACE_RADIUS_M) {
             self.gatherings.keep(id, goal, feet);
@@ -242,11 +255,14 @@ impl HostedWorld {
     /// Lets an NPC that keeps to its goal stand while it is there.
     pub(super) fn keep_still(&mut self, id: NpcId) {
         let Some(record) = self.records.get_mut(&id) else { return };
-        let (Some(goal), radius) = (record.goal, record.pursuit.radius) else { return };
-        let slack = if record.is_at_target { KEEP_SLACK_M } else { 0.0 };
+        let (Some(goal), Pursuit { radius, facing, .. }) = (record.goal, record.pursuit) else { return };
+        let slack = if record.is_at_target { record.pursuit.slack } else { 0.0 };
         let is_there = self.world.has_arrived(record.slot, goal, radius + slack, Arrival::Stand);
         let was_there = std::mem::replace(&mut record.is_at_target, is_there);
         let (slot, attempt) = (record.slot, record.attempts);
+        if is_there != was_there {
+            record.turns_to = facing.filter(|_| is_there);
+        }
         if is_there && !was_there {
             record.awaiting = None;
             self.world.decide(slot, Action::default());

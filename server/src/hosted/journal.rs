@@ -1,10 +1,12 @@
-//! The journal of a world in a fleet: NPCs that were added or removed, and attempts that began or ended, since the last
-//! save. The server that takes the world over applies it to the save, so that no attempt is lost or ends twice.
+//! The journal of a world in a fleet: NPCs that were added or removed, routes that were set, and attempts that began or
+//! ended, since the last save. The server that takes the world over applies it to the save, so that no attempt is lost
+//! or ends twice.
 //!
 //! Events that only describe motion and stands are left out, and are lost with the server.
 
 use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
+use super::itinerary::{Itinerary, Route, RouteKind};
 use super::pursuit::Pursuit;
 use super::saved::{SavedError, WorldSave};
 use super::world::{HostedWorld, NpcRecord};
@@ -20,7 +22,7 @@ use surefoot_world::{Arrival, CharacterProfile, End, Seconds, Tick, Vec3};
 
 const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
 /// Changed whenever [`FleetSave`] or anything inside it is.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// Most events that are saved with a world, so that readers can resume on the server that takes it over.
 const SAVED_EVENTS: usize = 4096;
 
@@ -62,10 +64,31 @@ struct Entry {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 enum Change {
-    Spawned { position: Vec3, newcomer: Option<Newcomer> },
-    Began { attempt: u32, goal: Vec3, pursuit: Pursuit },
-    Ended { attempt: u32, end: Option<End>, goal: Option<Vec3>, distance_m: f32, seconds: Seconds },
-    Teleported { position: Vec3, yaw: f32 },
+    Spawned {
+        position: Vec3,
+        newcomer: Option<Newcomer>,
+    },
+    Began {
+        attempt: u32,
+        goal: Vec3,
+        pursuit: Pursuit,
+    },
+    Ended {
+        attempt: u32,
+        end: Option<End>,
+        goal: Option<Vec3>,
+        distance_m: f32,
+        seconds: Seconds,
+    },
+    /// The route is absent if it was cleared, or if the save contains it.
+    Routed {
+        kind: Option<RouteKind>,
+        route: Option<Route>,
+    },
+    Teleported {
+        position: Vec3,
+        yaw: f32,
+    },
     Removed,
 }
 
@@ -135,6 +158,7 @@ impl Entry {
             Change::Ended { attempt, end, goal, distance_m, seconds } => {
                 EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds, no_path: Arc::default() }
             }
+            Change::Routed { kind, .. } => EventKind::RouteSet { kind },
             Change::Teleported { position, .. } => EventKind::Teleported { position },
             Change::Removed => EventKind::Removed,
         };
@@ -167,9 +191,11 @@ impl HostedWorld {
         let surplus = entries.len().saturating_sub(SAVED_EVENTS);
         let dropped = entries.drain(..surplus).next_back().map_or(self.events.dropped(), |entry| entry.sequence);
         for entry in &mut entries {
-            if let Change::Spawned { newcomer, .. } = &mut entry.change {
-                // The save contains the NPC.
-                *newcomer = None;
+            // The save contains NPCs and routes.
+            match &mut entry.change {
+                Change::Spawned { newcomer, .. } => *newcomer = None,
+                Change::Routed { route, .. } => *route = None,
+                _ => {}
             }
         }
         SavedLog { written: self.events.written(), dropped, entries }
@@ -192,12 +218,17 @@ impl HostedWorld {
             EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds, no_path: _ } => {
                 Change::Ended { attempt, end, goal, distance_m, seconds }
             }
+            EventKind::RouteSet { kind } => {
+                let itinerary = record.and_then(|record| record.itinerary.as_ref());
+                Change::Routed { kind, route: itinerary.map(|it| it.route.clone()).filter(|_| kind.is_some()) }
+            }
             EventKind::Teleported { position } => {
                 Change::Teleported { position, yaw: body.map_or(0.0, |npc| npc.body.yaw) }
             }
             EventKind::Removed => Change::Removed,
             EventKind::TargetReached { .. }
             | EventKind::TargetLost { .. }
+            | EventKind::StopReached { .. }
             | EventKind::Jumped { .. }
             | EventKind::Landed { .. }
             | EventKind::Rode { .. }
@@ -244,6 +275,10 @@ impl HostedWorld {
         let slot = record.slot;
         match entry.change {
             Change::Spawned { .. } => {}
+            Change::Routed { ref route, .. } => {
+                let itinerary = route.clone().map(|route| Itinerary::new(route, saved));
+                record.itinerary = itinerary.filter(Itinerary::is_sound);
+            }
             Change::Began { attempt, goal, pursuit } => {
                 record.clear_goal();
                 (record.goal, record.pursuit) = (Some(goal), pursuit);
@@ -253,6 +288,7 @@ impl HostedWorld {
             Change::Ended { attempt, end, distance_m, seconds, .. } => {
                 if let Some(end) = end.filter(|_| record.goal.is_some() && record.attempts == attempt) {
                     record.note_end(end, tick, distance_m, Arc::default());
+                    record.note_route(end, saved);
                     if let Some(last) = record.history.back_mut() {
                         last.seconds = seconds;
                     }

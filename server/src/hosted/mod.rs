@@ -2,21 +2,23 @@
 //!
 //! A tick is [`HostedWorld::step`] (in `tick`): move, log motion, end attempts, request decisions. Answers arrive
 //! between ticks. `workers` assigns NPCs to workers, `commands` has the calls of clients (`goals` those about goals,
-//! `living` those about movers and players, `pieces` edits of the map, `zones` zones and tags), `gathering` the places
-//! of NPCs that share goals, `snapshot` and `events` the data for clients (`motion` detects jumps and landings,
-//! `standing` says why NPCs stand), `saved` the save of a world, and `journal` the changes since then in a fleet.
-//! Nothing here awaits or knows wire types.
+//! `routes` those about routes, whose data is in `itinerary`, `living` those about movers and players, `pieces` edits
+//! of the map, `zones` zones and tags), `gathering` the places of NPCs that share goals, `snapshot` and `events` the
+//! data for clients (`motion` detects jumps and landings, `standing` says why NPCs stand), `saved` the save of a world,
+//! and `journal` the changes since then in a fleet. Nothing here awaits or knows wire types.
 
 mod commands;
 mod events;
 mod gathering;
 mod goals;
+mod itinerary;
 mod journal;
 mod living;
 mod motion;
 mod outbox;
 mod pieces;
 mod pursuit;
+mod routes;
 mod saved;
 mod snapshot;
 mod standing;
@@ -28,6 +30,7 @@ mod zones;
 pub use crate::messages::TimeMode;
 pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
+pub use itinerary::{Area, MAX_DWELL_TICKS, Route, RouteKind, STOP_COUNT, Stop};
 pub use journal::{FleetSave, Journal, SavedLog};
 pub use living::{Destination, LivingError};
 pub use pieces::{EditError, MapEdit, MapEdited};

@@ -2,7 +2,7 @@
 
 use crate::ids::NpcId;
 use serde::{Deserialize, Serialize};
-use surefoot_world::arrival::SNAP_M;
+use surefoot_world::arrival::{KEEP_SLACK_M, SNAP_M};
 use surefoot_world::{PlayerSlot, Tick, Vec3};
 
 /// A body that a goal follows.
@@ -23,13 +23,27 @@ pub struct Pursuit {
     pub radius: f32,
     /// Whether the attempt goes on after the NPC has arrived.
     pub keeps: bool,
+    /// How much farther than its radius the goal gets from an NPC that keeps to it, until the NPC follows again, m.
+    pub slack: f32,
     /// Distance by which the goal may be moved to a place to stand, m.
     pub snap: f32,
+    /// Heading to which the NPC turns after it has arrived, rad.
+    pub facing: Option<f32>,
+    /// Whether the attempt is of the NPC's route, rather than for a client.
+    pub is_of_route: bool,
 }
 
 impl Default for Pursuit {
     fn default() -> Self {
-        Self { target: None, radius: 1.0, keeps: false, snap: SNAP_M }
+        Self {
+            target: None,
+            radius: 1.0,
+            keeps: false,
+            slack: KEEP_SLACK_M,
+            snap: SNAP_M,
+            facing: None,
+            is_of_route: false,
+        }
     }
 }
 

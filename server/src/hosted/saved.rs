@@ -1,6 +1,7 @@
 //! The save of a world, and its file format.
 
 use super::commands::MAX_BODIES;
+use super::itinerary::Itinerary;
 use super::pursuit::{Pursuit, Retry};
 use super::snapshot::Counters;
 use super::world::{HostedWorld, NpcRecord};
@@ -30,7 +31,7 @@ const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// in [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A
 /// server of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a
 /// server that was upgraded takes them over.
-const VERSION: u32 = 10;
+const VERSION: u32 = 11;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -91,6 +92,8 @@ struct SavedNpc {
     goal: Option<Vec3>,
     pursuit: Pursuit,
     retry: Option<Retry>,
+    itinerary: Option<Itinerary>,
+    turns_to: Option<f32>,
     last_outcome: Option<End>,
     attempts: u32,
     attempts_ended: u32,
@@ -197,7 +200,12 @@ impl WorldSave {
     /// Whether the content is consistent, which the checksum does not prove.
     pub(super) fn is_consistent(&self) -> bool {
         let slots: BTreeSet<NpcSlot> = self.npcs.iter().map(|npc| npc.slot).collect();
-        let is_ours = |npc: &SavedNpc| npc.id.world() == self.id && npc.goal.is_none_or(|goal| goal.is_finite());
+        let is_ours = |npc: &SavedNpc| {
+            npc.id.world() == self.id
+                && npc.goal.is_none_or(|goal| goal.is_finite())
+                && npc.itinerary.as_ref().is_none_or(Itinerary::is_sound)
+                && npc.pursuit.facing.into_iter().chain(npc.turns_to).all(f32::is_finite)
+        };
         self.npcs.iter().all(is_ours)
             && self.zones.len() <= MAX_ZONES
             && self.zones.iter().all(|zone| zone.clone().check().is_ok())
@@ -279,6 +287,8 @@ impl HostedWorld {
             goal: record.goal,
             pursuit: record.pursuit,
             retry: record.retry,
+            itinerary: record.itinerary.clone(),
+            turns_to: record.turns_to,
             last_outcome: record.last_outcome,
             attempts: record.attempts,
             attempts_ended: record.attempts_ended,
@@ -313,6 +323,7 @@ impl HostedWorld {
         for npc in &saved.npcs {
             let mut record = NpcRecord::new(npc.slot, npc_quota.grant(&npc.owner));
             (record.goal, record.pursuit, record.retry) = (npc.goal, npc.pursuit, npc.retry);
+            (record.itinerary, record.turns_to) = (npc.itinerary.clone(), npc.turns_to);
             record.last_outcome = npc.last_outcome;
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = saved.state.tick();

@@ -1,5 +1,6 @@
 //! Data of a hosted world for clients, copied from the world's thread.
 
+use super::itinerary::RouteKind;
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
 use crate::times::TickTimes;
@@ -35,7 +36,7 @@ pub enum Support {
     ZipLine,
 }
 
-/// Why an NPC with a goal stands.
+/// Why an NPC with a goal or a route stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Standing {
     /// No worker decides for it.
@@ -58,11 +59,17 @@ pub enum Standing {
     Blocked,
     /// It keeps to its goal and is there.
     AtTarget,
+    /// Its route is to hold a place, and it is there.
+    Holds,
+    /// It rests on its route, or until it tries again.
+    Rests,
+    /// It wanders, and no place was found in its area.
+    NoPlace,
 }
 
 impl Standing {
     /// All reasons, in the order of their declaration.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 13] = [
         Self::NoWorker,
         Self::SilentWorker,
         Self::AwaitsMap,
@@ -73,6 +80,9 @@ impl Standing {
         Self::Barred,
         Self::Blocked,
         Self::AtTarget,
+        Self::Holds,
+        Self::Rests,
+        Self::NoPlace,
     ];
 
     /// Lower-case name as used in metrics.
@@ -88,6 +98,9 @@ impl Standing {
             Self::Barred => "barred",
             Self::Blocked => "blocked",
             Self::AtTarget => "at_target",
+            Self::Holds => "holds",
+            Self::Rests => "rests",
+            Self::NoPlace => "no_place",
         }
     }
 }
@@ -125,8 +138,12 @@ pub struct NpcState {
     pub cause: Option<End>,
     /// Index of its body among those of the world.
     pub body: ProfileIdx,
-    /// Why the NPC stands while it is seeking.
+    /// Why the NPC stands while it is seeking, or rests on its route.
     pub standing: Option<Standing>,
+    /// Kind of its route.
+    pub route: Option<RouteKind>,
+    /// Of a patrol: index of the stop to which it goes, or goes after its rest.
+    pub route_stop: u32,
 }
 
 /// All NPCs of a world at one moment.

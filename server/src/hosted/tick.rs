@@ -15,11 +15,16 @@ use tracing::warn;
 
 impl HostedWorld {
     /// Requests the decisions that are due in a lockstep world, once per tick. Returns whether the world can be
-    /// stepped: some NPC is seeking, every seeking NPC has a worker, and no answer is missing.
+    /// stepped: some NPC is seeking, turns or rests on its route, every seeking NPC has a worker, and no answer is
+    /// missing.
     pub fn is_ready(&mut self) -> bool {
         if self.requested_tick != Some(self.tick()) {
-            let mut seeking = self.records.values().filter(|record| record.goal.is_some()).peekable();
-            if seeking.peek().is_none() || seeking.any(|record| record.worker.is_none()) {
+            let needs_time = |record: &NpcRecord| {
+                let is_up = self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_none());
+                record.goal.is_some() || record.turns_to.is_some() || record.rest().is_some() && is_up
+            };
+            let lacks_worker = |record: &NpcRecord| record.goal.is_some() && record.worker.is_none();
+            if !self.records.values().any(needs_time) || self.records.values().any(lacks_worker) {
                 self.flush();
                 return false;
             }
@@ -187,6 +192,7 @@ impl HostedWorld {
     /// Ends the attempts whose outcome this tick decided.
     fn settle(&mut self) {
         self.follow_targets();
+        self.follow_routes();
         let mut ended: Vec<(NpcId, End)> = self.gather().into_iter().map(|id| (id, End::ReachedNear)).collect();
         let mut keeping = Vec::new();
         for (&id, record) in self.records.iter().filter(|(_, record)| record.goal.is_some()) {
@@ -202,6 +208,7 @@ impl HostedWorld {
         for (id, end) in ended {
             self.end_attempt(id, end);
         }
+        self.turn_bodies();
     }
 
     fn end_attempt(&mut self, id: NpcId, end: End) {
@@ -219,13 +226,17 @@ impl HostedWorld {
             self.outbox.entry(worker).or_default().ended.push(ended);
         }
         let (attempt, seconds) = (record.attempts, record.lasted(tick));
+        let reached = record.note_route(end, tick);
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
         let (outcome, at_goal) = (Some(end), Some(goal));
         let ended = EventKind::AttemptEnded { attempt, end: outcome, goal: at_goal, distance_m, seconds, no_path };
         self.log_event(id, ended);
+        if let Some(stop) = reached {
+            self.log_event(id, EventKind::StopReached { attempt, stop });
+        }
         match end {
-            End::Reached | End::ReachedNear => self.stay_at(id, goal, reserved),
+            End::Reached | End::ReachedNear => self.stay_at(id, goal, (reserved, pursuit.facing)),
             _ => self.gatherings.release(id),
         }
         if end.is_truncation() && pursuit.keeps {

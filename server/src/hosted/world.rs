@@ -2,6 +2,7 @@
 
 use super::events::{EventKind, EventLog};
 use super::gathering::{Gatherings, Reserved};
+use super::itinerary::Itinerary;
 use super::motion::Motion;
 use super::outbox::Outbox;
 use super::pursuit::{Pursuit, Retry};
@@ -34,6 +35,10 @@ pub(super) struct NpcRecord {
     pub is_at_target: bool,
     /// The attempt that follows one that failed, of an NPC that keeps to its target.
     pub retry: Option<Retry>,
+    /// Its route.
+    pub itinerary: Option<Itinerary>,
+    /// Heading to which the body turns at rest, rad.
+    pub turns_to: Option<f32>,
     pub waypoint: Option<Vec3>,
     pub last_outcome: Option<End>,
     /// Attempts that began.
@@ -74,6 +79,8 @@ impl NpcRecord {
             reserved: None,
             is_at_target: false,
             retry: None,
+            itinerary: None,
+            turns_to: None,
             waypoint: None,
             last_outcome: None,
             attempts: 0,
@@ -115,12 +122,14 @@ impl NpcRecord {
         Seconds(tick.since(self.began) as f32 / TICKS_PER_SECOND as f32)
     }
 
-    /// Why `npc` stands at `tick`; `None` if it moves, has no goal, or is down.
+    /// Why `npc` stands at `tick`; `None` if it moves, is idle or down.
     pub fn standing(&self, npc: &Npc, tick: Tick) -> Option<Standing> {
-        if self.goal.is_none() || npc.harm.is_some() {
+        if npc.harm.is_some() {
             None
+        } else if self.goal.is_none() {
+            self.rest()
         } else if self.is_at_target {
-            Some(Standing::AtTarget)
+            Some(if self.pursuit.is_of_route { Standing::Holds } else { Standing::AtTarget })
         } else if self.worker.is_none() {
             Some(Standing::NoWorker)
         } else if self.misses >= MISSES_UNTIL_NEUTRAL {
@@ -151,12 +160,13 @@ impl NpcRecord {
         }
     }
 
-    /// Clears the goal with the waypoint, the plan and the pending decision.
+    /// Clears the goal with the waypoint, the plan and the pending decision; the route stays.
     pub fn clear_goal(&mut self) {
         self.goal = None;
         self.reserved = None;
         self.is_at_target = false;
         self.retry = None;
+        self.turns_to = None;
         self.waypoint = None;
         self.awaiting = None;
         self.plan = None;

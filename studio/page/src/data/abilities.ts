@@ -2,6 +2,7 @@
 
 import { NoPath, Placement } from '../gen/surefoot/planner/v1/planner_pb'
 import { Ability } from '../gen/surefoot/world/v1/map_pb'
+import { RouteKind } from '../gen/surefoot/world/v1/route_pb'
 import { Outcome, Standing } from '../gen/surefoot/world/v1/world_pb'
 import type { NpcState } from '../view/viewport.types'
 
@@ -78,6 +79,9 @@ const STANDING_REASONS: Record<Standing, string> = {
   [Standing.AWAITS_REHEARSAL]: 'It waits for its turn to rehearse.',
   [Standing.AWAITS_MOVER]: 'It waits for a lift, platform or door, or rides on one.',
   [Standing.AT_TARGET]: 'It keeps to its goal and is there.',
+  [Standing.HOLDS]: 'It holds its place.',
+  [Standing.RESTS]: 'It rests on its route, or until its next attempt.',
+  [Standing.NO_PLACE]: 'It wanders, but its zone is gone or has no place to stand.',
   [Standing.BARRED]: 'Doors or other movers bar all ways to the goal.',
   [Standing.BLOCKED]: 'Something is in its way.',
 }
@@ -85,6 +89,17 @@ const STANDING_REASONS: Record<Standing, string> = {
 /** Why an NPC stands; empty if it does not. */
 export function standingReason(reason: Standing): string {
   return STANDING_REASONS[reason] ?? ''
+}
+
+/** What an NPC does by itself; empty if it has no route. */
+export function routeName(route: RouteKind, stop: number): string {
+  const names: Record<RouteKind, string> = {
+    [RouteKind.UNSPECIFIED]: '',
+    [RouteKind.PATROL]: `Patrol, stop ${stop} next`,
+    [RouteKind.HOLD]: 'Hold',
+    [RouteKind.WANDER]: 'Wander',
+  }
+  return names[route] ?? ''
 }
 
 const NO_PATH_REASONS: Record<NoPath, string> = {

@@ -42,6 +42,8 @@ function afterDelta(npc: Npc, delta: NpcDelta): Npc {
     ability: delta.ability ?? npc.ability,
     cause: delta.cause ?? npc.cause,
     standing: delta.standing ?? npc.standing,
+    route: delta.route ?? npc.route,
+    routeStop: delta.routeStop ?? npc.routeStop,
   }
   if (goalCleared) delete next.goal
   if (waypointCleared) delete next.waypoint

@@ -1,4 +1,4 @@
-import { outcomeName, standingReason, STATE_NAMES } from '../../data/abilities'
+import { outcomeName, routeName, standingReason, STATE_NAMES } from '../../data/abilities'
 import { count, duration, place } from '../../data/format'
 import type { Studio } from '../../data/studio'
 import type { Followed } from '../../data/world/npcs'
@@ -36,6 +36,7 @@ export function SelectedNpcCard({ studio }: { studio: Studio }) {
             npcs.chasers.value.has(id)
               ? ['Chases', `the player, ${metresBetween(npc.position, player.at.peek()).toFixed(1)} m away`]
               : ['Goal', place(npc.goal)],
+            ['Route', routeName(npc.route, npc.routeStop) || 'none'],
             ['Worker', npc.workerId === 0n ? <span class="warn">none</span> : String(npc.workerId)],
             ['Attempts', `${count(npc.attemptsBegun)} begun, ${count(npc.attemptsEnded)} ended`],
           ]}
