@@ -219,6 +219,7 @@ places! {
     wire::BatchSpawnNpcsRequest: places spawns;
     wire::SpawnPlayerRequest: places position;
     wire::PlayerMove: places position, vectors velocity;
+    wire::TargetMove: places position, vectors velocity;
     wire::MovePlayersRequest: places moves;
 
     wire::SetGoalResponse: places goal_used;

@@ -170,6 +170,24 @@ async fn a_batch_of_moves_leads_npcs_that_keep_their_attempts() {
     };
     let npc = watch_until(&mut stage.client, stage.world_id, is_there).await.npcs[0];
     assert_eq!((npc.attempts_begun, npc.attempts_ended, npc.status()), (attempt, 0, wire::NpcStatus::Seeking));
+
+    // A goal with a velocity moves on for a second.
+    let at_speed = |x| {
+        let velocity = Some(wire::Vec3 { x, y: 0.0, z: 0.0 });
+        let moves = vec![wire::TargetMove { npc_id, position: Some(place), velocity, ..Default::default() }];
+        wire::MoveTargetsRequest { moves }
+    };
+    stage.client.move_targets(at_speed(-3.0)).await.unwrap();
+    let end = wire::Vec3 { x: place.x - 3.0, ..place };
+    let is_there = |snapshot: &wire::WatchWorldResponse| {
+        let is_at = |at: Option<wire::Vec3>, radius| at.is_some_and(|at| distance(at, end) <= radius);
+        snapshot.npcs.iter().all(|npc| is_at(npc.goal, 0.2) && is_at(npc.position, 1.0))
+    };
+    let npc = watch_until(&mut stage.client, stage.world_id, is_there).await.npcs[0];
+    assert_eq!((npc.attempts_begun, npc.attempts_ended), (attempt, 0));
+    let refused = stage.client.move_targets(at_speed(200.0)).await.unwrap().into_inner();
+    let error = refused.results[0].error.clone().expect("no target is so fast");
+    assert!(error.message.contains("velocity"), "{}", error.message);
     worker.stop().await;
     planner.stop().await;
     server.stop().await;

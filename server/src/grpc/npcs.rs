@@ -15,12 +15,14 @@ use surefoot_proto::coordinates::{CallFrame, Coordinates, Place};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::zones;
-use surefoot_world::PlayerSlot;
 use surefoot_world::map::LevelFrame;
+use surefoot_world::{PlayerSlot, Vec3};
 use tonic::Status;
 
 /// Most items in a batch.
 const MAX_ITEMS: usize = 4096;
+/// Highest speed of a goal that moves, m/s.
+const MAX_TARGET_SPEED: f64 = 100.0;
 /// Page size of ListNpcs.
 const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
 
@@ -134,12 +136,12 @@ pub async fn batch_set_goals(
 pub async fn move_targets(api: &WorldApi, call: Call<wire::MoveTargetsRequest>) -> Reply<wire::MoveTargetsResponse> {
     let (caller, wire::MoveTargetsRequest { moves }) = call;
     check_count(moves.len(), "moves")?;
-    let place =
-        |it: &wire::TargetMove| Ok((NpcId(it.npc_id), Place::read(it.position.as_ref(), it.coordinates, "position")?));
-    let items = moves.iter().map(place).collect();
-    let move_to = |world: &mut HostedWorld, npc, place: Place| {
-        let place = place.on_map(world.map().frame());
-        world.move_target(npc, place)
+    let items = moves.into_iter().map(|target| Ok(target_move(target)?)).collect();
+    let move_to = |world: &mut HostedWorld, npc, (coordinates, target): (Coordinates, wire::TargetMove)| {
+        let wire::TargetMove { position, velocity, .. } = coordinates.on(world.map().frame()).to_map(target);
+        let [position, velocity] =
+            [position, velocity].map(|it| it.map_or(Vec3::ZERO, |it| Vec3::new(it.x, it.y, it.z)));
+        world.move_target(npc, position, velocity)
     };
     let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, move_to).await;
     Ok(wire::MoveTargetsResponse { results: results.into_iter().map(item_result).collect() })
@@ -239,6 +241,16 @@ fn spawn_order(spawn: &wire::Spawn) -> Result<SpawnOrder, FieldError> {
         body: body.as_ref().map(|body| convert::body(Some(body))).transpose()?,
         tags: zones::tags(tags, "tags")?,
     })
+}
+
+/// The NPC, and where its goal moves.
+fn target_move(target: wire::TargetMove) -> Result<(NpcId, (Coordinates, wire::TargetMove)), FieldError> {
+    convert::point(target.position.as_ref(), "position")?;
+    if let Some(velocity) = &target.velocity {
+        let speed = convert::point(Some(velocity), "velocity")?.length();
+        convert::in_range(f64::from(speed), 0.0, MAX_TARGET_SPEED, "velocity")?;
+    }
+    Ok((NpcId(target.npc_id), (Coordinates::read(target.coordinates)?, target)))
 }
 
 /// The NPC and its goal.

@@ -3,7 +3,7 @@
 use super::commands::NpcError;
 use super::events::EventKind;
 use super::gathering::{NEAR_M, PLACE_RADIUS_M, Reserved, touch};
-use super::pursuit::{GoalOrder, GoalSet, Pursuit, Retry, Target};
+use super::pursuit::{GoalOrder, GoalSet, Pursuit, Retry, Target, moved};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
 use surefoot_world::arrival::{NoFooting, RETRY_TICKS, SNAP_M};
@@ -43,9 +43,10 @@ impl HostedWorld {
         Ok(GoalSet { attempt, goal, moved_by_m: goal.distance(asked) })
     }
 
-    /// Moves the goal of the attempt under way, m, as a target that moves.
-    pub fn move_target(&mut self, id: NpcId, goal: Vec3) -> Result<(), NpcError> {
+    /// Moves the goal of the attempt under way, m, as a target that moves on with `velocity`, m/s.
+    pub fn move_target(&mut self, id: NpcId, goal: Vec3, velocity: Vec3) -> Result<(), NpcError> {
         self.check_inside(goal, "position")?;
+        let moving = Target::Moving { from: goal, velocity, since: self.tick() };
         let slot = self.records.get(&id).ok_or(NpcError::Unknown(id))?.slot;
         let no_footing = NpcError::NoFooting(NoFooting::InAir, SNAP_M);
         let goal = self.world.footing_below(slot, goal).ok_or(no_footing)?;
@@ -57,7 +58,7 @@ impl HostedWorld {
         if record.goal.is_none() || record.pursuit.is_of_route {
             return Err(NpcError::NoGoal(id));
         }
-        record.pursuit.target = None;
+        record.pursuit.target = (velocity != Vec3::ZERO).then_some(moving);
         self.move_goal(id, goal);
         Ok(())
     }
@@ -91,6 +92,7 @@ impl HostedWorld {
                 let player = self.world.player(slot).ok_or(NpcError::NoPlayer(self.id, slot.0))?;
                 Ok(player.feet)
             }
+            Target::Moving { from, velocity, since } => Ok(moved(from, velocity, since, self.tick())),
         }
     }
 
@@ -116,7 +118,7 @@ impl HostedWorld {
     /// The NPC keeps its plan, so that clients may follow a moving target with one call in each of their frames.
     fn continue_attempt(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) -> Option<u32> {
         let record = self.records.get_mut(&id)?;
-        let is_same = |former: &Pursuit| !former.is_of_route && former.target == pursuit.target;
+        let is_same = |former: &Pursuit| !former.is_of_route && former.body() == pursuit.body();
         if let Some(retry) = record.retry.as_mut().filter(|retry| pursuit.keeps && is_same(&retry.pursuit)) {
             (retry.goal, retry.pursuit) = (goal, pursuit);
             return Some(record.attempts);

@@ -3,21 +3,38 @@
 use crate::ids::NpcId;
 use serde::{Deserialize, Serialize};
 use surefoot_world::arrival::{KEEP_SLACK_M, SNAP_M};
-use surefoot_world::{PlayerSlot, Tick, Vec3};
+use surefoot_world::{PlayerSlot, TICKS_PER_SECOND, Tick, Vec3};
 
-/// A body that a goal follows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// What a goal follows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Target {
     /// An NPC of the same world.
     Npc(NpcId),
     /// A player of the same world.
     Player(PlayerSlot),
+    /// A place that moves from where a client put it.
+    Moving {
+        /// The place at that time, m.
+        from: Vec3,
+        /// Its velocity, m/s.
+        velocity: Vec3,
+        /// When the client put it there.
+        since: Tick,
+    },
+}
+
+/// Longest time for which a place moves without news from its client.
+const MOVES_TICKS: u64 = TICKS_PER_SECOND as u64;
+
+/// Where a place is at `tick` that was at `from`, m, at `since`, and moves with `velocity`, m/s.
+pub(super) fn moved(from: Vec3, velocity: Vec3, since: Tick, tick: Tick) -> Vec3 {
+    from + velocity * (tick.since(since).min(MOVES_TICKS) as f32 / TICKS_PER_SECOND as f32)
 }
 
 /// How an NPC goes to its goal.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pursuit {
-    /// The body that the goal follows; `None` if only clients move the goal.
+    /// What the goal follows; `None` if it stays where clients put it.
     pub target: Option<Target>,
     /// Distance within which the NPC arrives, m.
     pub radius: f32,
@@ -44,6 +61,13 @@ impl Default for Pursuit {
             facing: None,
             is_of_route: false,
         }
+    }
+}
+
+impl Pursuit {
+    /// The body that the goal follows; `None` for places.
+    pub fn body(&self) -> Option<Target> {
+        self.target.filter(|target| !matches!(target, Target::Moving { .. }))
     }
 }
 
