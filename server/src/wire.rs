@@ -29,7 +29,7 @@ wire_enum!(Support = wire::Support: Air Ground Steep Water ZipLine);
 wire_enum!(Standing = wire::Standing:
     NoWorker SilentWorker AwaitsMap AwaitsGraph AwaitsPlan AwaitsRehearsal AwaitsMover Barred Blocked AtTarget Holds
     Rests NoPlace);
-wire_enum!(RouteKind = wire::RouteKind: Patrol Hold Wander);
+wire_enum!(RouteKind = wire::RouteKind: Patrol Hold Wander Flee);
 
 /// Reads a region; absent means everywhere.
 pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {

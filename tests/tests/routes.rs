@@ -357,6 +357,8 @@ async fn a_route_that_is_not_valid_is_refused_by_name_and_others_of_the_batch_ap
         ),
         (stops(&|stop| stop.position = Some(in_air)), "GOAL_IN_AIR", "patrol.stops[1].position"),
         (stops(&|stop| stop.position = Some(in_tower)), "GOAL_IN_SOLID", "patrol.stops[1].position"),
+        (flee(9, 1.0, false), "INVALID_FIELD", "flee.distance"),
+        (flee(9, 8.0, false), "PLAYER_NOT_FOUND", "9"),
         (hold(wire::Hold { radius: 0.2, ..Default::default() }), "INVALID_FIELD", "hold.radius"),
         (hold(wire::Hold { facing: Some(f32::NAN), ..Default::default() }), "INVALID_FIELD", "hold.facing"),
         (circle(here, 0.0), "INVALID_FIELD", "wander.circle.radius"),
@@ -376,5 +378,78 @@ async fn a_route_that_is_not_valid_is_refused_by_name_and_others_of_the_batch_ap
     assert_eq!(results[cases.len() + 1], wire::ItemResult { error: None });
     let routes = [npc(&mut stage, npc_id).await.route(), npc(&mut stage, other).await.route()];
     assert_eq!(routes, [wire::RouteKind::Unspecified, wire::RouteKind::Hold]);
+    server.stop().await;
+}
+
+fn flee(player_id: u32, distance: f32, hide: bool) -> Kind {
+    Kind::Flee(wire::Flee { from: Some(wire::flee::From::FromPlayerId(player_id)), distance, hide })
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_npc_flees_from_a_player_that_walks_after_it() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
+    let mut stage = world_of(&server, yard(), wire::TimeMode::Realtime).await;
+    let (world_id, start) = (stage.world_id, stage.at([12.0, 0.0, 15.0]));
+    let mut player = stage.at([6.0, 0.0, 15.0]);
+    let npc_id = spawn(&mut stage.client, world_id, start).await;
+    let request = wire::SpawnPlayerRequest { world_id, position: Some(player), ..Default::default() };
+    let player_id = stage.client.spawn_player(request).await.unwrap().into_inner().player_id;
+    send(&mut stage, &[(npc_id, flee(player_id, 8.0, false))]).await;
+    let is_away = |snapshot: &wire::WatchWorldResponse| {
+        snapshot.npcs.iter().all(|npc| distance(npc.position.unwrap(), player) >= 8.0)
+    };
+    watch_until(&mut stage.client, world_id, is_away).await;
+
+    let mut snapshots = e2e::watch(&mut stage.client, world_id, 20.0).await;
+    let mut gaps = Vec::new();
+    for _ in 0..300 {
+        let snapshot = snapshots.next().await.expect("an endless stream").unwrap();
+        let npc = snapshot.npcs[0].position.unwrap();
+        let gap = distance(npc, player);
+        let step = 3.0 / 20.0 / gap.max(0.1);
+        player =
+            wire::Vec3 { x: player.x + step * (npc.x - player.x), z: player.z + step * (npc.z - player.z), ..player };
+        let moves = vec![wire::PlayerMove { player_id, position: Some(player), ..Default::default() }];
+        stage.client.move_players(wire::MovePlayersRequest { world_id, moves, ..Default::default() }).await.unwrap();
+        gaps.push(gap);
+    }
+    let kept = gaps.iter().filter(|gap| **gap >= 4.0).count();
+    assert!(10 * kept >= 9 * gaps.len(), "{kept} of {}: {gaps:.1?}", gaps.len());
+    let npc = npc(&mut stage, npc_id).await;
+    assert_eq!(npc.route(), wire::RouteKind::Flee);
+    assert_ne!(npc.status(), wire::NpcStatus::Down);
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_npc_hides_behind_a_tower() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
+    let mut stage = world_of(&server, yard(), wire::TimeMode::Realtime).await;
+    let (world_id, start, eyes) = (stage.world_id, stage.at([30.0, 0.0, 18.0]), stage.at([28.0, 0.0, 24.0]));
+    let [low, high] = [stage.at([32.0, 0.0, 22.0]), stage.at([36.0, 0.0, 26.0])];
+    let npc_id = spawn(&mut stage.client, world_id, start).await;
+    let from = Some(wire::flee::From::Position(eyes));
+    send(&mut stage, &[(npc_id, Kind::Flee(wire::Flee { from, distance: 5.0, hide: true }))]).await;
+    // The tower stands between the eyes and the NPC.
+    let is_hidden = |snapshot: &wire::WatchWorldResponse| {
+        let at = snapshot.npcs[0].position.unwrap();
+        let between = |share: f32| (eyes.x + share * (at.x - eyes.x), eyes.z + share * (at.z - eyes.z));
+        let is_within = |(x, z): (f32, f32)| (low.x..high.x).contains(&x) && (low.z..high.z).contains(&z);
+        (0..100).map(|step| between(step as f32 / 100.0)).any(is_within)
+            && snapshot.npcs[0].status() == wire::NpcStatus::Idle
+    };
+    watch_until(&mut stage.client, world_id, is_hidden).await;
+    let npc = npc(&mut stage, npc_id).await;
+    assert_eq!(npc.standing(), wire::Standing::Rests);
+    worker.stop().await;
+    planner.stop().await;
     server.stop().await;
 }

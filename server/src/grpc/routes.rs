@@ -2,14 +2,14 @@
 
 use super::npcs::{check_count, facing, item_result, radius_or};
 use super::{Call, Reply, WorldApi};
-use crate::hosted::{Area, HostedWorld, MAX_DWELL_TICKS, NpcError, Route, STOP_COUNT, Stop};
+use crate::hosted::{Area, HostedWorld, MAX_DWELL_TICKS, NpcError, Route, STOP_COUNT, Stop, Target, Threat};
 use crate::ids::NpcId;
 use crate::worlds::NpcAccess;
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::coordinates::Coordinates;
 use surefoot_proto::world::v1 as wire;
-use surefoot_world::TICKS_PER_SECOND;
+use surefoot_world::{PlayerSlot, TICKS_PER_SECOND};
 
 /// Most stops of all routes in a call.
 const MAX_STOPS: usize = 16_384;
@@ -70,6 +70,11 @@ fn route(route: &wire::Route) -> Result<Route, FieldError> {
             let area = area.as_ref().ok_or(FieldError::Missing("wander.area"))?;
             Ok(Route::Wander { area: self::area(area)?, dwell: dwell(*dwell_s, "wander.dwell_s")? })
         }
+        Kind::Flee(wire::Flee { from, distance, hide }) => {
+            convert::in_range(f64::from(*distance), 2.0, 200.0, "flee.distance")?;
+            let from = from.as_ref().ok_or(FieldError::Missing("flee.from"))?;
+            Ok(Route::Flee(Threat { from: threat(from)?, distance: *distance, hides: *hide }))
+        }
     }
 }
 
@@ -79,6 +84,14 @@ fn stop(stop: &wire::PatrolStop) -> Result<Stop, FieldError> {
         dwell: dwell(stop.dwell_s, "patrol.stops.dwell_s")?,
         radius: radius_or(stop.radius, 1.0, 0.3, "patrol.stops.radius")?,
         facing: facing(stop.facing, "patrol.stops.facing")?,
+    })
+}
+
+fn threat(from: &wire::flee::From) -> Result<Target, FieldError> {
+    Ok(match from {
+        wire::flee::From::FromNpcId(npc) => Target::Npc(NpcId(*npc)),
+        wire::flee::From::FromPlayerId(player) => Target::Player(PlayerSlot(*player)),
+        wire::flee::From::Position(at) => Threat::at(convert::point(Some(at), "flee.position")?),
     })
 }
 

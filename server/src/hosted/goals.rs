@@ -80,7 +80,7 @@ impl HostedWorld {
     }
 
     /// Where the target of an NPC is, m.
-    fn place_of(&self, id: NpcId, target: Target) -> Result<Vec3, NpcError> {
+    pub(super) fn place_of(&self, id: NpcId, target: Target) -> Result<Vec3, NpcError> {
         match target {
             Target::Npc(other) if other == id => Err(NpcError::OwnTarget(id)),
             Target::Npc(other) => {
@@ -139,7 +139,7 @@ impl HostedWorld {
     }
 
     /// Moves the goal of the attempt under way, m.
-    fn move_goal(&mut self, id: NpcId, goal: Vec3) {
+    pub(super) fn move_goal(&mut self, id: NpcId, goal: Vec3) {
         let Some(record) = self.records.get_mut(&id) else { return };
         if record.goal.replace(goal) == Some(goal) {
             return;

@@ -1,5 +1,7 @@
 //! Routes as data: what an NPC does between the goals that clients set, and how far it has come.
 
+use super::fleeing::{LOOK_TICKS, Threat};
+use super::pursuit::Target;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 use surefoot_world::arrival::RETRY_TICKS;
@@ -38,6 +40,8 @@ pub enum Route {
         /// Rest at each place, ticks.
         dwell: u64,
     },
+    /// Gets away from a threat.
+    Flee(Threat),
 }
 
 /// A stop of a patrol.
@@ -76,6 +80,8 @@ pub enum RouteKind {
     Hold,
     /// [`Route::Wander`].
     Wander,
+    /// [`Route::Flee`].
+    Flee,
 }
 
 impl Route {
@@ -85,6 +91,7 @@ impl Route {
             Self::Patrol { .. } => RouteKind::Patrol,
             Self::Hold { .. } => RouteKind::Hold,
             Self::Wander { .. } => RouteKind::Wander,
+            Self::Flee(_) => RouteKind::Flee,
         }
     }
 
@@ -95,6 +102,7 @@ impl Route {
             Self::Hold { post, .. } => post.iter_mut().collect(),
             Self::Wander { area: Area::Circle { centre, .. }, .. } => vec![centre],
             Self::Wander { area: Area::Zone(_), .. } => Vec::new(),
+            Self::Flee(threat) => threat.place_mut().into_iter().collect(),
         }
     }
 }
@@ -128,6 +136,7 @@ impl Itinerary {
             Route::Patrol { stops, .. } => (stops[stop as usize].dwell, has_arrived.then_some(stop)),
             Route::Hold { .. } => (0, None),
             Route::Wander { dwell, .. } => (*dwell, None),
+            Route::Flee(_) => (0, None),
         };
         let pause = if has_arrived { dwell } else { RETRY_TICKS };
         self.next = (tick + pause).max(began + PERIOD_TICKS);
@@ -135,9 +144,10 @@ impl Itinerary {
         reached
     }
 
-    /// Notes that no place was found at `tick`.
+    /// Notes that no place was found at `tick`. An NPC that flees may be safe where it is, and looks again soon.
     pub fn note_no_place(&mut self, tick: Tick) {
-        (self.lacks_place, self.next) = (true, tick + RETRY_TICKS);
+        let flees = matches!(self.route, Route::Flee(_));
+        (self.lacks_place, self.next) = (!flees, tick + if flees { LOOK_TICKS } else { RETRY_TICKS });
     }
 
     /// Moves on to the next stop of a patrol.
@@ -167,6 +177,11 @@ impl Itinerary {
                     Area::Circle { centre, radius } => centre.is_finite() && radius.is_finite(),
                 };
                 is_sound && *dwell <= MAX_DWELL_TICKS
+            }
+            Route::Flee(Threat { from, distance, .. }) => {
+                let is_place = |at: &Vec3| at.is_finite();
+                distance.is_finite()
+                    && !matches!(from, Target::Moving { from, velocity, .. } if !is_place(from) || !is_place(velocity))
             }
         }
     }

@@ -9,6 +9,7 @@
 
 mod commands;
 mod events;
+mod fleeing;
 mod gathering;
 mod goals;
 mod itinerary;
@@ -30,6 +31,7 @@ mod zones;
 pub use crate::messages::TimeMode;
 pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
+pub use fleeing::Threat;
 pub use itinerary::{Area, MAX_DWELL_TICKS, Route, RouteKind, STOP_COUNT, Stop};
 pub use journal::{FleetSave, Journal, SavedLog};
 pub use living::{Destination, LivingError};

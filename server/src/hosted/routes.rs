@@ -30,7 +30,7 @@ impl HostedWorld {
         let is_down = self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some());
         let route = match route {
             Some(_) if is_down => return Err(NpcError::Down(id)),
-            route => route.map(|route| self.placed(record.slot, route)).transpose()?,
+            route => route.map(|route| self.placed(id, record.slot, route)).transpose()?,
         };
         let (is_cleared, is_on_route) = (record.itinerary.is_some() && route.is_none(), record.is_on_route());
         if is_on_route {
@@ -46,7 +46,7 @@ impl HostedWorld {
     }
 
     /// A route whose places are on the map, where the NPC can stand.
-    fn placed(&self, slot: NpcSlot, mut route: Route) -> Result<Route, NpcError> {
+    fn placed(&self, id: NpcId, slot: NpcSlot, mut route: Route) -> Result<Route, NpcError> {
         let stand_at = |at: Vec3, field: String| {
             self.check_inside(at, field.as_str())?;
             self.world.footing(slot, at, SNAP_M).map_err(|why| NpcError::NoRoom { field, why })
@@ -68,12 +68,16 @@ impl HostedWorld {
                 return Err(NpcError::NoZone(self.id, name.clone()));
             }
             Route::Wander { .. } => {}
+            Route::Flee(threat) => {
+                self.check_inside(self.place_of(id, threat.from)?, "flee.position")?;
+            }
         }
         Ok(route)
     }
 
     /// Begins the attempts of routes that are due.
     pub(super) fn follow_routes(&mut self) {
+        self.look_at_threats();
         let tick = self.tick();
         let is_up = |record: &NpcRecord| self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_none());
         let due = self.records.iter().filter(|(_, record)| record.is_due(tick) && is_up(record)).map(|(&id, _)| id);
@@ -106,6 +110,7 @@ impl HostedWorld {
                 Some((post?, Pursuit { radius: POST_RADIUS_M, keeps: true, slack, facing, ..usual }))
             }
             Route::Wander { area, .. } => Some((self.draw_place(id, record.slot, area)?, usual)),
+            Route::Flee(threat) => self.refuge(id, record.slot, *threat),
         }
     }
 

@@ -134,8 +134,9 @@ impl Suite<'_> {
         Chase { rollout, policy: self.policy, router: &level.router, radius: RADIUS_M, decisions }
     }
 
-    /// One NPC after a player that goes round the course at `speed`, m/s; its goal is set so many times a second.
-    pub(super) fn pursuit(&self, speed: f32, updates_hz: f32) -> Result<SceneReport, EvalError> {
+    /// One NPC after a player that goes round the course at `speed`, m/s; its goal is set so many times a second, and
+    /// moves on in between if updates have a velocity.
+    pub(super) fn pursuit(&self, speed: f32, updates_hz: f32, has_velocity: bool) -> Result<SceneReport, EvalError> {
         let level = self.level(scenes::course())?;
         let way = scenes::round_the_course();
         let mut contact = Contact::default();
@@ -149,14 +150,19 @@ impl Suite<'_> {
             let chased = self.chase(&rollout, &level, CHASE).run(&[start], |world, decision, goals| {
                 let time = decision as f32 * DECISION_SECONDS;
                 let player = way.at(begin + speed * time);
-                goals[0] = way.at(begin + speed * (time * updates_hz + 1.0e-3).floor() / updates_hz);
+                let since = (time * updates_hz + 1.0e-3).fract() / updates_hz;
+                let [before, known] = [0.05, 0.0].map(|ago| way.at(begin + speed * (time - since) - ago));
+                let velocity = (known - before).normalize_or_zero() * speed;
+                goals[0] = if has_velocity { known + velocity * since } else { known };
                 contact.watch(&mut watch, decision, gaps(world, &[player]));
             });
             contact.end_run(&chased, started.elapsed().as_secs_f64());
         }
         let standing = self.seconds_per_decision(&level, &way);
-        let about =
-            format!("a player at {speed} m/s over a ledge, up stairs and through a doorway, {updates_hz} updates/s");
+        let about = format!(
+            "a player at {speed} m/s over a ledge, up stairs and through a doorway, {updates_hz} updates/s{}",
+            if has_velocity { " with velocities" } else { "" }
+        );
         Ok(contact.report(
             about,
             if speed <= RUNNER_SPEED { "within 3 m for 95 %" } else { "no deaths" },

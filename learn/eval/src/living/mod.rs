@@ -34,7 +34,7 @@ const CROWD: usize = 1024;
 const DOOR_DECISIONS: std::ops::Range<u32> = 18..48;
 
 /// Names of all scenes.
-pub const SCENES: [&str; 18] = [
+pub const SCENES: [&str; 19] = [
     "door",
     "corridor",
     "crowd",
@@ -45,6 +45,7 @@ pub const SCENES: [&str; 18] = [
     "vanishing bridge",
     "players",
     "chase, 2 Hz",
+    "chase, 2 Hz with velocity",
     "chase, 10 Hz",
     "chase, 60 Hz",
     "chase, 6 m/s",
@@ -128,11 +129,12 @@ pub fn run(policy: &Policy, config: &LivingConfig, mut begun: impl FnMut(&str)) 
         Suite::ferry,
         Suite::bridge,
         |suite| Ok(suite.players()),
-        |suite| suite.pursuit(3.0, 2.0),
-        |suite| suite.pursuit(3.0, 10.0),
-        |suite| suite.pursuit(3.0, 60.0),
-        |suite| suite.pursuit(6.0, 10.0),
-        |suite| suite.pursuit(10.0, 10.0),
+        |suite| suite.pursuit(3.0, 2.0, false),
+        |suite| suite.pursuit(3.0, 2.0, true),
+        |suite| suite.pursuit(3.0, 10.0, false),
+        |suite| suite.pursuit(3.0, 60.0, false),
+        |suite| suite.pursuit(6.0, 10.0, false),
+        |suite| suite.pursuit(10.0, 10.0, false),
         Suite::pursuit_through_doors,
         Suite::pursuit_onto_a_lift,
         Suite::column,

@@ -98,6 +98,7 @@ export function routeName(route: RouteKind, stop: number): string {
     [RouteKind.PATROL]: `Patrol, stop ${stop} next`,
     [RouteKind.HOLD]: 'Hold',
     [RouteKind.WANDER]: 'Wander',
+    [RouteKind.FLEE]: 'Flee',
   }
   return names[route] ?? ''
 }

@@ -1,0 +1,111 @@
+//! NPCs that get away from a body or a place.
+
+use super::itinerary::Route;
+use super::pursuit::{Pursuit, Target};
+use super::world::HostedWorld;
+use crate::ids::NpcId;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use serde::{Deserialize, Serialize};
+use std::f32::consts::TAU;
+use surefoot_world::{Body, NpcSlot, TICKS_PER_SECOND, Tick, Vec3};
+
+/// Ticks from one look at the threat to the next.
+pub(super) const LOOK_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
+/// Places that are drawn at each look.
+const DRAWS: usize = 48;
+/// Nearest place that is drawn, m.
+const NEAREST_M: f32 = 3.0;
+/// Heights above and below the NPC at which the ground of a place is searched, m.
+const HEIGHTS_M: [f32; 5] = [0.0, 3.0, -3.0, 6.0, -6.0];
+/// Height of the eyes of a threat, and of the middle of a body that it looks for, m.
+const EYES_M: f32 = 1.6;
+const MIDDLE_M: f32 = 0.9;
+/// How much a place must be farther from the threat than where the NPC is, m.
+const GAIN_M: f32 = 1.0;
+/// Worth of a metre nearer to the NPC, and of being out of sight, in metres from the threat.
+const NEARNESS: f32 = 0.25;
+const COVER_M: f32 = 30.0;
+
+/// What an NPC flees from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Threat {
+    /// The body or place.
+    pub from: Target,
+    /// Distance that the NPC keeps, m.
+    pub distance: f32,
+    /// Whether the NPC also gets out of sight.
+    pub hides: bool,
+}
+
+impl HostedWorld {
+    /// Where an NPC flees to, m, if it has to.
+    pub(super) fn refuge(&self, id: NpcId, slot: NpcSlot, threat: Threat) -> Option<(Vec3, Pursuit)> {
+        let from = self.place_of(id, threat.from).ok()?;
+        let feet = self.world.npc(slot)?.body.feet;
+        if self.is_safe(feet, from, threat) {
+            return None;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(u64::from(id.serial()) << 32 ^ self.tick().0);
+        let least = feet.distance(from) + GAIN_M;
+        let draws = (0..DRAWS).filter_map(|_| {
+            let way = Body::at(feet, rng.random_range(0.0..TAU)).facing();
+            let beside = feet + way * rng.random_range(NEAREST_M..NEAREST_M + threat.distance);
+            let place = HEIGHTS_M.iter().find_map(|y| self.world.footing_below(slot, beside + Vec3::Y * y))?;
+            let place = self.world.place_beside(slot, place, Vec3::ZERO)?;
+            let (gap, way) = (place.distance(from), place.distance(feet));
+            // The NPC must be there before the threat, without passing it.
+            let is_open = gap > way && gap >= least && self.within_map(place).is_ok();
+            let cover = if threat.hides && !self.sees(from, place) { COVER_M } else { 0.0 };
+            is_open.then_some((gap.min(1.5 * threat.distance) + cover - NEARNESS * way, place))
+        });
+        let (_, place) = draws.max_by(|(worth, _), (other, _)| worth.total_cmp(other))?;
+        Some((place, Pursuit { is_of_route: true, ..Pursuit::default() }))
+    }
+
+    /// Lets NPCs that flee change their minds while the threat moves.
+    pub(super) fn look_at_threats(&mut self) {
+        let tick = self.tick();
+        let fleeing = self.records.iter().filter_map(|(&id, record)| {
+            let is_due = (tick + u64::from(record.slot.0)).0.is_multiple_of(LOOK_TICKS);
+            let goal = record.goal.filter(|_| is_due && record.pursuit.is_of_route)?;
+            match record.itinerary.as_ref()?.route {
+                Route::Flee(threat) => Some((id, record.slot, goal, threat)),
+                _ => None,
+            }
+        });
+        for (id, slot, goal, threat) in fleeing.collect::<Vec<_>>() {
+            let Ok(from) = self.place_of(id, threat.from) else { continue };
+            if !self.is_safe(goal, from, threat)
+                && let Some((place, _)) = self.refuge(id, slot, threat)
+            {
+                self.move_goal(id, place);
+            }
+        }
+    }
+
+    /// Whether a body is far enough from a threat, m, and out of its sight if it hides.
+    fn is_safe(&self, feet: Vec3, from: Vec3, threat: Threat) -> bool {
+        feet.distance(from) >= threat.distance && !(threat.hides && self.sees(from, feet))
+    }
+
+    /// Whether a threat sees a body, both with their feet at these places, m.
+    fn sees(&self, from: Vec3, feet: Vec3) -> bool {
+        self.world.map().mesh().is_in_sight(from + Vec3::Y * EYES_M, feet + Vec3::Y * MIDDLE_M)
+    }
+}
+
+impl Threat {
+    /// A threat that stays at a place, m.
+    pub fn at(place: Vec3) -> Target {
+        Target::Moving { from: place, velocity: Vec3::ZERO, since: Tick(0) }
+    }
+
+    /// The place, m, if the threat is one.
+    pub fn place_mut(&mut self) -> Option<&mut Vec3> {
+        match &mut self.from {
+            Target::Moving { from, .. } => Some(from),
+            _ => None,
+        }
+    }
+}
