@@ -26,14 +26,14 @@ use surefoot_policy::{Manifest, Parameter, Weights};
 use surefoot_proto::plans::{plan_to_wire, settings_to_wire};
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
 use surefoot_server::WorldId;
-use surefoot_server::hosted::{HostedWorld, SavedMap, TimeMode};
+use surefoot_server::hosted::{Area, HostedWorld, Route, SavedMap, TimeMode};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::sense::OBSERVATION_VERSION;
 use surefoot_world::{
-    Action, CharacterProfile, Decisions, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig,
+    Action, CharacterProfile, Decisions, Map, MapSpec, OBSERVATION_LEN, Seed, TaskConfig, Vec3, World, WorldConfig,
 };
 use untrusted::{FIRST_NPC, FLOOR, NETWORK};
 
@@ -271,7 +271,7 @@ fn recording() -> Vec<u8> {
     world.finish_recording().expect("it was begun").encode()
 }
 
-/// A world with one seeking and one idle NPC, on a level or on a generated map.
+/// A world with one seeking NPC and one that wanders, on a level or on a generated map.
 fn saved_world(level: Option<&Arc<Map>>) -> Vec<u8> {
     let small = MapSpec::new(7).with(|it| it.size = MapSize { width: 50, height: 40, depth: 50 }).unwrap();
     let generated = || Arc::new(surefoot_generate::generate(&small));
@@ -280,8 +280,11 @@ fn saved_world(level: Option<&Arc<Map>>) -> Vec<u8> {
     let mut world = HostedWorld::new(WorldId(1), map.clone(), TimeMode::Lockstep, Arc::new(Registry::default()));
     let mut spawn =
         |x: f32| world.spawn(Vec3::new(x, 9.0, 10.0), 0.0, 2, quota.grant("corpus")).expect("a place on the map");
-    let [walker, _] = [spawn(8.0), spawn(12.0)];
-    world.set_goal(walker, Vec3::new(18.0, 1.0, 18.0)).expect("a place on the map");
+    let [walker, wanderer] = [spawn(8.0), spawn(12.0)];
+    let ground = HostedWorld::sample_ground(&map, &CharacterProfile::default(), 1, Seed(1)).expect("ground");
+    world.set_goal(walker, ground[0]).expect("a place on the map");
+    let area = Area::Circle { centre: Vec3::new(12.0, 1.0, 10.0), radius: 5.0 };
+    world.set_route(wanderer, Some(Route::Wander { area, dwell: 60 })).expect("a place on the map");
     world.step();
     world.save("corpus", SavedMap::of(&map, "level".to_owned())).encode()
 }
