@@ -521,7 +521,9 @@ void sf_agents_destroy(sf_agents* agents);
 sf_status sf_agents_set_devices(sf_agents* agents, const sf_device* devices, size_t count, sf_error* error);
 /* Clears everything that an agent remembers, including its goal, for a new character. `seed` determines its noise. */
 sf_status sf_agents_begin(sf_agents* agents, uint32_t agent, uint64_t seed, sf_error* error);
-/* Gives an agent, whose feet are at `feet`, a goal or the next waypoint. It keeps its memory. */
+/* Gives an agent, whose feet are at `feet`, a goal or the next waypoint. It keeps its memory, and its progress starts
+ * again. To follow a goal that moves, call it before sf_agents_observe of each decision: an agent that was observed has
+ * to be observed again. */
 sf_status sf_agents_set_goal(sf_agents* agents, uint32_t agent, sf_vec3 feet, sf_vec3 goal, sf_error* error);
 /* Reports the position of an agent between decisions, and returns whether it has reached its goal; `reached` may be
  * NULL. Call it every tick to notice a goal that the agent passes. */
@@ -607,6 +609,14 @@ void sf_follower_destroy(sf_follower* follower);
 /* Reports, once for every decision, the position of the feet and whether they came within SF_REACHED_WITHIN of the
  * waypoint. The caller checks whether the goal is reached: at the last waypoint, unless the plan leads near. */
 sf_status sf_follower_advance(sf_follower* follower, sf_vec3 feet, int32_t reached, sf_step* step, sf_error* error);
+/* Moves the goal of the attempt; `feet` and `reached` are as in sf_follower_advance. Call it whenever the target has
+ * moved, such as before each decision, instead of beginning another attempt. The last leg then leads to the new goal:
+ * the step is SF_STEP_HEAD if that changes the waypoint, otherwise SF_STEP_KEEP. Moves of up to 0.5 m, or 15 % of the
+ * distance between feet and goal, wait until the waypoint is reached. The step is SF_STEP_PLAN without a plan, and once
+ * the goal is more than 1 m and 25 % of that distance away from where it was at the last plan. Until
+ * sf_follower_plan is called, the follower keeps its plan. A follower that has ended stays ended. */
+sf_status sf_follower_move_goal(sf_follower* follower, sf_vec3 goal, sf_vec3 feet, int32_t reached, sf_step* step,
+    sf_error* error);
 /* Plans from `feet`, without the legs that have failed, and follows that plan. `caution` and `without` are as in a
  * query. */
 sf_status sf_follower_plan(sf_follower* follower, const sf_graph* graph, sf_vec3 feet, float caution, uint32_t without,

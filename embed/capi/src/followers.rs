@@ -4,7 +4,7 @@ use crate::abi;
 use crate::error::{Fault, Status};
 use crate::graphs::{self, Graph};
 use surefoot_planner::evidence::TryEnd;
-use surefoot_planner::{AbilitySet, Caution, Plan, Query};
+use surefoot_planner::{AbilitySet, Caution, Query};
 use surefoot_rollout::follow::Step;
 use surefoot_rollout::{FollowConfig, Follower as Rules};
 use surefoot_world::End;
@@ -16,8 +16,6 @@ pub struct Follower {
     rules: Rules,
     /// The level in whose coordinates the caller's places are; `None`: in those of the map.
     frame: Option<LevelFrame>,
-    /// The plan that is followed.
-    plan: Option<Plan>,
     /// Traversals that the caller has not taken.
     traversals: Vec<abi::Traversal>,
     /// How the attempt ended.
@@ -29,7 +27,21 @@ impl Follower {
     pub fn new(goal: abi::Vec3, frame: Option<LevelFrame>) -> Result<Self, Fault> {
         let config = FollowConfig { composes: false, ..FollowConfig::default() };
         let rules = Rules::new(goal.on_map(frame.as_ref(), "goal")?, config);
-        Ok(Self { rules, frame, plan: None, traversals: Vec::new(), end: None })
+        Ok(Self { rules, frame, traversals: Vec::new(), end: None })
+    }
+
+    /// Moves the goal. The plan stays, and its last leg leads to the new goal, until the goal has drifted far: then the
+    /// step asks for another plan.
+    pub fn move_goal(&mut self, goal: abi::Vec3, feet: abi::Vec3, reached: bool) -> Result<abi::Step, Fault> {
+        let goal = goal.on_map(self.frame.as_ref(), "goal")?;
+        let feet = feet.on_map(self.frame.as_ref(), "feet")?;
+        if let Some(end) = self.end {
+            return Ok(self.step(Step::End(end)));
+        }
+        let waypoint = self.rules.move_goal(goal, feet, reached);
+        let needs_plan = self.rules.current_plan().is_none() || self.rules.has_goal_drifted(feet);
+        let step = if needs_plan { Step::Plan } else { waypoint.map_or(Step::Keep, Step::HeadFor) };
+        Ok(self.step(step))
     }
 
     /// Records a decision: where the feet are, and whether the NPC reached its waypoint.
@@ -38,13 +50,18 @@ impl Follower {
         if let Some(end) = self.end {
             return Ok(self.step(Step::End(end)));
         }
-        let step = self.rules.record_decision(feet, reached.then_some(End::Reached));
+        // The last waypoint may lag behind a goal that has moved a little: then the goal itself is next.
+        let goal_ahead = if reached { self.rules.move_goal(self.rules.goal(), feet, true) } else { None };
+        let reached = reached && goal_ahead.is_none();
+        let step = match (self.rules.record_decision(feet, reached.then_some(End::Reached)), goal_ahead) {
+            (Step::Keep, Some(goal)) => Step::HeadFor(goal),
+            (step, _) => step,
+        };
         self.collect();
         match step {
             // The caller decides whether the goal is reached.
-            Step::End(End::Reached) | Step::Keep | Step::HeadFor(_) => {}
+            Step::End(End::Reached) | Step::Keep | Step::HeadFor(_) | Step::Plan => {}
             Step::End(end) => self.end = Some(end),
-            Step::Plan => self.plan = None,
         }
         Ok(self.step(step))
     }
@@ -66,7 +83,6 @@ impl Follower {
             let query = Query { caution, without, ..self.rules.query(feet) };
             let plan = graph.find(&query);
             if !self.rules.reconsiders(&plan) {
-                self.plan = Some(plan.clone());
                 let waypoint = self.rules.take_plan(plan);
                 return Ok(self.step(Step::HeadFor(waypoint)));
             }
@@ -86,7 +102,7 @@ impl Follower {
     pub fn legs(&self) -> Result<Vec<abi::Leg>, Fault> {
         let missing = || Fault::new(Status::BadState, "the follower has no plan: call sf_follower_plan first");
         let legs = |plan| graphs::legs(plan, self.frame.as_ref()).collect();
-        self.plan.as_ref().map(legs).ok_or_else(missing)
+        self.rules.current_plan().map(legs).ok_or_else(missing)
     }
 
     /// Traversals since the last call of [`forget_traversals`](Self::forget_traversals).
@@ -120,12 +136,13 @@ impl Follower {
             Step::End(_) => 3,
         };
         let waypoint = |at| abi::Vec3::of_map(at, self.frame.as_ref());
+        let plan = self.rules.current_plan();
         abi::Step {
             struct_size: 0,
             kind,
             waypoint: self.rules.waypoint().map(waypoint).unwrap_or_default(),
-            leg: self.plan.as_ref().map_or(0, |_| self.rules.leg_idx() as u32),
-            leg_count: self.plan.as_ref().map_or(0, |plan| plan.legs.len() as u32),
+            leg: plan.map_or(0, |_| self.rules.leg_idx() as u32),
+            leg_count: plan.map_or(0, |plan| plan.legs.len() as u32),
             plans: self.rules.plans(),
         }
     }

@@ -228,6 +228,29 @@ fn a_goal_is_reached_between_decisions_and_progress_is_told() {
 }
 
 #[test]
+fn a_goal_may_move_before_every_decision() {
+    let (agents, states) = on_flat_ground(1);
+    let observe = |error| unsafe {
+        sf_agents_observe_with(agents, null(), &states[0], 1, Some(cast_at_ground), null_mut(), error)
+    };
+    let mut actions = [Action::default(); 6];
+    let decide = |action: &mut Action, error| unsafe { sf_agents_decide(agents, null(), 1, 0.0, action, error) };
+    for (decision, action) in (0..).zip(&mut actions) {
+        let goal = at(0.2 * decision as f32, 20.0);
+        ok(|error| unsafe { sf_agents_set_goal(agents, 0, states[0].feet, goal, error) });
+        ok(observe);
+        ok(|error| decide(action, error));
+    }
+    assert!(actions.iter().all(|action| action.forward > 0.5), "{actions:?}");
+    ok(observe);
+    ok(|error| unsafe { sf_agents_set_goal(agents, 0, states[0].feet, at(1.4, 20.0), error) });
+    fails(6, "agent 0 was not observed", |error| decide(&mut actions[0], error));
+    ok(observe);
+    ok(|error| decide(&mut actions[0], error));
+    unsafe { sf_agents_destroy(agents) };
+}
+
+#[test]
 fn what_is_wrong_with_a_call_is_said() {
     let (agents, states) = on_flat_ground(2);
     let (hits, mut actions) = ([Hit::default(); 2 * RAY_COUNT], [Action::default(); 2]);

@@ -193,6 +193,138 @@ fn a_follower_goes_on_to_the_next_waypoint_plans_anew_and_reports() {
     }
 }
 
+/// A follower with its graph.
+struct Chase {
+    graph: *mut Shared<Graph>,
+    follower: *mut Handle<Follower>,
+}
+
+impl Chase {
+    fn of(goal: Vec3) -> Self {
+        Self { graph: graph(), follower: handle(|out, error| unsafe { sf_follower_create(goal, out, error) }) }
+    }
+
+    fn move_goal(&self, goal: Vec3, feet: Vec3, reached: i32) -> abi::Step {
+        let mut step = step();
+        ok(|error| unsafe { sf_follower_move_goal(self.follower, goal, feet, reached, &mut step, error) });
+        step
+    }
+
+    fn advance(&self, feet: Vec3, reached: i32) -> abi::Step {
+        let mut step = step();
+        ok(|error| unsafe { sf_follower_advance(self.follower, feet, reached, &mut step, error) });
+        step
+    }
+
+    fn plan(&self, feet: Vec3) -> abi::Step {
+        let mut step = step();
+        ok(|error| unsafe { sf_follower_plan(self.follower, self.graph, feet, 1.0, 0, &mut step, error) });
+        step
+    }
+
+    fn last_leg(&self) -> Vec3 {
+        let (mut legs, mut count) = ([Leg::default(); 16], 0);
+        ok(|error| unsafe { sf_follower_legs(self.follower, legs.as_mut_ptr(), 16, &mut count, error) });
+        legs[count - 1].waypoint
+    }
+
+    /// Plans from vertex 2, and advances to the last leg.
+    fn advance_to_last_leg(&self) -> abi::Step {
+        let mut step = self.plan(at(60.0, 0.0));
+        while step.leg + 1 < step.leg_count {
+            step = self.advance(step.waypoint, 1);
+        }
+        step
+    }
+}
+
+impl Drop for Chase {
+    fn drop(&mut self) {
+        unsafe {
+            sf_follower_destroy(self.follower);
+            sf_graph_destroy(self.graph);
+        }
+    }
+}
+
+fn distance(a: Vec3, b: Vec3) -> f32 {
+    (a.x - b.x).hypot(a.z - b.z)
+}
+
+#[test]
+fn a_goal_that_moves_a_little_is_followed_and_drifts_into_another_plan() {
+    let goal = |decision: u8| at(96.0 + 0.2 * f32::from(decision), 0.0);
+    let chase = Chase::of(goal(0));
+    let abi::Step { mut waypoint, leg_count, .. } = chase.advance_to_last_leg();
+    assert_eq!(waypoint, goal(0));
+    let feet = at(90.0, 0.0);
+    let mut heads = 0;
+    // At 6 to 8 m from the NPC the goal drifts by 25 % of its distance after 2 m, and the waypoint follows by 15 %.
+    for decision in 1..=9 {
+        let step = chase.move_goal(goal(decision), feet, 0);
+        assert!(step.kind < 2, "decision {decision}: {step:?}");
+        assert_eq!(step.kind == 1, step.waypoint != waypoint, "decision {decision}");
+        waypoint = step.waypoint;
+        heads += step.kind;
+        assert!(distance(waypoint, goal(decision)) <= 0.15 * distance(feet, goal(decision)), "decision {decision}");
+        assert_eq!(chase.last_leg(), waypoint);
+        assert_eq!((chase.advance(feet, 0).kind, step.plans), (0, 1));
+    }
+    assert_eq!(heads, 1);
+    let drifted = (10..20).map(|decision| (decision, chase.move_goal(goal(decision), feet, 0).kind));
+    let (decision, _) = drifted.into_iter().find(|(_, kind)| *kind == 2).expect("a drift");
+    assert_eq!(decision, 11, "2.2 m from the goal of the plan, at 8.2 m from the NPC");
+    assert_eq!(chase.advance(feet, 0).leg_count, leg_count, "the follower keeps its plan");
+    let again = chase.plan(feet);
+    assert_eq!((again.kind, again.plans, chase.last_leg()), (1, 2, goal(decision)));
+    assert_ne!(chase.move_goal(goal(decision), feet, 0).kind, 2, "the drift counts from the last plan");
+}
+
+#[test]
+fn a_goal_that_moves_far_asks_for_another_plan_of_the_same_attempt() {
+    let chase = Chase::of(at(90.0, 0.2));
+    let (feet, far) = (at(60.0, 0.0), at(60.0, 40.0));
+    assert_eq!(chase.move_goal(at(90.0, 0.2), feet, 0).kind, 2, "it has no plan");
+    let last = chase.advance_to_last_leg();
+    let jump = chase.move_goal(far, feet, 0);
+    assert_eq!((jump.kind, jump.plans, jump.leg_count), (2, 1, last.leg_count));
+    let next = chase.plan(feet);
+    assert_eq!((next.kind, next.plans, chase.last_leg()), (1, 2, far));
+    assert_eq!(chase.move_goal(far, feet, 0).kind, 0);
+    ok(|error| unsafe { sf_follower_note_death(chase.follower, error) });
+    assert_eq!(chase.move_goal(at(90.0, 0.2), feet, 0).kind, 3, "the attempt is over");
+}
+
+#[test]
+fn a_follower_heads_for_its_goal_where_its_last_waypoint_lags_behind() {
+    let (before, after) = (at(96.0, 0.0), at(96.4, 0.0));
+    let chase = Chase::of(before);
+    chase.advance_to_last_leg();
+    let feet = at(90.0, 0.0);
+    let step = chase.move_goal(after, feet, 0);
+    assert_eq!((step.kind, step.waypoint), (0, before), "0.4 m make no difference yet");
+    let step = chase.advance(at(95.2, 0.0), 1);
+    assert_eq!((step.kind, step.waypoint), (1, after));
+    assert_eq!(chase.advance(at(95.5, 0.0), 1).kind, 0, "the caller says that the goal is reached");
+    // A target that was caught runs on.
+    let step = chase.move_goal(at(96.6, 0.0), at(95.5, 0.0), 1);
+    assert_eq!((step.kind, step.waypoint), (1, at(96.6, 0.0)));
+}
+
+#[test]
+fn what_is_wrong_with_a_moved_goal_is_said() {
+    let chase = Chase::of(at(90.0, 0.2));
+    let (place, nowhere) = (at(60.0, 0.0), at(f32::NAN, 0.0));
+    let call = |goal, feet, step, error| unsafe { sf_follower_move_goal(chase.follower, goal, feet, 0, step, error) };
+    fails(1, "goal is (NaN, 0, 0)", |error| call(nowhere, place, &mut step(), error));
+    fails(1, "feet is (NaN, 0, 0)", |error| call(place, nowhere, &mut step(), error));
+    fails(1, "step is NULL", |error| call(place, place, null_mut(), error));
+    fails(1, "step.struct_size is 0", |error| call(place, place, &mut abi::Step::default(), error));
+    fails(1, "follower is NULL", |error| unsafe {
+        sf_follower_move_goal(null_mut(), place, place, 0, &mut step(), error)
+    });
+}
+
 #[test]
 fn a_graph_takes_and_gives_places_of_the_levels_file() {
     // In centimetres with z up: (x, y, z) of the level is (x + 20, z + 1, 10 - y) on the map, in metres.

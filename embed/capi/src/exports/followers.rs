@@ -29,6 +29,17 @@ export! {
         write_growing(step, "step", found)
     }
 
+    fn sf_follower_move_goal(
+        follower: *mut Handle<Follower>,
+        goal: abi::Vec3,
+        feet: abi::Vec3,
+        reached: i32,
+        step: *mut abi::Step,
+    ) {
+        let found = lock(reference(follower, "follower")?, "follower")?.move_goal(goal, feet, reached != 0)?;
+        write_growing(step, "step", found)
+    }
+
     fn sf_follower_plan(
         follower: *mut Handle<Follower>,
         graph: *const Shared<Graph>,

@@ -35,11 +35,18 @@ namespace Surefoot.Tests
             internal Attempt Begin(Graph graph, Vec3 goal) => new Attempt(agents, 0, graph, Feet, goal);
 
             /// <summary>Decides and moves until the attempt ends. Returns the number of decisions.</summary>
-            internal int Walk(Attempt attempt)
+            internal int Walk(Attempt attempt) => Chase(attempt, null);
+
+            /// <summary>The same for a goal that has a place at each decision.</summary>
+            internal int Chase(Attempt attempt, Func<int, Vec3> goal)
             {
                 int decisions = 0;
                 while (decisions < MostDecisions && attempt.Advance(Feet) == AttemptState.GoesOn)
                 {
+                    if (goal != null)
+                    {
+                        attempt.MoveGoal(goal(decisions), Feet);
+                    }
                     states[0] = world.State(npc);
                     agents.Rays(states, rays);
                     world.CastRays(rays, hits);
@@ -97,6 +104,55 @@ namespace Surefoot.Tests
                 walker.Walk(attempt);
                 Expect.Equal(attempt.State, AttemptState.Reached, "the end of an attempt");
                 Expect.Equal(attempt.Legs.Length, 0, "the number of legs without a plan");
+            }
+        }
+
+        internal static void ChasesStraight(string square)
+        {
+            using (Map map = Map.Load(square))
+            using (Walker walker = new Walker(map, map.Origin, 3))
+            using (Attempt attempt = walker.Begin(null, map.Origin + new Vec3(6, 0, -9)))
+            {
+                // 3 m/s, for 5 s.
+                walker.Chase(attempt, decision => map.Origin + new Vec3(6 - Math.Min(decision, 30) * 0.5f, 0, -9));
+                Expect.Equal(attempt.State, AttemptState.Reached, "the end of an attempt at a goal that moves");
+                Expect.That(attempt.IsNearGoal(attempt.Goal, walker.Feet) == false, "an attempt that has ended has no goal to be near to");
+            }
+        }
+
+        internal static void ChasesByPlan(Files files)
+        {
+            using (Map map = Map.Load(files.Level))
+            using (Graph graph = Graph.Load(files.Graph))
+            using (Follower follower = new Follower(graph.Vertices()[50]))
+            {
+                Vec3 start = graph.Vertices()[0];
+                Vec3 goal = graph.Vertices()[50];
+                Vec3 far = graph.Vertices()[20];
+                Expect.That((far - goal).Length > 0.25f * (start - far).Length + 4, "one goal is far from the other");
+                Expect.Equal(follower.MoveGoal(goal, start, false).Kind, StepKind.Plan, "the step without a plan");
+                follower.PlanFrom(graph, start);
+                Expect.Equal(follower.MoveGoal(goal + new Vec3(0.2f, 0, 0), start, false).Kind, StepKind.Keep, "the step after a small move");
+                Expect.Equal(follower.MoveGoal(far, start, false).Kind, StepKind.Plan, "the step after a large move");
+                FollowStep step = follower.PlanFrom(graph, start);
+                Expect.Equal(step.Plans, 2u, "the number of plans");
+                Expect.Equal(follower.Legs().Last().Waypoint, far, "the end of the second plan");
+                Expect.Fails(Status.InvalidArgument, "goal", () => follower.MoveGoal(new Vec3(float.NaN, 0, 0), start, false));
+
+                using (Walker walker = new Walker(map, start, 1))
+                using (Attempt attempt = walker.Begin(graph, goal))
+                {
+                    attempt.Advance(start);
+                    Expect.That(attempt.IsNearGoal(goal + new Vec3(3, 0, 0), start), "3 m are near");
+                    Expect.That(!attempt.IsNearGoal(far, start), "the other goal is not near");
+                    attempt.MoveGoal(far, start);
+                    Expect.Equal(attempt.Advance(start), AttemptState.GoesOn, "the attempt after its goal has moved far");
+                    Expect.Equal(attempt.Legs.Last().Waypoint, far, "the end of the plan of an attempt");
+                    // The target walks up and down at 1.2 m/s.
+                    int decisions = walker.Chase(attempt, decision => far + new Vec3(Math.Abs(decision % 20 - 10) * 0.2f, 0, 0));
+                    Console.WriteLine($"        a target that moves: {attempt.State} after {decisions * Agents.DecisionSeconds:0.0} s");
+                    Expect.Equal(attempt.State, AttemptState.Reached, "the end of a chase");
+                }
             }
         }
 

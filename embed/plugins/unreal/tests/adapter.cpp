@@ -154,8 +154,9 @@ void decides_for_many_without_allocation(const std::string& square) {
     }
 }
 
-// Decides and moves until the attempt ends. Returns the number of decisions.
-int walk(Game& game, std::uint32_t npc, Agents& agents, Attempt& attempt) {
+// Decides and moves until the attempt ends, with a goal that may move at each decision. Returns the number of decisions.
+template <typename Goal>
+int chase(Game& game, std::uint32_t npc, Agents& agents, Attempt& attempt, Goal goal) {
     const std::uint32_t id = 0;
     int decisions = 0;
     for (; decisions < 1500; decisions++) {
@@ -164,6 +165,7 @@ int walk(Game& game, std::uint32_t npc, Agents& agents, Attempt& attempt) {
         if (attempt.state() != AttemptState::GoesOn) {
             break;
         }
+        must(attempt.move_goal(goal(decisions), character.feet));
         Controls controls;
         must(agents.decide(&id, &character, 1, game, &controls));
         game.decide(npc, controls);
@@ -173,6 +175,11 @@ int walk(Game& game, std::uint32_t npc, Agents& agents, Attempt& attempt) {
         }
     }
     return decisions;
+}
+
+int walk(Game& game, std::uint32_t npc, Agents& agents, Attempt& attempt) {
+    const Vector goal = attempt.goal();
+    return chase(game, npc, agents, attempt, [goal](int) { return goal; });
 }
 
 void walks_straight(const std::string& square) {
@@ -185,6 +192,21 @@ void walks_straight(const std::string& square) {
     Attempt attempt = must(Attempt::begin(agents, 0, nullptr, {}, {-12.0 * metre, 9.0 * metre, 0.0}));
     walk(game, npc, agents, attempt);
     expect(attempt.state() == AttemptState::Reached, "the goal is reached without a plan");
+}
+
+void chases_straight(const std::string& square) {
+    const LevelFrame frame = must(LevelFrame::of_level(square));
+    Game game(square, frame);
+    Agents agents = agents_of(1);
+    agents.set_frame(frame);
+    must(agents.begin(0, 3));
+    const std::uint32_t npc = game.spawn({}, 0.0);
+    // 3 m/s, for 5 s.
+    const auto target = [](int decision) { return Vector{(-9.0 + 0.5 * std::min(decision, 30)) * metre, 9.0 * metre, 0.0}; };
+    Attempt attempt = must(Attempt::begin(agents, 0, nullptr, {}, target(0)));
+    chase(game, npc, agents, attempt, target);
+    expect(attempt.state() == AttemptState::Reached, "a goal that moves is reached without a plan");
+    expect(!attempt.is_near_goal(attempt.goal(), attempt.goal()), "an attempt that has ended has no goal to be near to");
 }
 
 // ----------------------------------------------------------------------------------------------------------------- plans
@@ -213,6 +235,33 @@ void walks_by_plan(const std::string& level, const std::string& graph_path) {
         arrived += is_there;
     }
     expect(arrived * 4 >= goal_count * 3, std::to_string(arrived) + " arrived");
+}
+
+void chases_by_plan(const std::string& level, const std::string& graph_path) {
+    const LevelFrame frame;
+    const Graph graph = must(Graph::load(graph_path));
+    const std::vector<sf_vec3> places = must(graph.vertices());
+    const Vector start = frame.from_map(places[0]), goal = frame.from_map(places[50]), far = frame.from_map(places[20]);
+    Game game(level, frame);
+    Agents agents = agents_of(1);
+    must(agents.set_devices(game.devices()));
+    must(agents.begin(0, 1));
+    const std::uint32_t npc = game.spawn(start, 0.0);
+    Attempt attempt = must(Attempt::begin(agents, 0, &graph, start, goal));
+    must(attempt.advance(start));
+    const Vector first = attempt.waypoint();
+    expect(attempt.is_near_goal({goal.x + 3.0 * metre, goal.y, goal.z}, start), "3 m are near");
+    must(attempt.move_goal({goal.x + 0.2 * metre, goal.y, goal.z}, start));
+    expect_near(attempt.waypoint(), first, 0.0, "the waypoint after a small move");
+    expect(!attempt.is_near_goal(far, start), "the other goal is not near");
+    must(attempt.move_goal(far, start));
+    expect_error(attempt.move_goal({std::nan(""), 0.0, 0.0}, start), SF_INVALID_ARGUMENT, "goal");
+    expect_near(attempt.goal(), far, 0.0, "the goal after an error");
+    // The target walks up and down at 1.2 m/s.
+    const auto target = [&far](int decision) { return Vector{far.x + std::abs(decision % 20 - 10) * 0.2 * metre, far.y, far.z}; };
+    const int decisions = chase(game, npc, agents, attempt, target);
+    expect(attempt.state() == AttemptState::Reached, "a target that moves is reached by plan");
+    std::printf("a target that moves: arrived after %.1f s\n", decisions * Agents::decision_seconds);
 }
 
 void attempts_end(const std::string& level, const std::string& graph_path) {
@@ -332,7 +381,9 @@ int main(int argc, char** argv) {
     levels_keep_their_origin(square);
     decides_for_many_without_allocation(square);
     walks_straight(square);
+    chases_straight(square);
     walks_by_plan(level, graph);
+    chases_by_plan(level, graph);
     attempts_end(level, graph);
     errors_name_what_to_change(square, graph);
     links_are_read(links);

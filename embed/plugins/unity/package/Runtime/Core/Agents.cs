@@ -60,7 +60,10 @@ namespace Surefoot
             Native.Check(NativeMethods.sf_agents_begin(handle, agent, seed, &error), &error);
         }
 
-        /// <summary>Gives an agent a goal or the next waypoint. What it remembers stays.</summary>
+        /// <summary>
+        /// Gives an agent a goal or the next waypoint, between decisions, also in every one. What it remembers stays, and its progress starts
+        /// again.
+        /// </summary>
         public void SetGoal(uint agent, Vec3 feet, Vec3 goal)
         {
             NativeError error;

@@ -20,6 +20,10 @@ namespace Surefoot
     /// </summary>
     public sealed class Attempt : IDisposable
     {
+        /// <summary>How far a place is from the goal at most to be near it: in metres, and as a share of the NPC's distance from the goal.</summary>
+        private const float NearM = 4;
+        private const float NearShare = 0.25f;
+
         private readonly Agents agents;
         private readonly uint agent;
         private readonly Graph graph;
@@ -28,6 +32,9 @@ namespace Surefoot
         private readonly Abilities without;
         private bool isAtWaypoint;
         private bool hasPlan;
+        private bool needsPlan;
+        private Vec3 stoodAt;
+        private uint standing;
 
         /// <summary>
         /// Begins an attempt of an agent whose feet are at a place. `graph` is null for goals in sight, or where no graph was proved; then
@@ -42,11 +49,12 @@ namespace Surefoot
             this.caution = caution;
             this.without = without;
             Goal = goal;
+            stoodAt = feet;
             HeadFor(feet, goal);
             follower = graph == null ? null : new Follower(goal);
         }
 
-        public Vec3 Goal { get; }
+        public Vec3 Goal { get; private set; }
 
         /// <summary>Where the NPC heads for now: the end of a leg, or the goal.</summary>
         public Vec3 Waypoint { get; private set; }
@@ -58,6 +66,42 @@ namespace Surefoot
 
         /// <summary>Index of the current leg in <see cref="Legs"/>.</summary>
         public int LegIndex { get; private set; }
+
+        /// <summary>
+        /// Whether a place is so near the goal of an attempt that goes on that <see cref="MoveGoal"/> serves better than another attempt: within
+        /// 4 m, or within a quarter of the distance between the NPC and its goal.
+        /// </summary>
+        public bool IsNearGoal(Vec3 place, Vec3 feet) =>
+            State == AttemptState.GoesOn && (place - Goal).Length <= Math.Max(NearM, NearShare * (feet - Goal).Length);
+
+        /// <summary>
+        /// Moves the goal of an NPC whose feet are at a place, as often as its target moves: the attempt goes on, and the NPC takes another plan
+        /// once the goal has drifted far. An attempt that has ended stays ended.
+        /// </summary>
+        public void MoveGoal(Vec3 goal, Vec3 feet)
+        {
+            if (State != AttemptState.GoesOn)
+            {
+                return;
+            }
+            if (follower == null)
+            {
+                if (!goal.Equals(Waypoint))
+                {
+                    HeadFor(feet, goal);
+                }
+            }
+            else
+            {
+                FollowStep step = follower.MoveGoal(goal, feet, isAtWaypoint);
+                needsPlan = step.Kind == StepKind.Plan;
+                if (step.Kind == StepKind.Head)
+                {
+                    HeadFor(feet, step.Waypoint);
+                }
+            }
+            Goal = goal;
+        }
 
         /// <summary>Tells, every tick, where the feet are, so that no waypoint is missed that is passed between decisions.</summary>
         public void Note(Vec3 feet)
@@ -85,10 +129,7 @@ namespace Surefoot
             }
             if (follower == null)
             {
-                if (agents.ProgressOf(agent).StalledDecisions >= Agents.HopelessAfter)
-                {
-                    End(AttemptState.GaveUp);
-                }
+                AdvanceStraight(feet);
                 return State;
             }
             Follow(feet);
@@ -115,12 +156,29 @@ namespace Surefoot
             follower?.Dispose();
         }
 
+        private void AdvanceStraight(Vec3 feet)
+        {
+            // Progress starts again whenever the goal moves, so an NPC that stands still gives up as well.
+            standing++;
+            if ((feet - stoodAt).Length > Agents.ReachedWithin)
+            {
+                stoodAt = feet;
+                standing = 0;
+            }
+            if (Math.Max(standing, agents.ProgressOf(agent).StalledDecisions) >= Agents.HopelessAfter)
+            {
+                End(AttemptState.GaveUp);
+            }
+        }
+
         private void Follow(Vec3 feet)
         {
             FollowStep step = follower.Advance(feet, isAtWaypoint);
-            if (step.Kind == StepKind.Plan)
+            bool goesOn = step.Kind == StepKind.Keep || step.Kind == StepKind.Head;
+            if (step.Kind == StepKind.Plan || needsPlan && goesOn)
             {
                 step = follower.PlanFrom(graph, feet, caution, without);
+                needsPlan = false;
             }
             hasPlan = step.LegCount > 0;
             LegIndex = (int)step.Leg;

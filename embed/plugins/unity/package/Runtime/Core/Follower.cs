@@ -30,6 +30,18 @@ namespace Surefoot
             return step;
         }
 
+        /// <summary>
+        /// Moves the goal of the attempt, whenever the target has moved, such as before each decision. The last leg leads to the new goal, and
+        /// once the goal has drifted far, the step is <see cref="StepKind.Plan"/>; until then, and until the next plan, the present one stays.
+        /// </summary>
+        public FollowStep MoveGoal(Vec3 goal, Vec3 feet, bool reached)
+        {
+            NativeError error;
+            FollowStep step = new FollowStep { StructSize = (uint)sizeof(FollowStep) };
+            Native.Check(NativeMethods.sf_follower_move_goal(handle, goal, feet, reached ? 1 : 0, &step, &error), &error);
+            return step;
+        }
+
         /// <summary>Plans from where the feet are, without the legs that have failed, and follows that plan.</summary>
         public FollowStep PlanFrom(Graph graph, Vec3 feet, float caution = 1, Abilities without = Abilities.None)
         {

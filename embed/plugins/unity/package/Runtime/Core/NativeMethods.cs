@@ -103,6 +103,8 @@ namespace Surefoot
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_advance(FollowerHandle follower, Vec3 feet, int reached, FollowStep* step, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_follower_move_goal(FollowerHandle follower, Vec3 goal, Vec3 feet, int reached, FollowStep* step, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_plan(FollowerHandle follower, GraphHandle graph, Vec3 feet, float caution, uint without, FollowStep* step, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_note_death(FollowerHandle follower, NativeError* error);

@@ -9,7 +9,7 @@ namespace Surefoot.Unity
     public sealed class SurefootAgent : MonoBehaviour
     {
         [SerializeField, Tooltip("Who decides; empty for the brain of the scene")] private SurefootBrain brain;
-        [SerializeField, Tooltip("What to go to, again whenever it has moved by more than a metre; empty for goals from code")] private Transform goal;
+        [SerializeField, Tooltip("What to go to and follow while it moves; empty for goals from code")] private Transform goal;
         [SerializeField, Tooltip("How much plans do to avoid deaths: 0 bold to 1 careful"), Range(0, 1)] private float caution = 1;
         [SerializeField, Tooltip("Decides the noise of the agent, together with its number")] private int seed;
 
@@ -39,16 +39,25 @@ namespace Surefoot.Unity
 
         private Vec3 FeetOnMap => brain.Frame.ToMap(Feet.ToVec3());
 
-        /// <summary>Begins an attempt at a goal on the ground; another attempt ends where it stands.</summary>
+        /// <summary>
+        /// Goes to a goal on the ground. Near the present goal, the attempt goes on with the new one, so a target that moves may be passed in every
+        /// frame. Elsewhere another attempt begins, and the present one ends where it stands.
+        /// </summary>
         public void GoTo(Vector3 place)
         {
             if (!isMember)
             {
                 throw new SurefootException(Status.BadState, $"{name} is not enabled: call GoTo after its OnEnable");
             }
+            Vec3 wanted = brain.Frame.ToMap(place.ToVec3());
+            if (attempt != null && attempt.IsNearGoal(wanted, FeetOnMap))
+            {
+                attempt.MoveGoal(wanted, FeetOnMap);
+                return;
+            }
             attempt?.Dispose();
             isReported = false;
-            attempt = new Attempt(brain.Agents, Number, brain.Graph, FeetOnMap, brain.Frame.ToMap(place.ToVec3()), caution);
+            attempt = new Attempt(brain.Agents, Number, brain.Graph, FeetOnMap, wanted, caution);
         }
 
         /// <summary>Ends the attempt, and lets the character come to a halt.</summary>
@@ -102,7 +111,8 @@ namespace Surefoot.Unity
                 return;
             }
             Vec3 wanted = brain.Frame.ToMap(goal.position.ToVec3());
-            if (attempt == null || (wanted - attempt.Goal).Length > Agents.ReachedWithin)
+            bool goesOn = attempt != null && attempt.State == AttemptState.GoesOn;
+            if (attempt == null || goesOn || (wanted - attempt.Goal).Length > Agents.ReachedWithin)
             {
                 GoTo(goal.position);
             }

@@ -11,6 +11,9 @@ constexpr double cm_per_metre = 100.0;
 constexpr double degrees_per_radian = 57.29577951308232;
 // Decisions without coming closer after which an attempt without a plan is hopeless.
 constexpr std::uint32_t hopeless_after = 300;
+// How far a place is from the goal at most to be near it: in cm, and as a share of the character's distance from the goal.
+constexpr double near_cm = 400.0;
+constexpr double near_share = 0.25;
 
 // Makes a call, which gets an error last, and keeps what it says.
 template <typename Call, typename... Arguments>
@@ -275,6 +278,34 @@ Result<Attempt> Attempt::begin(Agents& agents, std::uint32_t agent, const Graph*
     return attempt;
 }
 
+bool Attempt::is_near_goal(const Vector& place, const Vector& feet) const {
+    return state_ == AttemptState::GoesOn && distance(place, goal_) <= std::max(near_cm, near_share * distance(feet, goal_));
+}
+
+Error Attempt::move_goal(const Vector& goal, const Vector& feet) {
+    if (state_ != AttemptState::GoesOn) {
+        return {};
+    }
+    const sf_vec3 feet_on_map = frame_.to_map(feet), goal_on_map = frame_.to_map(goal);
+    sf_step step{};
+    step.struct_size = sizeof step;
+    Error error;
+    if (follower_) {
+        error = error_of(sf_follower_move_goal, follower_.get(), goal_on_map, feet_on_map, std::int32_t(is_at_waypoint_), &step);
+        needs_plan_ = error.is_set() ? needs_plan_ : step.kind == SF_STEP_PLAN;
+    } else if (distance(goal, goal_) != 0.0) {
+        step.kind = SF_STEP_HEAD;
+        step.waypoint = goal_on_map;
+    }
+    if (!error.is_set() && step.kind == SF_STEP_HEAD) {
+        error = head_for(feet_on_map, step.waypoint);
+    }
+    if (!error.is_set()) {
+        goal_ = goal;
+    }
+    return error;
+}
+
 Error Attempt::note(const Vector& feet) {
     if (state_ != AttemptState::GoesOn) {
         return {};
@@ -303,7 +334,7 @@ Error Attempt::advance(const Vector& feet) {
     if (error.is_set() || state_ != AttemptState::GoesOn) {
         return error;
     }
-    return follower_ ? follow(frame_.to_map(feet)) : advance_straight();
+    return follower_ ? follow(frame_.to_map(feet)) : advance_straight(frame_.to_map(feet));
 }
 
 Error Attempt::note_death() {
@@ -315,23 +346,34 @@ Error Attempt::note_death() {
 }
 
 Error Attempt::head_for(const sf_vec3& feet, const sf_vec3& waypoint) {
-    waypoint_ = frame_.from_map(waypoint);
-    is_at_waypoint_ = false;
-    return error_of(sf_agents_set_goal, agents_->handle(), agent_, feet, waypoint);
+    const Error error = error_of(sf_agents_set_goal, agents_->handle(), agent_, feet, waypoint);
+    if (!error.is_set()) {
+        waypoint_ = frame_.from_map(waypoint);
+        is_at_waypoint_ = false;
+    }
+    return error;
 }
 
-Error Attempt::advance_straight() {
+Error Attempt::advance_straight(const sf_vec3& feet) {
+    // Progress starts again whenever the goal moves, so a character that stands still gives up as well.
+    standing_++;
+    if (distance_on_map(feet, stood_at_) > SF_REACHED_WITHIN) {
+        stood_at_ = feet;
+        standing_ = 0;
+    }
     sf_progress progress{};
     progress.struct_size = sizeof progress;
     const Error error = error_of(sf_agents_progress, static_cast<const sf_agents*>(agents_->handle()), agent_, &progress);
-    return error.is_set() || progress.stalled_decisions < hopeless_after ? error : end(AttemptState::GaveUp);
+    return error.is_set() || std::max(progress.stalled_decisions, standing_) < hopeless_after ? error : end(AttemptState::GaveUp);
 }
 
 Error Attempt::follow(const sf_vec3& feet) {
     sf_step step{};
     step.struct_size = sizeof step;
     Error error = error_of(sf_follower_advance, follower_.get(), feet, std::int32_t(is_at_waypoint_), &step);
-    if (!error.is_set() && step.kind == SF_STEP_PLAN) {
+    const bool goes_on = step.kind == SF_STEP_KEEP || step.kind == SF_STEP_HEAD;
+    if (!error.is_set() && (step.kind == SF_STEP_PLAN || (needs_plan_ && goes_on))) {
+        needs_plan_ = false;
         error = error_of(sf_follower_plan, follower_.get(), static_cast<const sf_graph*>(graph_->handle()), feet, caution_, std::uint32_t(0), &step);
     }
     if (error.is_set()) {

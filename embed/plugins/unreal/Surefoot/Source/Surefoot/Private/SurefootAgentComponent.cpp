@@ -91,6 +91,11 @@ void USurefootAgentComponent::GoTo(const FVector& Goal)
         UE_LOG(LogSurefoot, Error, TEXT("%s: GoTo before BeginPlay, or without room for the agent: see the log above"), *GetPathName());
         return;
     }
+    if (Attempt && Attempt->is_near_goal(ToSurefoot(Goal), Feet()))
+    {
+        LogSurefootError(Attempt->move_goal(ToSurefoot(Goal), Feet()), GetPathName());
+        return;
+    }
     Attempt.Reset();
     surefoot::Result<surefoot::Attempt> Begun =
         surefoot::Attempt::begin(*Subsystem->GetAgents(), *Number, Subsystem->GetGraph(), Feet(), ToSurefoot(Goal), Caution);

@@ -45,7 +45,10 @@ public:
     UPROPERTY(BlueprintAssignable, Category = "Surefoot")
     FSurefootAttemptEnded OnAttemptEnded;
 
-    /** Begins an attempt at a goal on the ground; another attempt ends where it stands. */
+    /**
+     * Goes to a goal on the ground. Near the present goal, the attempt goes on with the new one, so a target that moves may be passed in every
+     * frame. Elsewhere another attempt begins, and the present one ends where it stands.
+     */
     UFUNCTION(BlueprintCallable, Category = "Surefoot")
     void GoTo(const FVector& Goal);
 
