@@ -102,8 +102,8 @@ impl Attempt {
         (body.is_grounded() && goal.distance(body.feet) <= STRAIGHT_M).then_some(goal)
     }
 
-    /// Lets the NPC act without a rehearsal where it must stand at a goal nearby, and the way there and both of its sides
-    /// are plain ground.
+    /// Lets the NPC act without a rehearsal where it must stand at a goal nearby, and the way there and both sides of
+    /// that way are plain ground.
     pub fn skip_plain_rehearsal(&mut self, map: &Map, profile: &CharacterProfile, body: &Body) {
         let Some(goal) = self.near_goal(body).filter(|_| self.is_due()) else { return };
         let ahead = (goal - body.feet).with_y(0.0).normalize_or_zero() * MARGIN_M;
