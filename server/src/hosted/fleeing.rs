@@ -1,17 +1,14 @@
 //! NPCs that get away from a body or a place.
 
-use super::itinerary::Route;
-use super::pursuit::{Pursuit, Target};
+use super::itinerary::{LOOK_TICKS, Route, Threat};
+use super::pursuit::Pursuit;
 use super::world::HostedWorld;
 use crate::ids::NpcId;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
-use surefoot_world::{Body, NpcSlot, TICKS_PER_SECOND, Tick, Vec3};
+use surefoot_world::{Body, NpcSlot, Vec3};
 
-/// Ticks from one look at the threat to the next.
-pub(super) const LOOK_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 /// Places that are drawn at each look.
 const DRAWS: usize = 48;
 /// Nearest place that is drawn, m.
@@ -23,20 +20,13 @@ const EYES_M: f32 = 1.6;
 const MIDDLE_M: f32 = 0.9;
 /// How much a place must be farther from the threat than where the NPC is, m.
 const GAIN_M: f32 = 1.0;
+/// Least distance of the way from the threat, as a share of the distance at its begin, and of a place from the threat
+/// as a share of the way: most NPCs are faster than what they flee from.
+const CLEARANCE: f32 = 0.6;
+const LEAD: f32 = 0.5;
 /// Worth of a metre nearer to the NPC, and of being out of sight, in metres from the threat.
 const NEARNESS: f32 = 0.25;
 const COVER_M: f32 = 30.0;
-
-/// What an NPC flees from.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Threat {
-    /// The body or place.
-    pub from: Target,
-    /// Distance that the NPC keeps, m.
-    pub distance: f32,
-    /// Whether the NPC also gets out of sight.
-    pub hides: bool,
-}
 
 impl HostedWorld {
     /// Where an NPC flees to, m, if it has to.
@@ -47,15 +37,15 @@ impl HostedWorld {
             return None;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(u64::from(id.serial()) << 32 ^ self.tick().0);
-        let least = feet.distance(from) + GAIN_M;
+        let apart = feet.distance(from);
         let draws = (0..DRAWS).filter_map(|_| {
             let way = Body::at(feet, rng.random_range(0.0..TAU)).facing();
             let beside = feet + way * rng.random_range(NEAREST_M..NEAREST_M + threat.distance);
             let place = HEIGHTS_M.iter().find_map(|y| self.world.footing_below(slot, beside + Vec3::Y * y))?;
             let place = self.world.place_beside(slot, place, Vec3::ZERO)?;
             let (gap, way) = (place.distance(from), place.distance(feet));
-            // The NPC must be there before the threat, without passing it.
-            let is_open = gap > way && gap >= least && self.within_map(place).is_ok();
+            let passes = nearest(from, feet, place) < CLEARANCE * apart;
+            let is_open = !passes && gap > LEAD * way && gap >= apart + GAIN_M && self.within_map(place).is_ok();
             let cover = if threat.hides && !self.sees(from, place) { COVER_M } else { 0.0 };
             is_open.then_some((gap.min(1.5 * threat.distance) + cover - NEARNESS * way, place))
         });
@@ -95,17 +85,9 @@ impl HostedWorld {
     }
 }
 
-impl Threat {
-    /// A threat that stays at a place, m.
-    pub fn at(place: Vec3) -> Target {
-        Target::Moving { from: place, velocity: Vec3::ZERO, since: Tick(0) }
-    }
-
-    /// The place, m, if the threat is one.
-    pub fn place_mut(&mut self) -> Option<&mut Vec3> {
-        match &mut self.from {
-            Target::Moving { from, .. } => Some(from),
-            _ => None,
-        }
-    }
+/// Least distance of a point from a straight way, m.
+fn nearest(point: Vec3, from: Vec3, to: Vec3) -> f32 {
+    let way = to - from;
+    let share = ((point - from).dot(way) / way.length_squared().max(f32::EPSILON)).clamp(0.0, 1.0);
+    (from + way * share).distance(point)
 }

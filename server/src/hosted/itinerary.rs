@@ -1,6 +1,5 @@
 //! Routes as data: what an NPC does between the goals that clients set, and how far it has come.
 
-use super::fleeing::{LOOK_TICKS, Threat};
 use super::pursuit::Target;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -11,8 +10,36 @@ use surefoot_world::{End, TICKS_PER_SECOND, Tick, Vec3};
 pub const STOP_COUNT: RangeInclusive<usize> = 2..=64;
 /// Longest rest at a stop or a place, ticks.
 pub const MAX_DWELL_TICKS: u64 = 3600 * TICKS_PER_SECOND as u64;
+/// Ticks from one look at the threat to the next.
+pub(super) const LOOK_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 /// Least time from one attempt of a route to the next, ticks: places may be so close that the NPC is there already.
 const PERIOD_TICKS: u64 = TICKS_PER_SECOND as u64;
+
+/// What an NPC flees from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Threat {
+    /// The body or place.
+    pub from: Target,
+    /// Distance that the NPC keeps, m.
+    pub distance: f32,
+    /// Whether the NPC also gets out of sight.
+    pub hides: bool,
+}
+
+impl Threat {
+    /// A threat that stays at a place, m.
+    pub fn at(place: Vec3) -> Target {
+        Target::Moving { from: place, velocity: Vec3::ZERO, since: Tick(0) }
+    }
+
+    /// The place, m, if the threat is one.
+    pub fn place_mut(&mut self) -> Option<&mut Vec3> {
+        match &mut self.from {
+            Target::Moving { from, .. } => Some(from),
+            _ => None,
+        }
+    }
+}
 
 /// What an NPC does by itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

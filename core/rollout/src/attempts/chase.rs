@@ -1,6 +1,7 @@
 //! NPCs that keep to goals which move, as in a world server.
 
-use super::{Rollout, Run, Walker};
+use super::run::{Rollout, Run};
+use super::walker::Walker;
 use crate::attempt::Attempt;
 use crate::follow::Follower;
 use crate::goals::Goal;

@@ -1,6 +1,6 @@
-//! Plans and rehearsals of the NPCs of a [`Rollout`](super::Rollout).
+//! Plans and rehearsals of NPCs whose attempts run together.
 
-use super::Walker;
+use super::walker::Walker;
 use crate::attempt::{AfterRehearsal, Attempt};
 use crate::decision::DecisionLoop;
 use crate::follow::scene::Scene;

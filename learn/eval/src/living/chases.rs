@@ -1,6 +1,6 @@
 //! Chases: NPCs that keep to a runner, or to each other, while doors open, lifts move and the way turns.
 
-use super::scenes::{self, FLOOR};
+use super::scenes::{self, FLOOR, Way};
 use super::{Level, SceneReport, Suite};
 use crate::config::EvalError;
 use crate::report::Rate;
@@ -36,28 +36,6 @@ const BEHIND_M: [f32; 2] = [8.0, 90.0];
 /// Distance from a door within which the player opens it, m, and time after which it shuts behind him, decisions.
 const DOOR_M: f32 = 3.0;
 const DOOR_OPEN: u32 = 12;
-
-/// A closed way, m, that a runner goes round.
-pub struct Way(pub Vec<Vec3>);
-
-impl Way {
-    /// The place after `run` metres.
-    fn at(&self, run: f32) -> Vec3 {
-        let mut left = run.rem_euclid(self.legs().map(|(from, to)| from.distance(to)).sum());
-        for (from, to) in self.legs() {
-            let length = from.distance(to);
-            if left <= length {
-                return from.lerp(to, left / length.max(f32::EPSILON));
-            }
-            left -= length;
-        }
-        self.0[0]
-    }
-
-    fn legs(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
-        self.0.iter().copied().zip(self.0.iter().copied().cycle().skip(1))
-    }
-}
 
 /// How long NPCs were with their targets.
 #[derive(Default)]

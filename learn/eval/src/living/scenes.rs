@@ -1,6 +1,5 @@
 //! The levels of the living suite: made of boxes, with their movers, and the goals of the NPCs in them.
 
-use super::chases::Way;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use surefoot_rollout::goals::{Goal, random_yaw};
@@ -15,6 +14,28 @@ pub const FLOOR: f32 = 10.0;
 const WALL: f32 = 9.0;
 /// Distance between NPCs at the start, and between their goals, m.
 const APART: f32 = 1.7;
+
+/// A closed way, m, that a runner goes round.
+pub struct Way(pub Vec<Vec3>);
+
+impl Way {
+    /// The place after `run` metres.
+    pub fn at(&self, run: f32) -> Vec3 {
+        let mut left = run.rem_euclid(self.legs().map(|(from, to)| from.distance(to)).sum());
+        for (from, to) in self.legs() {
+            let length = from.distance(to);
+            if left <= length {
+                return from.lerp(to, left / length.max(f32::EPSILON));
+            }
+            left -= length;
+        }
+        self.0[0]
+    }
+
+    fn legs(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
+        self.0.iter().copied().zip(self.0.iter().copied().cycle().skip(1))
+    }
+}
 
 /// A level made of boxes.
 #[derive(Default)]
