@@ -56,8 +56,13 @@ test('a player walks by keys and clicks, NPCs chase it, and it goes with its too
   await expect(bar).toContainText(/NPC \d+ chases it/)
   await expect.poll(metres, { timeout: 60_000 }).toBeLessThan(3)
   // It keeps to the player as that walks on.
-  await clickMap(page, 0.5, 0.4)
-  await expect.poll(async () => apart(await place(page), walked)).toBeGreaterThan(0.5)
+  // A click may meet the chaser, or a place that the player cannot walk to.
+  const spots = [0.4, 0.3, 0.6, 0.7].flatMap((x) => [0.4, 0.6].map((y) => [x, y] as const))
+  await expect(async () => {
+    const [x, y] = spots.shift()!
+    await clickMap(page, x, y)
+    await expect.poll(async () => apart(await place(page), walked), { timeout: 3000 }).toBeGreaterThan(0.5)
+  }).toPass({ timeout: 40_000 })
   await expect.poll(metres, { timeout: 60_000 }).toBeLessThan(3)
 
   await bar.getByRole('button', { name: 'Stop chasing' }).click()
