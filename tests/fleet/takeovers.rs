@@ -136,7 +136,7 @@ async fn a_takeover_keeps_to_the_memory_budget_and_what_does_not_fit_goes_to_oth
 }
 
 /// The number of another version of the format of saves.
-const OTHER_VERSION: u32 = 3;
+const OTHER_VERSION: u32 = 99;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_world_that_another_version_saved_is_left_for_a_server_that_reads_it() {
@@ -160,7 +160,7 @@ async fn a_world_that_another_version_saved_is_left_for_a_server_that_reads_it()
     let handed = "SELECT count(*) FROM worlds JOIN members ON members.id = owner WHERE expires_at = '-infinity'";
     wait_until("it is handed back", || async {
         let log = fleet.servers[1].process.log();
-        log.contains("was written by version 3 of this format, this server reads version 2")
+        log.contains(&format!("was written by version {OTHER_VERSION} of this format"))
             && fleet.postgres.query(handed) == ["1"]
     })
     .await;
