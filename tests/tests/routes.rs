@@ -1,7 +1,7 @@
 //! Routes as game clients see them: NPCs that patrol, hold a place and wander by themselves.
 
 use e2e::stage::{Stage, level, start_planning_worker, world_of};
-use e2e::{LIMIT, distance, spawn, start_planner, start_server, watch_until, world_client};
+use e2e::{LIMIT, Running, Worker, distance, spawn, start_planner, start_server, watch_until, world_client};
 use std::collections::BTreeMap;
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::world::v1 as wire;
@@ -9,6 +9,7 @@ use surefoot_proto::world::v1::npc_event::Event;
 use surefoot_proto::world::v1::route::Kind;
 use surefoot_proto::world::v1::wander::Area;
 use surefoot_server::ServerConfig;
+use tempfile::TempDir;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
 
@@ -20,6 +21,33 @@ const DWELL_S: f32 = 1.5;
 /// A floor of 40 x 30 m with a tower that no NPC climbs.
 fn yard() -> Vec<u8> {
     level(&[("floor", [0.0, -1.0, 0.0], [40.0, 0.0, 30.0]), ("tower", [32.0, 0.0, 22.0], [36.0, 16.0, 26.0])])
+}
+
+/// The services of a test.
+struct Services {
+    server: Running,
+    planner: Running,
+    worker: Worker,
+    /// Where the planner keeps its graphs.
+    _cache: TempDir,
+}
+
+impl Services {
+    async fn stop(self) {
+        self.worker.stop().await;
+        self.planner.stop().await;
+        self.server.stop().await;
+    }
+}
+
+/// Starts the services, with a world of the yard.
+async fn begin(mode: wire::TimeMode) -> (Stage, Services) {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
+    let stage = world_of(&server, yard(), mode).await;
+    (stage, Services { server, planner, worker, _cache: cache })
 }
 
 fn patrol(stage: &Stage, stops: &[[f32; 3]], back_and_forth: bool) -> Kind {
@@ -102,11 +130,7 @@ impl Events {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn patrols_go_around_or_back_and_forth_rest_at_stops_and_turn_there() {
-    let cache = tempfile::tempdir().unwrap();
-    let server = start_server(ServerConfig::default());
-    let planner = start_planner(cache.path(), PlannerConfig::default());
-    let worker = start_planning_worker(&server, &planner);
-    let mut stage = world_of(&server, yard(), wire::TimeMode::Lockstep).await;
+    let (mut stage, services) = begin(wire::TimeMode::Lockstep).await;
     let start = stage.at([15.0, 0.0, 10.0]);
     let npcs = [spawn(&mut stage.client, stage.world_id, start).await, {
         let start = stage.at([12.0, 0.0, 12.0]);
@@ -144,18 +168,12 @@ async fn patrols_go_around_or_back_and_forth_rest_at_stops_and_turn_there() {
     let next = events.until(|npc, event| npc == npcs[0] && matches!(event, Event::AttemptBegan(_))).await;
     assert_eq!(next.last().unwrap().0 - ended, (DWELL_S * SECOND as f32) as u64, "it rests");
     assert!(began.is_some_and(|began| began < ended));
-    worker.stop().await;
-    planner.stop().await;
-    server.stop().await;
+    services.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn goals_of_clients_come_first_and_a_stop_that_is_unreachable_is_skipped() {
-    let cache = tempfile::tempdir().unwrap();
-    let server = start_server(ServerConfig::default());
-    let planner = start_planner(cache.path(), PlannerConfig::default());
-    let worker = start_planning_worker(&server, &planner);
-    let mut stage = world_of(&server, yard(), wire::TimeMode::Lockstep).await;
+    let (mut stage, services) = begin(wire::TimeMode::Lockstep).await;
     let start = stage.at([15.0, 0.0, 10.0]);
     let npc_id = spawn(&mut stage.client, stage.world_id, start).await;
     let mut events = Events::of(&mut stage).await;
@@ -192,18 +210,12 @@ async fn goals_of_clients_come_first_and_a_stop_that_is_unreachable_is_skipped()
         npc.status() == wire::NpcStatus::Idle && (npc.yaw - 0.5).abs() < 0.01
     };
     watch_until(&mut stage.client, stage.world_id, has_turned).await;
-    worker.stop().await;
-    planner.stop().await;
-    server.stop().await;
+    services.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_npc_that_holds_its_place_comes_back_when_a_player_has_pushed_it_away() {
-    let cache = tempfile::tempdir().unwrap();
-    let server = start_server(ServerConfig::default());
-    let planner = start_planner(cache.path(), PlannerConfig::default());
-    let worker = start_planning_worker(&server, &planner);
-    let mut stage = world_of(&server, yard(), wire::TimeMode::Realtime).await;
+    let (mut stage, services) = begin(wire::TimeMode::Realtime).await;
     let (world_id, post) = (stage.world_id, stage.at([15.0, 0.0, 15.0]));
     let npc_id = spawn(&mut stage.client, world_id, post).await;
     send(&mut stage, &[(npc_id, Kind::Hold(wire::Hold { facing: Some(-2.0), ..Default::default() }))]).await;
@@ -230,18 +242,12 @@ async fn an_npc_that_holds_its_place_comes_back_when_a_player_has_pushed_it_away
     }
     stage.client.remove_player(wire::RemovePlayerRequest { world_id, player_id }).await.unwrap();
     watch_until(&mut stage.client, world_id, holds).await;
-    worker.stop().await;
-    planner.stop().await;
-    server.stop().await;
+    services.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn npcs_wander_within_their_zone_or_circle() {
-    let cache = tempfile::tempdir().unwrap();
-    let server = start_server(ServerConfig::default());
-    let planner = start_planner(cache.path(), PlannerConfig::default());
-    let worker = start_planning_worker(&server, &planner);
-    let mut stage = world_of(&server, yard(), wire::TimeMode::Lockstep).await;
+    let (mut stage, services) = begin(wire::TimeMode::Lockstep).await;
     let (low, high) = (stage.at([3.0, -1.0, 3.0]), stage.at([15.0, 3.0, 12.0]));
     let shape = wire::zone::Shape::Box(wire::ZoneBox { low: Some(low), high: Some(high) });
     let rule = Some(wire::zone::Rule::Price(0.01));
@@ -283,9 +289,7 @@ async fn npcs_wander_within_their_zone_or_circle() {
     stage.client.set_zones(put).await.unwrap();
     let begins = |npc: u64, event: &Event| npc == npcs[0] && matches!(event, Event::AttemptBegan(_));
     events.until(begins).await;
-    worker.stop().await;
-    planner.stop().await;
-    server.stop().await;
+    services.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -387,11 +391,7 @@ fn flee(player_id: u32, distance: f32, hide: bool) -> Kind {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_npc_flees_from_a_player_that_walks_after_it() {
-    let cache = tempfile::tempdir().unwrap();
-    let server = start_server(ServerConfig::default());
-    let planner = start_planner(cache.path(), PlannerConfig::default());
-    let worker = start_planning_worker(&server, &planner);
-    let mut stage = world_of(&server, yard(), wire::TimeMode::Realtime).await;
+    let (mut stage, services) = begin(wire::TimeMode::Realtime).await;
     let (world_id, start) = (stage.world_id, stage.at([12.0, 0.0, 15.0]));
     let mut player = stage.at([6.0, 0.0, 15.0]);
     let npc_id = spawn(&mut stage.client, world_id, start).await;
@@ -421,18 +421,12 @@ async fn an_npc_flees_from_a_player_that_walks_after_it() {
     let npc = npc(&mut stage, npc_id).await;
     assert_eq!(npc.route(), wire::RouteKind::Flee);
     assert_ne!(npc.status(), wire::NpcStatus::Down);
-    worker.stop().await;
-    planner.stop().await;
-    server.stop().await;
+    services.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_npc_hides_behind_a_tower() {
-    let cache = tempfile::tempdir().unwrap();
-    let server = start_server(ServerConfig::default());
-    let planner = start_planner(cache.path(), PlannerConfig::default());
-    let worker = start_planning_worker(&server, &planner);
-    let mut stage = world_of(&server, yard(), wire::TimeMode::Realtime).await;
+    let (mut stage, services) = begin(wire::TimeMode::Realtime).await;
     let (world_id, start, eyes) = (stage.world_id, stage.at([30.0, 0.0, 18.0]), stage.at([28.0, 0.0, 24.0]));
     let [low, high] = [stage.at([32.0, 0.0, 22.0]), stage.at([36.0, 0.0, 26.0])];
     let npc_id = spawn(&mut stage.client, world_id, start).await;
@@ -449,7 +443,5 @@ async fn an_npc_hides_behind_a_tower() {
     watch_until(&mut stage.client, world_id, is_hidden).await;
     let npc = npc(&mut stage, npc_id).await;
     assert_eq!(npc.standing(), wire::Standing::Rests);
-    worker.stop().await;
-    planner.stop().await;
-    server.stop().await;
+    services.stop().await;
 }

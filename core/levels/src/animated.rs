@@ -1,6 +1,7 @@
 //! What the animation of a level's node says of how a mover moves: its stops, and the times between them.
 
 use surefoot_world::Vec3;
+use surefoot_world::float::distance_to_segment;
 
 /// The animation of a node, relative to where the file places it at rest. Times are in seconds, ascending.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -124,11 +125,7 @@ fn simplified(places: &[(f32, Vec3)], slack: f32) -> Vec<usize> {
     let mut open = vec![(0, last)];
     while let Some((from, to)) = open.pop() {
         let (a, b) = (places[from].1, places[to].1);
-        let distance = |idx: &usize| {
-            let (along, offset) = (b - a, places[*idx].1 - a);
-            let share = (offset.dot(along) / along.length_squared().max(1.0e-9)).clamp(0.0, 1.0);
-            offset.distance(along * share)
-        };
+        let distance = |idx: &usize| distance_to_segment(places[*idx].1, a, b);
         let farthest = (from + 1..to).max_by(|one, other| distance(one).total_cmp(&distance(other)));
         if let Some(idx) = farthest.filter(|idx| distance(idx) > slack) {
             kept[idx] = true;

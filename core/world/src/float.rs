@@ -26,6 +26,14 @@ pub fn horizontal(vector: Vec3) -> f32 {
     hypot(vector.x, vector.z)
 }
 
+/// Distance of a point from the segment between two others, m.
+#[inline]
+pub fn distance_to_segment(point: Vec3, from: Vec3, to: Vec3) -> f32 {
+    let (along, offset) = (to - from, point - from);
+    let share = (offset.dot(along) / along.length_squared().max(1.0e-9)).clamp(0.0, 1.0);
+    offset.distance(along * share)
+}
+
 /// The angle in (-pi, pi] that equals `angle`, rad, which is within two turns of it.
 #[inline]
 pub fn wrapped(mut angle: f32) -> f32 {

@@ -4,9 +4,9 @@ use super::itinerary::{LOOK_TICKS, Route, Threat};
 use super::pursuit::Pursuit;
 use super::world::HostedWorld;
 use crate::ids::NpcId;
-use rand::rngs::ChaCha8Rng;
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use std::f32::consts::TAU;
+use surefoot_world::float::distance_to_segment;
 use surefoot_world::{Body, NpcSlot, Vec3};
 
 /// Places that are drawn at each look.
@@ -36,7 +36,7 @@ impl HostedWorld {
         if self.is_safe(feet, from, threat) {
             return None;
         }
-        let mut rng = ChaCha8Rng::seed_from_u64(u64::from(id.serial()) << 32 ^ self.tick().0);
+        let mut rng = self.draws_of(id);
         let apart = feet.distance(from);
         let draws = (0..DRAWS).filter_map(|_| {
             let way = Body::at(feet, rng.random_range(0.0..TAU)).facing();
@@ -44,7 +44,7 @@ impl HostedWorld {
             let place = HEIGHTS_M.iter().find_map(|y| self.world.footing_below(slot, beside + Vec3::Y * y))?;
             let place = self.world.place_beside(slot, place, Vec3::ZERO)?;
             let (gap, way) = (place.distance(from), place.distance(feet));
-            let passes = nearest(from, feet, place) < CLEARANCE * apart;
+            let passes = distance_to_segment(from, feet, place) < CLEARANCE * apart;
             let is_open = !passes && gap > LEAD * way && gap >= apart + GAIN_M && self.within_map(place).is_ok();
             let cover = if threat.hides && !self.sees(from, place) { COVER_M } else { 0.0 };
             is_open.then_some((gap.min(1.5 * threat.distance) + cover - NEARNESS * way, place))
@@ -83,11 +83,4 @@ impl HostedWorld {
     fn sees(&self, from: Vec3, feet: Vec3) -> bool {
         self.world.map().mesh().is_in_sight(from + Vec3::Y * EYES_M, feet + Vec3::Y * MIDDLE_M)
     }
-}
-
-/// Least distance of a point from a straight way, m.
-fn nearest(point: Vec3, from: Vec3, to: Vec3) -> f32 {
-    let way = to - from;
-    let share = ((point - from).dot(way) / way.length_squared().max(f32::EPSILON)).clamp(0.0, 1.0);
-    (from + way * share).distance(point)
 }

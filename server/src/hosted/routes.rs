@@ -114,6 +114,11 @@ impl HostedWorld {
         }
     }
 
+    /// What an NPC draws from at this tick: equal worlds draw equal places.
+    pub(super) fn draws_of(&self, id: NpcId) -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(u64::from(id.serial()) << 32 ^ self.tick().0)
+    }
+
     /// Draws a place of an area where an NPC can stand, away from rims and liquids; `None` if none was found.
     fn draw_place(&self, id: NpcId, slot: NpcSlot, area: &Area) -> Option<Vec3> {
         let shape = match *area {
@@ -124,7 +129,7 @@ impl HostedWorld {
         };
         let bounds = shape.bounds();
         let (low, high) = (bounds.low.max(Vec3::ZERO), bounds.high.min(self.world.map().extent()));
-        let mut rng = ChaCha8Rng::seed_from_u64(u64::from(id.serial()) << 32 ^ self.tick().0);
+        let mut rng = self.draws_of(id);
         (0..MAX_DRAWS).find_map(|_| {
             let at = low + (high - low) * Vec3::new(rng.random(), rng.random(), rng.random());
             let place = self.world.footing_below(slot, at)?;

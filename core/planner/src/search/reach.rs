@@ -165,6 +165,7 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::BTreeSet;
     use surefoot_world::Aabb;
+    use surefoot_world::float::distance_to_segment;
 
     const COUNT: u32 = 30;
 
@@ -265,11 +266,7 @@ mod tests {
             let ends = reached.iter().map(|reached| [router.graph().position(reached.vertex); 2]);
             let ways: Vec<[Vec3; 2]> = ways.into_iter().chain(ends).collect();
             for cell in &cells {
-                let nearest = |[from, to]: &[Vec3; 2]| {
-                    let way = *to - *from;
-                    let share = ((cell.centre - *from).dot(way) / way.length_squared().max(1.0e-6)).clamp(0.0, 1.0);
-                    (*from + way * share).distance(cell.centre)
-                };
+                let nearest = |&[from, to]: &[Vec3; 2]| distance_to_segment(cell.centre, from, to);
                 prop_assert!(ways.iter().any(|way| nearest(way) <= 0.75 * side_m), "{cell:?} is on no way");
             }
         }

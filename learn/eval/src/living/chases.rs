@@ -11,6 +11,7 @@ use std::time::Instant;
 use surefoot_rollout::Rollout;
 use surefoot_rollout::attempts::{Chase, Chased};
 use surefoot_rollout::goals::{Goal, random_yaw};
+use surefoot_world::float::distance_to_segment;
 use surefoot_world::{
     Arrival, CharacterProfile, DECISION_SECONDS, MoverId, MoverOrder, NpcSlot, StopIdx, TaskConfig, Vec3, World,
 };
@@ -108,6 +109,24 @@ impl Suite<'_> {
         rollout
     }
 
+    /// Runs a chase of `decisions` decisions and adds to `contact`. `targets` moves the goals before a decision, and
+    /// returns where the NPCs' targets are, m.
+    fn watch(
+        &self,
+        contact: &mut Contact,
+        (level, rollout): (&Level, &Rollout),
+        (starts, decisions): (&[Goal], u32),
+        mut targets: impl FnMut(&mut World, u32, &mut [Vec3]) -> Vec<Vec3>,
+    ) {
+        let mut watch = Watch(vec![None; starts.len()]);
+        let started = Instant::now();
+        let chased = self.chase(rollout, level, decisions).run(starts, |world, decision, goals| {
+            let targets = targets(world, decision, goals);
+            contact.watch(&mut watch, decision, gaps(world, &targets));
+        });
+        contact.end_run(&chased, started.elapsed().as_secs_f64());
+    }
+
     fn chase<'a>(&'a self, rollout: &'a Rollout, level: &'a Level, decisions: u32) -> Chase<'a> {
         Chase { rollout, policy: self.policy, router: &level.router, radius: RADIUS_M, decisions }
     }
@@ -123,18 +142,15 @@ impl Suite<'_> {
             let begin = rng.random_range(0.0..100.0);
             let start = Goal { start: way.at(begin + 30.0), yaw: random_yaw(&mut rng), goal: way.at(begin) };
             let rollout = self.rollout(&level, seed, false);
-            let mut watch = Watch(vec![None]);
-            let started = Instant::now();
-            let chased = self.chase(&rollout, &level, CHASE).run(&[start], |world, decision, goals| {
+            self.watch(&mut contact, (&level, &rollout), (&[start], CHASE), |_, decision, goals| {
                 let time = decision as f32 * DECISION_SECONDS;
                 let player = way.at(begin + speed * time);
                 let since = (time * updates_hz + 1.0e-3).fract() / updates_hz;
                 let [before, known] = [0.05, 0.0].map(|ago| way.at(begin + speed * (time - since) - ago));
                 let velocity = (known - before).normalize_or_zero() * speed;
                 goals[0] = if has_velocity { known + velocity * since } else { known };
-                contact.watch(&mut watch, decision, gaps(world, &[player]));
+                vec![player]
             });
-            contact.end_run(&chased, started.elapsed().as_secs_f64());
         }
         let standing = self.seconds_per_decision(&level, &way);
         let about = format!(
@@ -174,15 +190,12 @@ impl Suite<'_> {
             let starts: Vec<Goal> =
                 (0..COLUMN).map(|idx| Goal { start: row(idx), yaw: random_yaw(&mut rng), goal: row(idx) }).collect();
             let rollout = self.rollout(&level, seed, true);
-            let mut watch = Watch(vec![None; COLUMN]);
-            let started = Instant::now();
-            let chased = self.chase(&rollout, &level, CHASE).run(&starts, |world, decision, goals| {
+            self.watch(&mut contact, (&level, &rollout), (&starts, CHASE), |world, decision, goals| {
                 let mut targets = vec![way.at(scenes::DOORWAY_AT + RUNNER_SPEED * decision as f32 * DECISION_SECONDS)];
                 targets.extend((1..COLUMN).map(|idx| feet(world, idx - 1).unwrap_or(goals[idx])));
                 goals.copy_from_slice(&targets);
-                contact.watch(&mut watch, decision, gaps(world, &targets));
+                targets
             });
-            contact.end_run(&chased, started.elapsed().as_secs_f64());
         }
         let about = format!("a column of {COLUMN} solid NPCs behind a player at 3 m/s");
         Ok(contact.report(about, "within 3 m for 95 %", None))
@@ -198,9 +211,8 @@ impl Suite<'_> {
             let begin = 10.0 * rng.random_range(0..4) as f32;
             let start = Goal { start: way.at(begin - 4.0), yaw: random_yaw(&mut rng), goal: way.at(begin) };
             let rollout = self.rollout(&level, seed, false);
-            let (mut watch, mut shuts_at) = (Watch(vec![None]), vec![0; level.map.movers().len()]);
-            let started = Instant::now();
-            let chased = self.chase(&rollout, &level, CHASE).run(&[start], |world, decision, goals| {
+            let mut shuts_at = vec![0; level.map.movers().len()];
+            self.watch(&mut contact, (&level, &rollout), (&[start], CHASE), |world, decision, goals| {
                 goals[0] = way.at(begin + RUNNER_SPEED * decision as f32 * DECISION_SECONDS);
                 for (idx, middle) in &doors {
                     if middle.distance(goals[0]) <= DOOR_M {
@@ -210,9 +222,8 @@ impl Suite<'_> {
                 for (idx, shuts) in shuts_at.iter().enumerate() {
                     order(world, idx, u8::from(decision < *shuts));
                 }
-                contact.watch(&mut watch, decision, gaps(world, goals));
+                goals.to_vec()
             });
-            contact.end_run(&chased, started.elapsed().as_secs_f64());
         }
         let about = "a player at 3 m/s through six doors that shut 2 s after him".to_owned();
         Ok(contact.report(about, "within 3 m for 95 %", None))
@@ -227,13 +238,11 @@ impl Suite<'_> {
             let place = Vec3::new(rng.random_range(4.0..12.0), FLOOR, rng.random_range(6.0..38.0));
             let start = Goal { start: place, yaw: random_yaw(&mut rng), goal: place };
             let rollout = self.rollout(&level, seed, false);
-            let (mut watch, mut rider) = (Watch(vec![None]), Rider::default());
-            let started = Instant::now();
-            let chased = self.chase(&rollout, &level, 2 * CHASE).run(&[start], |world, decision, goals| {
+            let mut rider = Rider::default();
+            self.watch(&mut contact, (&level, &rollout), (&[start], 2 * CHASE), |world, _, goals| {
                 goals[0] = rider.step(world);
-                contact.watch(&mut watch, decision, gaps(world, goals));
+                goals.to_vec()
             });
-            contact.end_run(&chased, started.elapsed().as_secs_f64());
         }
         let about = "a player that rides a lift up and down, with 5 s at each end".to_owned();
         Ok(contact.report(about, "no deaths", None))
@@ -280,7 +289,10 @@ impl Suite<'_> {
                 let runner = way.at(begin + CUT_OFF_SPEED * decision as f32 * DECISION_SECONDS);
                 goals.fill(runner);
                 let apart: Vec<Vec3> = (0..count).filter_map(|idx| Some(feet(world, idx)? - runner)).collect();
-                let is_caught = apart.iter().zip(&former).any(|(now, before)| nearest(*before, *now) <= CATCH_M);
+                let is_caught = apart
+                    .iter()
+                    .zip(&former)
+                    .any(|(now, before)| distance_to_segment(Vec3::ZERO, *before, *now) <= CATCH_M);
                 first = first.or(is_caught.then_some(decision));
                 former = apart;
             });
@@ -341,11 +353,4 @@ fn feet(world: &World, idx: usize) -> Option<Vec3> {
 /// Distances of the NPCs from their targets, m.
 fn gaps<'a>(world: &'a World, targets: &'a [Vec3]) -> impl Iterator<Item = f32> + 'a {
     targets.iter().enumerate().filter_map(|(idx, target)| Some(feet(world, idx)?.distance(*target)))
-}
-
-/// Least distance from the origin of a straight way, m.
-fn nearest(from: Vec3, to: Vec3) -> f32 {
-    let way = to - from;
-    let share = (-from.dot(way) / way.length_squared().max(f32::EPSILON)).clamp(0.0, 1.0);
-    (from + way * share).length()
 }
