@@ -5,6 +5,7 @@ use crate::world::v1 as wire;
 use surefoot_planner::zones::ZoneError;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
 use surefoot_world::character::{ProfileError, RawCharacterProfile};
+use surefoot_world::formation::Shape;
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind};
 use surefoot_world::mesh::Surface;
 use surefoot_world::{Ability, CharacterProfile, End, MapSpec, PlayerContact, RawMapSpec, SpecError, Vec3};
@@ -234,6 +235,7 @@ wire_enum!(MapKind = wire::MapKind: Terrain Islands Interior Arena Tower Open);
 wire_enum!(End = wire::Outcome: Reached Fell Burnt Drowned NoProgress Unreachable ReachedNear);
 wire_enum!(Ability = wire::Ability: Walk Jump DoubleJump Pad ZipLine Teleporter Jetpack);
 wire_enum!(Surface = wire::Surface: Ground Water Lava Pad ZipLine Teleporter Jetpack);
+wire_enum!(Shape = wire::Formation: Column Line Wedge Loose);
 wire_enum!(MoverKind = wire::MoverKind: Door Lift Platform Floor Conveyor Crate);
 wire_enum!(PlayerContact = wire::PlayerContact: Block Push Ghost);
 

@@ -28,7 +28,7 @@ wire_enum!(NpcStatus = wire::NpcStatus: Idle Seeking Down);
 wire_enum!(Support = wire::Support: Air Ground Steep Water ZipLine);
 wire_enum!(Standing = wire::Standing:
     NoWorker SilentWorker AwaitsMap AwaitsGraph AwaitsPlan AwaitsRehearsal AwaitsMover Barred Blocked AtTarget Holds
-    Rests NoPlace);
+    Rests NoPlace AwaitsGroup);
 wire_enum!(RouteKind = wire::RouteKind: Patrol Hold Wander Flee);
 
 /// Reads a region; absent means everywhere.

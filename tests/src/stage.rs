@@ -1,13 +1,16 @@
 //! Worlds on levels of boxes, for tests.
 
-use crate::{Running, Worker, start_worker_of, watch_until, worker_config, world_client};
+use crate::{Running, Worker, start_planner, start_server, start_worker_of, watch_until, worker_config, world_client};
 use surefoot_agent::WorkConfig;
+use surefoot_planner_service::PlannerConfig;
 use surefoot_policy::Policy;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_proto::world::v1::set_mover_request::Where;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_server::ServerConfig;
 use surefoot_world::map::mover::cuboid;
+use tempfile::TempDir;
 use tonic::transport::Channel;
 
 /// An OBJ file of boxes with names.
@@ -79,6 +82,36 @@ pub async fn world_of(server: &Running, file: Vec<u8>, mode: wire::TimeMode) -> 
     let request = wire::CreateWorldRequest { map_hash, mode: mode.into(), ..Default::default() };
     let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
     Stage { client, world_id, origin, height: size.unwrap().height as f32 }
+}
+
+/// The services of a test.
+pub struct Services {
+    /// The world server.
+    pub server: Running,
+    /// The planner.
+    pub planner: Running,
+    /// Its worker.
+    pub worker: Worker,
+    /// Where the planner keeps its graphs.
+    _cache: TempDir,
+}
+
+impl Services {
+    /// Starts a server, a planner, and a worker for 8 NPCs.
+    pub fn start() -> Self {
+        let cache = tempfile::tempdir().unwrap();
+        let server = start_server(ServerConfig::default());
+        let planner = start_planner(cache.path(), PlannerConfig::default());
+        let worker = start_planning_worker(&server, &planner);
+        Self { server, planner, worker, _cache: cache }
+    }
+
+    /// Stops them.
+    pub async fn stop(self) {
+        self.worker.stop().await;
+        self.planner.stop().await;
+        self.server.stop().await;
+    }
 }
 
 /// A worker for 8 NPCs that plans on graphs of 120 vertices.

@@ -14,6 +14,7 @@ mod editing;
 mod edits;
 mod elsewhere;
 mod events;
+mod formations;
 mod games;
 mod golden;
 mod imports;

@@ -1,7 +1,7 @@
 //! Routes as game clients see them: NPCs that patrol, hold a place and wander by themselves.
 
-use e2e::stage::{Stage, level, start_planning_worker, world_of};
-use e2e::{LIMIT, Running, Worker, distance, spawn, start_planner, start_server, watch_until, world_client};
+use e2e::stage::{Services, Stage, level, start_planning_worker, world_of};
+use e2e::{LIMIT, distance, spawn, start_planner, start_server, watch_until, world_client};
 use std::collections::BTreeMap;
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::world::v1 as wire;
@@ -9,7 +9,6 @@ use surefoot_proto::world::v1::npc_event::Event;
 use surefoot_proto::world::v1::route::Kind;
 use surefoot_proto::world::v1::wander::Area;
 use surefoot_server::ServerConfig;
-use tempfile::TempDir;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
 
@@ -23,31 +22,10 @@ fn yard() -> Vec<u8> {
     level(&[("floor", [0.0, -1.0, 0.0], [40.0, 0.0, 30.0]), ("tower", [32.0, 0.0, 22.0], [36.0, 16.0, 26.0])])
 }
 
-/// The services of a test.
-struct Services {
-    server: Running,
-    planner: Running,
-    worker: Worker,
-    /// Where the planner keeps its graphs.
-    _cache: TempDir,
-}
-
-impl Services {
-    async fn stop(self) {
-        self.worker.stop().await;
-        self.planner.stop().await;
-        self.server.stop().await;
-    }
-}
-
 /// Starts the services, with a world of the yard.
 async fn begin(mode: wire::TimeMode) -> (Stage, Services) {
-    let cache = tempfile::tempdir().unwrap();
-    let server = start_server(ServerConfig::default());
-    let planner = start_planner(cache.path(), PlannerConfig::default());
-    let worker = start_planning_worker(&server, &planner);
-    let stage = world_of(&server, yard(), mode).await;
-    (stage, Services { server, planner, worker, _cache: cache })
+    let services = Services::start();
+    (world_of(&services.server, yard(), mode).await, services)
 }
 
 fn patrol(stage: &Stage, stops: &[[f32; 3]], back_and_forth: bool) -> Kind {

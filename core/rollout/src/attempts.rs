@@ -5,6 +5,6 @@ mod guide;
 mod run;
 mod walker;
 
-pub use chase::{Chase, Chased};
+pub use chase::{Chase, Chased, Errand};
 pub use run::{Figures, Rollout};
 pub use walker::{AttemptResult, Measured, Played, Track};

@@ -20,6 +20,7 @@ mod crowd;
 pub mod csr;
 mod editing;
 pub mod float;
+pub mod formation;
 pub mod map;
 pub mod mesh;
 mod movers;

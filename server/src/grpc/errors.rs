@@ -45,6 +45,9 @@ impl From<NpcError> for Status {
             NpcError::NoZone(_, name) => status::not_found(Reason::ZoneNotFound, "zone", name, message),
             NpcError::NoGoal(_) => status::failure(Reason::NoGoal, message),
             NpcError::OwnTarget(_) => status::invalid("target_npc_id", message),
+            NpcError::OtherWorld(npc, _) => status::not_found(Reason::NpcNotFound, "npc", npc.to_string(), message),
+            NpcError::Follows(_) => status::invalid("leader.npc_id", message),
+            NpcError::TooDense { .. } => status::invalid("spacing", message),
             NpcError::NoPlayer(_, player) => {
                 status::not_found(Reason::PlayerNotFound, "player", player.to_string(), message)
             }

@@ -1,13 +1,14 @@
 //! `WorldService`: decode, call, encode.
 //!
-//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `routes` that about their routes,
-//! `living` those about movers, players and pieces, `zones` those about zones and tags, `readers` the streams to
+//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `groups` that about groups,
+//! `routes` that about their routes, `living` those about movers, players and pieces, `zones` those about zones and tags, `readers` the streams to
 //! readers, `work` the stream of a worker. `env` implements `EnvService`, `directory` `DirectoryService`. `redirect`
 //! says where worlds run that other servers have, `errors` converts errors to statuses.
 
 pub mod directory;
 pub mod env;
 mod errors;
+mod groups;
 mod living;
 mod npcs;
 mod readers;
@@ -131,6 +132,7 @@ world_service! {
     npcs::set_goal(wire::SetGoalRequest) -> wire::SetGoalResponse;
     npcs::batch_set_goals(wire::BatchSetGoalsRequest) -> wire::BatchSetGoalsResponse;
     npcs::move_targets(wire::MoveTargetsRequest) -> wire::MoveTargetsResponse;
+    groups::set_group_goal(wire::SetGroupGoalRequest) -> wire::SetGroupGoalResponse;
     npcs::clear_goals(wire::ClearGoalsRequest) -> wire::ClearGoalsResponse;
     routes::set_routes(wire::SetRoutesRequest) -> wire::SetRoutesResponse;
     npcs::teleport_npc(wire::TeleportNpcRequest) -> wire::TeleportNpcResponse;

@@ -105,22 +105,34 @@ pub async fn set_goal(api: &WorldApi, call: Call<wire::SetGoalRequest>) -> Reply
     let (caller, request) = call;
     let (npc, order) = goal_of(&request)?;
     let set = move |world: &mut HostedWorld| set_goal_on(world, npc, order);
-    let (GoalSet { attempt, goal, moved_by_m }, frame) =
-        api.worlds.with_npc(&caller, NpcAccess::Change, npc, set).await?;
-    let (goal_used, warning) = (Some(convert::to_wire(goal)), warning_about(api, &caller, [npc]).await);
-    Ok(frame.to_level(wire::SetGoalResponse { attempt, goal_used, moved_by_m, warning }))
+    let set = api.worlds.with_npc(&caller, NpcAccess::Change, npc, set).await?;
+    Ok(goal_response(set, warning_about(api, &caller, [npc]).await))
+}
+
+/// Converts a goal that was set.
+pub(super) fn goal_response(
+    (GoalSet { attempt, goal, moved_by_m }, frame): (GoalSet, CallFrame),
+    warning: Option<wire::Warning>,
+) -> wire::SetGoalResponse {
+    let goal_used = Some(convert::to_wire(goal));
+    frame.to_level(wire::SetGoalResponse { attempt, goal_used, moved_by_m, warning })
 }
 
 pub async fn batch_set_goals(
     api: &WorldApi,
     call: Call<wire::BatchSetGoalsRequest>,
 ) -> Reply<wire::BatchSetGoalsResponse> {
-    use wire::set_goal_result::Result as Kind;
     let (caller, wire::BatchSetGoalsRequest { goals }) = call;
     check_count(goals.len(), "goals")?;
     let items = goals.iter().map(|goal| Ok(goal_of(goal)?)).collect();
     let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, set_goal_on).await;
-    let results = results.into_iter().map(|result| match result {
+    Ok(wire::BatchSetGoalsResponse { results: results.into_iter().map(goal_result).collect() })
+}
+
+/// Converts the result of an item that sets a goal.
+pub(super) fn goal_result(result: Result<(GoalSet, CallFrame), WorldsError>) -> wire::SetGoalResult {
+    use wire::set_goal_result::Result as Kind;
+    match result {
         Ok((GoalSet { attempt, goal, moved_by_m }, frame)) => frame.to_level(wire::SetGoalResult {
             result: Some(Kind::Attempt(attempt)),
             goal_used: Some(convert::to_wire(goal)),
@@ -129,8 +141,7 @@ pub async fn batch_set_goals(
         Err(error) => {
             wire::SetGoalResult { result: Some(Kind::Error(item_error(error))), ..wire::SetGoalResult::default() }
         }
-    });
-    Ok(wire::BatchSetGoalsResponse { results: results.collect() })
+    }
 }
 
 pub async fn move_targets(api: &WorldApi, call: Call<wire::MoveTargetsRequest>) -> Reply<wire::MoveTargetsResponse> {
@@ -209,7 +220,7 @@ pub async fn list_npcs(api: &WorldApi, call: Call<wire::ListNpcsRequest>) -> Rep
 }
 
 /// The warning about those of `npcs` that have no worker; `None` if all have one.
-async fn warning_about(
+pub(super) async fn warning_about(
     api: &WorldApi,
     caller: &Caller,
     npcs: impl IntoIterator<Item = NpcId>,
@@ -254,7 +265,7 @@ fn target_move(target: wire::TargetMove) -> Result<(NpcId, (Coordinates, wire::T
 }
 
 /// The NPC and its goal.
-fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, WireGoal), FieldError> {
+pub(super) fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, WireGoal), FieldError> {
     use wire::set_goal_request::Target as Kind;
     let target = request.target.as_ref().map(|target| match *target {
         Kind::TargetNpcId(npc) => Target::Npc(NpcId(npc)),
@@ -288,11 +299,11 @@ pub(super) fn facing(yaw: Option<f32>, field: &'static str) -> Result<Option<f32
 
 /// A goal in the coordinates of its request.
 #[derive(Debug, Clone, Copy)]
-struct WireGoal {
+pub(super) struct WireGoal {
     /// `None` if the goal is a target.
     place: Option<Place>,
-    coordinates: Coordinates,
-    pursuit: Pursuit,
+    pub coordinates: Coordinates,
+    pub pursuit: Pursuit,
 }
 
 /// The NPC, its position, and its heading, rad.
@@ -303,7 +314,11 @@ fn teleport_of(request: &wire::TeleportNpcRequest) -> Result<(NpcId, (Place, f32
 
 // Only the world of an NPC knows the frame of its map.
 
-fn set_goal_on(world: &mut HostedWorld, npc: NpcId, goal: WireGoal) -> Result<(GoalSet, CallFrame), NpcError> {
+pub(super) fn set_goal_on(
+    world: &mut HostedWorld,
+    npc: NpcId,
+    goal: WireGoal,
+) -> Result<(GoalSet, CallFrame), NpcError> {
     let frame = *world.map().frame();
     let order = GoalOrder { goal: goal.place.map(|place| place.on_map(&frame)), pursuit: goal.pursuit };
     Ok((world.set_goal(npc, order)?, goal.coordinates.on(&frame)))

@@ -43,6 +43,12 @@ pub enum NpcError {
     NoGoal(NpcId),
     #[error("npc {0} cannot be its own target")]
     OwnTarget(NpcId),
+    #[error("npc {0} is not in the world of its leader, npc {1}")]
+    OtherWorld(NpcId, NpcId),
+    #[error("npc {0} follows another leader: clear its goal first")]
+    Follows(NpcId),
+    #[error("spacing is {spacing} m, but these bodies need at least {least} m")]
+    TooDense { spacing: f32, least: f32 },
     #[error("world {0} has no player {1}")]
     NoPlayer(WorldId, u32),
     #[error("npc {0} belongs to another client")]
@@ -143,6 +149,7 @@ impl HostedWorld {
     /// Removes an NPC.
     pub fn despawn(&mut self, id: NpcId) -> Result<(), NpcError> {
         self.log_replaced_attempt(id);
+        self.lose_leader(id);
         self.leave_worker(id);
         let record = self.records.remove(&id).ok_or(NpcError::Unknown(id))?;
         self.gatherings.release(id);
@@ -163,7 +170,7 @@ impl HostedWorld {
         self.gatherings.release(id);
         self.world.teleport(record.slot, position, yaw);
         self.log_event(id, EventKind::Teleported { position });
-        Ok(())
+        self.disband(id)
     }
 
     /// The client that spawned an NPC.

@@ -76,7 +76,7 @@ impl HostedWorld {
         record.clear_goal();
         self.world.clear_waypoint(record.slot);
         self.gatherings.release(id);
-        Ok(())
+        self.disband(id)
     }
 
     /// Where the target of an NPC is, m.
@@ -93,6 +93,7 @@ impl HostedWorld {
                 Ok(player.feet)
             }
             Target::Moving { from, velocity, since } => Ok(moved(from, velocity, since, self.tick())),
+            Target::Rank(rank) => self.place_in_group(id, rank),
         }
     }
 
@@ -186,6 +187,9 @@ impl HostedWorld {
     /// The target of an NPC is gone or down: its goal stays where the target was last.
     fn lose_target(&mut self, id: NpcId) {
         let Some(record) = self.records.get_mut(&id) else { return };
+        if record.pursuit.rank().is_some() {
+            record.pursuit.keeps = false;
+        }
         record.pursuit.target = None;
         let attempt = record.attempts;
         self.log_event(id, EventKind::TargetLost { attempt });
@@ -261,14 +265,16 @@ impl HostedWorld {
         let slack = if record.is_at_target { record.pursuit.slack } else { 0.0 };
         let is_there = self.world.has_arrived(record.slot, goal, radius + slack, Arrival::Stand);
         let was_there = std::mem::replace(&mut record.is_at_target, is_there);
-        let (slot, attempt) = (record.slot, record.attempts);
+        let (slot, attempt, is_in_group) = (record.slot, record.attempts, record.pursuit.rank().is_some());
         if is_there != was_there {
-            record.turns_to = facing.filter(|_| is_there);
+            record.turns_to = facing.filter(|_| is_there && !is_in_group);
         }
         if is_there && !was_there {
             record.awaiting = None;
             self.world.decide(slot, Action::default());
-            self.log_event(id, EventKind::TargetReached { attempt, goal });
+            if !is_in_group {
+                self.log_event(id, EventKind::TargetReached { attempt, goal });
+            }
         }
     }
 }

@@ -3,7 +3,8 @@
 //! A tick is [`HostedWorld::step`] (in `tick`): move, log motion, end attempts, request decisions. Answers arrive
 //! between ticks. `workers` assigns NPCs to workers, `commands` has the calls of clients (`goals` those about goals,
 //! `routes` those about routes, whose data is in `itinerary`, `living` those about movers and players, `pieces` edits
-//! of the map, `zones` zones and tags), `gathering` the places of NPCs that share goals, `snapshot` and `events` the
+//! of the map, `zones` zones and tags), `gathering` the places of NPCs that share goals, `groups` those of NPCs in
+//! formation, `snapshot` and `events` the
 //! data for clients (`motion` detects jumps and landings, `standing` says why NPCs stand), `saved` the save of a world,
 //! and `journal` the changes since then in a fleet. Nothing here awaits or knows wire types.
 
@@ -12,6 +13,7 @@ mod events;
 mod fleeing;
 mod gathering;
 mod goals;
+mod groups;
 mod itinerary;
 mod journal;
 mod living;
@@ -35,7 +37,7 @@ pub use itinerary::{Area, MAX_DWELL_TICKS, Route, RouteKind, STOP_COUNT, Stop, T
 pub use journal::{FleetSave, Journal, SavedLog};
 pub use living::{Destination, LivingError};
 pub use pieces::{EditError, MapEdit, MapEdited};
-pub use pursuit::{GoalOrder, GoalSet, Pursuit, Target};
+pub use pursuit::{GoalOrder, GoalSet, Pursuit, Rank, Target};
 pub use saved::{RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
 pub use snapshot::{
     Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Standing, Support, Tally, WorldStats,

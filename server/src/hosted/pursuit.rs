@@ -3,6 +3,7 @@
 use crate::ids::NpcId;
 use serde::{Deserialize, Serialize};
 use surefoot_world::arrival::{KEEP_SLACK_M, SNAP_M};
+use surefoot_world::formation::Shape;
 use surefoot_world::{PlayerSlot, TICKS_PER_SECOND, Tick, Vec3};
 
 /// What a goal follows.
@@ -21,6 +22,21 @@ pub enum Target {
         /// When the client put it there.
         since: Tick,
     },
+    /// A place in a group of the same world.
+    Rank(Rank),
+}
+
+/// The place of a follower in a group.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Rank {
+    /// Who leads the group.
+    pub leader: NpcId,
+    /// The follower's number: those with lower ones are nearer to the leader.
+    pub number: u32,
+    /// How the group stands.
+    pub shape: Shape,
+    /// Distance between neighbours, m.
+    pub spacing: f32,
 }
 
 /// Longest time for which a place moves without news from its client.
@@ -68,6 +84,31 @@ impl Pursuit {
     /// The body that the goal follows; `None` for places.
     pub fn body(&self) -> Option<Target> {
         self.target.filter(|target| !matches!(target, Target::Moving { .. }))
+    }
+
+    /// The place in a group, of a follower.
+    pub fn rank(&self) -> Option<Rank> {
+        match self.target {
+            Some(Target::Rank(rank)) => Some(rank),
+            _ => None,
+        }
+    }
+
+    /// Lets a follower have another leader.
+    pub(super) fn lead_by(&mut self, leader: NpcId) {
+        if let Some(Target::Rank(rank)) = &mut self.target {
+            rank.leader = leader;
+        }
+    }
+
+    /// Whether the content is valid, which the checksum of a save does not prove.
+    pub(super) fn is_sound(&self) -> bool {
+        let is_target_sound = match self.target {
+            Some(Target::Moving { from, velocity, .. }) => from.is_finite() && velocity.is_finite(),
+            Some(Target::Rank(rank)) => rank.spacing.is_finite() && rank.spacing > 0.0,
+            _ => true,
+        };
+        is_target_sound && self.facing.is_none_or(f32::is_finite)
     }
 }
 

@@ -31,7 +31,7 @@ const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// in [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A
 /// server of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a
 /// server that was upgraded takes them over.
-const VERSION: u32 = 11;
+const VERSION: u32 = 12;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -204,7 +204,9 @@ impl WorldSave {
             npc.id.world() == self.id
                 && npc.goal.is_none_or(|goal| goal.is_finite())
                 && npc.itinerary.as_ref().is_none_or(Itinerary::is_sound)
-                && npc.pursuit.facing.into_iter().chain(npc.turns_to).all(f32::is_finite)
+                && npc.pursuit.is_sound()
+                && npc.retry.is_none_or(|retry| retry.pursuit.is_sound())
+                && npc.turns_to.is_none_or(f32::is_finite)
         };
         self.npcs.iter().all(is_ours)
             && self.zones.len() <= MAX_ZONES

@@ -65,11 +65,13 @@ pub enum Standing {
     Rests,
     /// It wanders, and no place was found in its area.
     NoPlace,
+    /// It leads a group, and waits for its followers.
+    AwaitsGroup,
 }
 
 impl Standing {
     /// All reasons, in the order of their declaration.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::NoWorker,
         Self::SilentWorker,
         Self::AwaitsMap,
@@ -83,6 +85,7 @@ impl Standing {
         Self::Holds,
         Self::Rests,
         Self::NoPlace,
+        Self::AwaitsGroup,
     ];
 
     /// Lower-case name as used in metrics.
@@ -101,6 +104,7 @@ impl Standing {
             Self::Holds => "holds",
             Self::Rests => "rests",
             Self::NoPlace => "no_place",
+            Self::AwaitsGroup => "awaits_group",
         }
     }
 }

@@ -111,7 +111,7 @@ impl HostedWorld {
                 }
             }
             hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
-            let seeks = record.heads_for().zip(record.worker).filter(|_| !record.is_at_target);
+            let seeks = record.heads_for().zip(record.worker).filter(|_| !record.is_at_target && !record.awaits_group);
             let Some((goal, worker)) = seeks else { continue };
             self.world.close_decision(record.slot);
             let npc = self.world.npc(record.slot).expect("every record has an NPC");
@@ -191,6 +191,7 @@ impl HostedWorld {
 
     /// Ends the attempts whose outcome this tick decided.
     fn settle(&mut self) {
+        self.lead_groups();
         self.follow_targets();
         self.follow_routes();
         let mut ended: Vec<(NpcId, End)> = self.gather().into_iter().map(|id| (id, End::ReachedNear)).collect();
@@ -211,7 +212,7 @@ impl HostedWorld {
         self.turn_bodies();
     }
 
-    fn end_attempt(&mut self, id: NpcId, end: End) {
+    pub(super) fn end_attempt(&mut self, id: NpcId, end: End) {
         let tick = self.tick();
         let record = self.records.get_mut(&id).expect("an attempt has a record");
         let Some(goal) = record.goal else { return };
@@ -241,6 +242,9 @@ impl HostedWorld {
         }
         if end.is_truncation() && pursuit.keeps {
             self.retry_later(id, goal, pursuit);
+        }
+        if self.groups.contains_key(&id) {
+            self.end_group(id, end, goal, pursuit);
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::events::{EventKind, EventLog};
 use super::gathering::{Gatherings, Reserved};
+use super::groups::Group;
 use super::itinerary::Itinerary;
 use super::motion::Motion;
 use super::outbox::Outbox;
@@ -33,6 +34,8 @@ pub(super) struct NpcRecord {
     pub reserved: Option<Reserved>,
     /// Whether an NPC that keeps to its target is there.
     pub is_at_target: bool,
+    /// Whether the NPC leads a group and waits for its followers.
+    pub awaits_group: bool,
     /// The attempt that follows one that failed, of an NPC that keeps to its target.
     pub retry: Option<Retry>,
     /// Its route.
@@ -78,6 +81,7 @@ impl NpcRecord {
             pursuit: Pursuit::default(),
             reserved: None,
             is_at_target: false,
+            awaits_group: false,
             retry: None,
             itinerary: None,
             turns_to: None,
@@ -130,6 +134,8 @@ impl NpcRecord {
             self.rest()
         } else if self.is_at_target {
             Some(if self.pursuit.is_of_route { Standing::Holds } else { Standing::AtTarget })
+        } else if self.awaits_group {
+            Some(Standing::AwaitsGroup)
         } else if self.worker.is_none() {
             Some(Standing::NoWorker)
         } else if self.misses >= MISSES_UNTIL_NEUTRAL {
@@ -165,6 +171,7 @@ impl NpcRecord {
         self.goal = None;
         self.reserved = None;
         self.is_at_target = false;
+        self.awaits_group = false;
         self.retry = None;
         self.turns_to = None;
         self.waypoint = None;
@@ -200,6 +207,8 @@ pub struct HostedWorld {
     pub(super) waited: Duration,
     pub(super) map_revision: u64,
     pub(super) gatherings: Gatherings,
+    /// Groups under way, by their leaders.
+    pub(super) groups: BTreeMap<NpcId, Group>,
     pub(super) shortage: Shortage,
     /// By name.
     pub(super) zones: BTreeMap<String, Zone>,
@@ -227,6 +236,7 @@ impl HostedWorld {
             waited: Duration::ZERO,
             map_revision: 0,
             gatherings: Gatherings::default(),
+            groups: BTreeMap::new(),
             shortage: Shortage::default(),
             zones: BTreeMap::new(),
         }

@@ -38,23 +38,32 @@ pub struct Chased {
     pub decided: u64,
 }
 
+/// What an NPC of a chase is to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Errand {
+    /// Its goal, m.
+    pub goal: Vec3,
+    /// Whether it stands where it is.
+    pub waits: bool,
+}
+
 impl Chase<'_> {
-    /// Runs the chase. `before_each_decision` gets the world, the number of the decision, and the goal of each NPC, m,
-    /// which it may move; slots of NPCs are in the order of `starts`.
-    pub fn run(&self, starts: &[Goal], mut before_each_decision: impl FnMut(&mut World, u32, &mut [Vec3])) -> Chased {
+    /// Runs the chase. `before_each_decision` gets the world, the number of the decision, and the errand of each NPC,
+    /// which it may change; slots of NPCs are in the order of `starts`.
+    pub fn run(&self, starts: &[Goal], mut before_each_decision: impl FnMut(&mut World, u32, &mut [Errand])) -> Chased {
         let mut run = Run::prepare(self.rollout, self.policy);
-        let mut places: Vec<Vec3> = starts.iter().map(|start| start.goal).collect();
-        before_each_decision(&mut run.worlds[0], 0, &mut places);
+        let mut errands: Vec<Errand> = starts.iter().map(|start| Errand { goal: start.goal, waits: false }).collect();
+        before_each_decision(&mut run.worlds[0], 0, &mut errands);
         let mut search_us = Vec::new();
         run.begin(Some(self.router), starts, &mut search_us);
         run.walkers.iter_mut().for_each(|walker| walker.keeps = true);
         let mut retries = vec![None; starts.len()];
         let mut decided = 0;
         for decision in 1..=self.decisions {
-            before_each_decision(&mut run.worlds[0], decision, &mut places);
-            for (idx, place) in places.iter().enumerate() {
+            before_each_decision(&mut run.worlds[0], decision, &mut errands);
+            for (idx, errand) in errands.iter().enumerate() {
                 if may_act(&mut run.walkers[idx], &mut retries[idx], decision) {
-                    self.follow(&mut run, idx, *place);
+                    self.follow(&mut run, idx, *errand);
                 } else {
                     run.worlds[0].decide(run.walkers[idx].deciding.slot, Action::default());
                 }
@@ -69,9 +78,8 @@ impl Chase<'_> {
         Chased { harm, decided }
     }
 
-    /// Lets an NPC follow its goal to `place`, m, or stand if it is there. While the target is in the air, the goal
-    /// stays.
-    fn follow(&self, run: &mut Run<'_>, idx: usize, place: Vec3) {
+    /// Lets an NPC follow its goal, or stand if it is there or waits. While the target is in the air, the goal stays.
+    fn follow(&self, run: &mut Run<'_>, idx: usize, Errand { goal: place, waits }: Errand) {
         let Run { worlds: [world], walkers, guide, .. } = run;
         let (walker, guide) = (&mut walkers[idx], guide.as_mut().expect("NPCs of a chase follow plans"));
         let slot = walker.deciding.slot;
@@ -82,8 +90,8 @@ impl Chase<'_> {
             guide.begin(world, walker);
         }
         let slack = if walker.rests { KEEP_SLACK_M } else { 0.0 };
-        let rested =
-            std::mem::replace(&mut walker.rests, world.has_arrived(slot, goal, self.radius + slack, Arrival::Stand));
+        let rests = waits || world.has_arrived(slot, goal, self.radius + slack, Arrival::Stand);
+        let rested = std::mem::replace(&mut walker.rests, rests);
         if walker.rests {
             world.decide(slot, Action::default());
             return;

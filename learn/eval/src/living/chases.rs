@@ -9,9 +9,10 @@ use rand::{RngExt, SeedableRng};
 use std::collections::BTreeMap;
 use std::time::Instant;
 use surefoot_rollout::Rollout;
-use surefoot_rollout::attempts::{Chase, Chased};
+use surefoot_rollout::attempts::{Chase, Chased, Errand};
 use surefoot_rollout::goals::{Goal, random_yaw};
 use surefoot_world::float::distance_to_segment;
+use surefoot_world::formation::{Formation, Shape};
 use surefoot_world::{
     Arrival, CharacterProfile, DECISION_SECONDS, MoverId, MoverOrder, NpcSlot, StopIdx, TaskConfig, Vec3, World,
 };
@@ -21,11 +22,15 @@ const CHASE: u32 = 360;
 /// Distance from a target at which an NPC is in contact with it, m.
 const CONTACT_M: f32 = 3.0;
 /// Distance from a target at which an NPC stands, m: the radius of goals unless a client says otherwise.
-const RADIUS_M: f32 = 1.5;
+const RADIUS_M: f32 = 1.0;
 /// Distance from a target at which a chaser has caught it, m.
 const CATCH_M: f32 = 1.5;
 /// NPCs of a column.
 const COLUMN: usize = 16;
+/// NPCs of a wedge with their leader, the distance between them, m, and the distance between its goals, m.
+const WEDGE: usize = 9;
+const WEDGE_SPACING_M: f32 = 1.7;
+const STAGE_M: f32 = 40.0;
 /// Speed of a player that walks, m/s.
 const RUNNER_SPEED: f32 = 3.0;
 /// Decisions for which a player stays at each end of its way by a lift: 5 s.
@@ -116,12 +121,12 @@ impl Suite<'_> {
         contact: &mut Contact,
         (level, rollout): (&Level, &Rollout),
         (starts, decisions): (&[Goal], u32),
-        mut targets: impl FnMut(&mut World, u32, &mut [Vec3]) -> Vec<Vec3>,
+        mut targets: impl FnMut(&mut World, u32, &mut [Errand]) -> Vec<Vec3>,
     ) {
         let mut watch = Watch(vec![None; starts.len()]);
         let started = Instant::now();
-        let chased = self.chase(rollout, level, decisions).run(starts, |world, decision, goals| {
-            let targets = targets(world, decision, goals);
+        let chased = self.chase(rollout, level, decisions).run(starts, |world, decision, errands| {
+            let targets = targets(world, decision, errands);
             contact.watch(&mut watch, decision, gaps(world, &targets));
         });
         contact.end_run(&chased, started.elapsed().as_secs_f64());
@@ -142,13 +147,13 @@ impl Suite<'_> {
             let begin = rng.random_range(0.0..100.0);
             let start = Goal { start: way.at(begin + 30.0), yaw: random_yaw(&mut rng), goal: way.at(begin) };
             let rollout = self.rollout(&level, seed, false);
-            self.watch(&mut contact, (&level, &rollout), (&[start], CHASE), |_, decision, goals| {
+            self.watch(&mut contact, (&level, &rollout), (&[start], CHASE), |_, decision, errands| {
                 let time = decision as f32 * DECISION_SECONDS;
                 let player = way.at(begin + speed * time);
                 let since = (time * updates_hz + 1.0e-3).fract() / updates_hz;
                 let [before, known] = [0.05, 0.0].map(|ago| way.at(begin + speed * (time - since) - ago));
                 let velocity = (known - before).normalize_or_zero() * speed;
-                goals[0] = if has_velocity { known + velocity * since } else { known };
+                errands[0].goal = if has_velocity { known + velocity * since } else { known };
                 vec![player]
             });
         }
@@ -190,14 +195,51 @@ impl Suite<'_> {
             let starts: Vec<Goal> =
                 (0..COLUMN).map(|idx| Goal { start: row(idx), yaw: random_yaw(&mut rng), goal: row(idx) }).collect();
             let rollout = self.rollout(&level, seed, true);
-            self.watch(&mut contact, (&level, &rollout), (&starts, CHASE), |world, decision, goals| {
+            self.watch(&mut contact, (&level, &rollout), (&starts, CHASE), |world, decision, errands| {
                 let mut targets = vec![way.at(scenes::DOORWAY_AT + RUNNER_SPEED * decision as f32 * DECISION_SECONDS)];
-                targets.extend((1..COLUMN).map(|idx| feet(world, idx - 1).unwrap_or(goals[idx])));
-                goals.copy_from_slice(&targets);
+                targets.extend((1..COLUMN).map(|idx| feet(world, idx - 1).unwrap_or(errands[idx].goal)));
+                errands.iter_mut().zip(&targets).for_each(|(errand, target)| errand.goal = *target);
                 targets
             });
         }
         let about = format!("a column of {COLUMN} solid NPCs behind a player at 3 m/s");
+        Ok(contact.report(about, "within 3 m for 95 %", None))
+    }
+
+    /// A wedge of NPCs behind one that goes round the course.
+    pub(super) fn wedge(&self) -> Result<SceneReport, EvalError> {
+        let level = self.level(scenes::course())?;
+        let way = scenes::round_the_course();
+        let mut contact = Contact::default();
+        for seed in 0..self.config.runs {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let row = |idx: usize| Vec3::new(14.0 - (idx % 3) as f32 * 1.7, FLOOR, 11.0 + (idx / 3) as f32 * 1.7);
+            let starts: Vec<Goal> =
+                (0..WEDGE).map(|idx| Goal { start: row(idx), yaw: random_yaw(&mut rng), goal: row(idx) }).collect();
+            let rollout = self.rollout(&level, seed, true);
+            let mut stage = 0.0;
+            let next = |stage: f32| way.at(scenes::DOORWAY_AT + stage * STAGE_M);
+            let mut formation = Formation::new(Shape::Wedge, WEDGE_SPACING_M, starts[0].start, next(stage));
+            let slots: Vec<NpcSlot> = (1..WEDGE as u32).map(NpcSlot).collect();
+            self.watch(&mut contact, (&level, &rollout), (&starts, CHASE), |world, _, errands| {
+                let leader = feet(world, 0).unwrap_or(errands[0].goal);
+                if leader.distance(next(stage)) <= RADIUS_M {
+                    stage += 1.0;
+                }
+                errands[0].goal = next(stage);
+                if world.npc(NpcSlot(WEDGE as u32 - 1)).is_some() {
+                    let orders = formation.update(world, NpcSlot(0), &slots);
+                    errands[0].waits = orders.leader_waits;
+                    for (errand, place) in errands[1..].iter_mut().zip(orders.places) {
+                        errand.goal = place.unwrap_or(errand.goal);
+                    }
+                }
+                let mut targets = vec![leader];
+                targets.extend(errands[1..].iter().map(|errand| errand.goal));
+                targets
+            });
+        }
+        let about = format!("a wedge of {WEDGE} solid NPCs round the course");
         Ok(contact.report(about, "within 3 m for 95 %", None))
     }
 
@@ -212,17 +254,18 @@ impl Suite<'_> {
             let start = Goal { start: way.at(begin - 4.0), yaw: random_yaw(&mut rng), goal: way.at(begin) };
             let rollout = self.rollout(&level, seed, false);
             let mut shuts_at = vec![0; level.map.movers().len()];
-            self.watch(&mut contact, (&level, &rollout), (&[start], CHASE), |world, decision, goals| {
-                goals[0] = way.at(begin + RUNNER_SPEED * decision as f32 * DECISION_SECONDS);
+            self.watch(&mut contact, (&level, &rollout), (&[start], CHASE), |world, decision, errands| {
+                let player = way.at(begin + RUNNER_SPEED * decision as f32 * DECISION_SECONDS);
+                errands[0].goal = player;
                 for (idx, middle) in &doors {
-                    if middle.distance(goals[0]) <= DOOR_M {
+                    if middle.distance(player) <= DOOR_M {
                         shuts_at[*idx] = decision + DOOR_OPEN;
                     }
                 }
                 for (idx, shuts) in shuts_at.iter().enumerate() {
                     order(world, idx, u8::from(decision < *shuts));
                 }
-                goals.to_vec()
+                vec![player]
             });
         }
         let about = "a player at 3 m/s through six doors that shut 2 s after him".to_owned();
@@ -239,9 +282,9 @@ impl Suite<'_> {
             let start = Goal { start: place, yaw: random_yaw(&mut rng), goal: place };
             let rollout = self.rollout(&level, seed, false);
             let mut rider = Rider::default();
-            self.watch(&mut contact, (&level, &rollout), (&[start], 2 * CHASE), |world, _, goals| {
-                goals[0] = rider.step(world);
-                goals.to_vec()
+            self.watch(&mut contact, (&level, &rollout), (&[start], 2 * CHASE), |world, _, errands| {
+                errands[0].goal = rider.step(world);
+                vec![errands[0].goal]
             });
         }
         let about = "a player that rides a lift up and down, with 5 s at each end".to_owned();
@@ -285,9 +328,9 @@ impl Suite<'_> {
             let starts: Vec<Goal> = BEHIND_M.into_iter().take(count).map(&mut start).collect();
             let rollout = self.rollout(level, seed, false);
             let (mut first, mut former) = (None, Vec::new());
-            self.chase(&rollout, level, CHASE).run(&starts, |world, decision, goals| {
+            self.chase(&rollout, level, CHASE).run(&starts, |world, decision, errands| {
                 let runner = way.at(begin + CUT_OFF_SPEED * decision as f32 * DECISION_SECONDS);
-                goals.fill(runner);
+                errands.iter_mut().for_each(|errand| errand.goal = runner);
                 let apart: Vec<Vec3> = (0..count).filter_map(|idx| Some(feet(world, idx)? - runner)).collect();
                 let is_caught = apart
                     .iter()

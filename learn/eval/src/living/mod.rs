@@ -34,7 +34,7 @@ const CROWD: usize = 1024;
 const DOOR_DECISIONS: std::ops::Range<u32> = 18..48;
 
 /// Names of all scenes.
-pub const SCENES: [&str; 19] = [
+pub const SCENES: [&str; 20] = [
     "door",
     "corridor",
     "crowd",
@@ -53,6 +53,7 @@ pub const SCENES: [&str; 19] = [
     "chase through doors",
     "chase by lift",
     "column",
+    "wedge",
     "cut off",
 ];
 
@@ -138,6 +139,7 @@ pub fn run(policy: &Policy, config: &LivingConfig, mut begun: impl FnMut(&str)) 
         Suite::pursuit_through_doors,
         Suite::pursuit_onto_a_lift,
         Suite::column,
+        Suite::wedge,
         Suite::cut_off,
     ];
     let is_wanted = |name: &str| config.scenes.is_empty() || config.scenes.iter().any(|wanted| wanted == name);

@@ -82,6 +82,7 @@ const STANDING_REASONS: Record<Standing, string> = {
   [Standing.HOLDS]: 'It holds its place.',
   [Standing.RESTS]: 'It rests on its route, or until its next attempt.',
   [Standing.NO_PLACE]: 'It wanders, but its zone is gone or has no place to stand.',
+  [Standing.AWAITS_GROUP]: 'It waits for the others of its group.',
   [Standing.BARRED]: 'Doors or other movers bar all ways to the goal.',
   [Standing.BLOCKED]: 'Something is in its way.',
 }
