@@ -207,7 +207,8 @@ impl WorldTask {
     /// Begins the attempt of an NPC, unless it is known.
     fn meet(&mut self, seen: &Sighting, stream: u64) {
         if self.npcs.get(&seen.id).is_none_or(|npc| npc.number != seen.attempt) {
-            let config = FollowConfig { composes: self.motion.composes, ..FollowConfig::default() };
+            let (composes, arrival) = (self.motion.composes, seen.arrival);
+            let config = FollowConfig { composes, arrival, ..FollowConfig::default() };
             // Lockstep worlds repeat their noise, although the ids of their NPCs differ.
             let noise = NoiseStream::new(self.motion.noise_share, self.seed, stream);
             let follower = Follower::new(seen.goal, config);

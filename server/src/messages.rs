@@ -100,6 +100,8 @@ pub struct ObservationBatch {
     pub positions: Vec<Vec3>,
     /// Goal of each NPC, m.
     pub goals: Vec<Vec3>,
+    /// Whether each NPC may arrive in flight.
+    pub touches: Vec<bool>,
     /// Number of each NPC's attempt.
     pub attempts: Vec<u32>,
     /// Whether each NPC has reached its waypoint.
@@ -126,6 +128,7 @@ impl ObservationBatch {
             observations: Vec::new(),
             positions: Vec::new(),
             goals: Vec::new(),
+            touches: Vec::new(),
             attempts: Vec::new(),
             waypoint_reached: Vec::new(),
             grounded: Vec::new(),

@@ -1,6 +1,6 @@
 //! When an attempt ends as reached, and where goals lie that no body can stand at, over real sockets.
 
-use e2e::stage::{level, start_planning_worker, start_planning_worker_for, world_of};
+use e2e::stage::{Services, level, start_planning_worker, start_planning_worker_for, world_of};
 use e2e::{distance, spawn, start_planner, start_server, watch_until};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::reason::Reason;
@@ -64,6 +64,32 @@ async fn an_npc_has_not_arrived_behind_a_wall_and_goals_are_moved_to_where_it_ca
     worker.stop().await;
     planner.stop().await;
     server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_npc_stops_at_its_goal_or_touches_it_if_the_client_says_so() {
+    let services = Services::start();
+    let mut stage = world_of(&services.server, lanes(), wire::TimeMode::Lockstep).await;
+    let start = stage.at([3.0, 0.0, 3.0]);
+    let npc_id = spawn(&mut stage.client, stage.world_id, start).await;
+    let goal = Some(stage.at([5.0, 0.0, 20.0]));
+    let request = wire::SetGoalRequest { npc_id, goal, stop: true, ..Default::default() };
+    stage.client.set_goal(request).await.unwrap();
+    assert_eq!(stage.end_of(1).await.0, wire::Outcome::Reached);
+    let request_of = wire::GetNpcRequest { npc_id, ..Default::default() };
+    let npc = stage.client.get_npc(request_of).await.unwrap().into_inner().npc.unwrap();
+    let wire::Vec3 { x, y, z } = npc.velocity.unwrap();
+    assert!(x.hypot(y).hypot(z) <= 0.3, "it stands when the attempt ends: {npc:?}");
+
+    // Nothing can stand there, but the feet touch it from the floor.
+    let goal = stage.at([5.0, 0.95, 5.0]);
+    let touch = wire::SetGoalRequest { goal: Some(goal), stop: false, touch: true, ..request };
+    let set = stage.client.set_goal(touch).await.unwrap().into_inner();
+    assert_eq!((set.goal_used, set.moved_by_m), (Some(goal), 0.0));
+    let (outcome, place) = stage.end_of(2).await;
+    assert_eq!(outcome, wire::Outcome::Reached);
+    assert!(distance(place, goal) <= 1.0, "{place:?}");
+    services.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

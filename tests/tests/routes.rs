@@ -32,8 +32,8 @@ fn patrol(stage: &Stage, stops: &[[f32; 3]], back_and_forth: bool) -> Kind {
     let stop = |at: &[f32; 3]| wire::PatrolStop {
         position: Some(stage.at(*at)),
         dwell_s: DWELL_S,
+        radius: 1.0,
         facing: Some(1.0),
-        ..Default::default()
     };
     Kind::Patrol(wire::Patrol { stops: stops.iter().map(stop).collect(), back_and_forth })
 }
@@ -51,6 +51,17 @@ async fn set_routes(stage: &mut Stage, routes: &[(u64, Kind)]) -> Vec<wire::Item
     };
     let request = wire::SetRoutesRequest { routes: routes.iter().map(route).collect() };
     stage.client.set_routes(request).await.unwrap().into_inner().results
+}
+
+/// The routes of NPCs.
+async fn get_routes(stage: &mut Stage, npcs: &[u64]) -> Vec<Option<Kind>> {
+    let request = wire::GetRoutesRequest { npc_ids: npcs.to_vec(), ..Default::default() };
+    let results = stage.client.get_routes(request).await.unwrap().into_inner().results;
+    let kind = |result: wire::GetRouteResult| match result.result {
+        Some(wire::get_route_result::Result::Route(route)) => route.kind,
+        other => panic!("{other:?}"),
+    };
+    results.into_iter().map(kind).collect()
 }
 
 /// Sets routes that are valid.
@@ -290,11 +301,14 @@ async fn routes_survive_a_restart_and_patrols_go_on_to_their_next_stop() {
         [(npcs[0], patrol(&stage, &stops, false)), (npcs[1], Kind::Hold(wire::Hold::default())), (npcs[2], around)];
     send(&mut stage, &routes).await;
     assert_eq!(events.stops(&npcs[..1], 2).await, [[0, 1]]);
+    let former = get_routes(&mut stage, &npcs).await;
+    assert_eq!(former[0], Some(routes[0].1.clone()), "as it was set");
     worker.stop().await;
     server.stop().await;
 
     let server = start_server(config());
     stage.client = world_client(&server).await;
+    assert_eq!(get_routes(&mut stage, &npcs).await, former);
     let mut kinds = Vec::new();
     for npc_id in &npcs {
         kinds.push(npc(&mut stage, *npc_id).await.route());

@@ -32,6 +32,8 @@ pub(super) struct Sighting {
     /// Position of the feet, m.
     pub feet: Vec3,
     pub goal: Vec3,
+    /// What counts as having arrived there.
+    pub arrival: Arrival,
     /// Whether it reached its waypoint since its last decision.
     pub has_reached: bool,
     pub is_grounded: bool,
@@ -66,6 +68,7 @@ impl Batch {
             attempt: batch.attempts.get(idx).copied().unwrap_or(0),
             feet: positions[idx],
             goal: goals[idx],
+            arrival: if batch.touches.get(idx) == Some(&true) { Arrival::Pass } else { Arrival::Stand },
             has_reached: batch.waypoint_reached.get(idx).copied().unwrap_or(false),
             is_grounded: batch.grounded.get(idx).copied().unwrap_or(true),
             state: None,

@@ -19,12 +19,12 @@ const OPEN_AFTER: u8 = 3;
 
 /// Spacings, with a part for small ones, m, by which a follower lags behind its place when the leader waits for it, and
 /// up to which the leader goes on.
-const WAITS_AT: (f32, f32) = (1.5, 1.5);
-const GOES_ON_AT: (f32, f32) = (0.5, 1.0);
+const WAITS_AT: (f32, f32) = (1.0, 1.0);
+const GOES_ON_AT: (f32, f32) = (0.5, 0.5);
 /// Longest wait of a leader, and least time from one wait to the next, decisions: one follower that is stuck does not
 /// stop the group.
 const LONGEST_WAIT: u32 = 30;
-const LEAST_WALK: u32 = 18;
+const LEAST_WALK: u32 = 6;
 /// Time in which a leader comes to rest, s.
 const BRAKING_S: f32 = 0.4;
 

@@ -37,7 +37,7 @@ const METHODS: &[Methods] = &[
         "surefoot.world.v1.WorldService",
         GAMES,
         "GetServer CreateWorld GetWorld ListWorlds DropWorld SampleGround SurveyMap SpawnNpc BatchSpawnNpcs \
-         DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals SetGroupGoal MoveTargets ClearGoals SetRoutes TeleportNpc \
+         DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals SetGroupGoal MoveTargets ClearGoals SetRoutes GetRoutes TeleportNpc \
          BatchTeleportNpcs GetNpc BatchGetNpcs ListNpcs WatchWorld WatchEvents WatchStats FollowNpc GetMesh \
          GetFeatures ListMovers SetMover EditMap ListPieces SetZones ListZones SetNpcTags SpawnPlayer \
          MovePlayers RemovePlayer",

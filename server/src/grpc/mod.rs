@@ -1,7 +1,7 @@
 //! `WorldService`: decode, call, encode.
 //!
 //! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `groups` that about groups,
-//! `routes` that about their routes, `living` those about movers, players and pieces, `zones` those about zones and tags, `readers` the streams to
+//! `routes` those about their routes, `living` those about movers, players and pieces, `zones` those about zones and tags, `readers` the streams to
 //! readers, `work` the stream of a worker. `env` implements `EnvService`, `directory` `DirectoryService`. `redirect`
 //! says where worlds run that other servers have, `errors` converts errors to statuses.
 
@@ -134,6 +134,7 @@ world_service! {
     npcs::move_targets(wire::MoveTargetsRequest) -> wire::MoveTargetsResponse;
     groups::set_group_goal(wire::SetGroupGoalRequest) -> wire::SetGroupGoalResponse;
     npcs::clear_goals(wire::ClearGoalsRequest) -> wire::ClearGoalsResponse;
+    routes::get_routes(wire::GetRoutesRequest) -> wire::GetRoutesResponse;
     routes::set_routes(wire::SetRoutesRequest) -> wire::SetRoutesResponse;
     npcs::teleport_npc(wire::TeleportNpcRequest) -> wire::TeleportNpcResponse;
     npcs::batch_teleport_npcs(wire::BatchTeleportNpcsRequest) -> wire::BatchTeleportNpcsResponse;

@@ -16,7 +16,7 @@ use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::zones;
 use surefoot_world::map::LevelFrame;
-use surefoot_world::{PlayerSlot, Vec3};
+use surefoot_world::{Arrival, PlayerSlot, Vec3};
 use tonic::Status;
 
 /// Most items in a batch.
@@ -126,7 +126,9 @@ pub async fn batch_set_goals(
     check_count(goals.len(), "goals")?;
     let items = goals.iter().map(|goal| Ok(goal_of(goal)?)).collect();
     let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, set_goal_on).await;
-    Ok(wire::BatchSetGoalsResponse { results: results.into_iter().map(goal_result).collect() })
+    let set = goals.iter().zip(&results).filter(|(_, result)| result.is_ok());
+    let warning = warning_about(api, &caller, set.map(|(goal, _)| NpcId(goal.npc_id))).await;
+    Ok(wire::BatchSetGoalsResponse { results: results.into_iter().map(goal_result).collect(), warning })
 }
 
 /// Converts the result of an item that sets a goal.
@@ -235,10 +237,10 @@ pub(super) async fn warning_about(
 }
 
 /// An item of a batch that consists of ids.
-type IdItem = Result<(NpcId, ()), WorldsError>;
+pub(super) type IdItem = Result<(NpcId, ()), WorldsError>;
 
 /// The items of a batch that consists of ids.
-fn ids(field: &str, ids: Vec<u64>) -> Result<Vec<IdItem>, Status> {
+pub(super) fn ids(field: &str, ids: Vec<u64>) -> Result<Vec<IdItem>, Status> {
     check_count(ids.len(), field)?;
     Ok(ids.into_iter().map(|id| Ok((NpcId(id), ()))).collect())
 }
@@ -281,7 +283,9 @@ pub(super) fn goal_of(request: &wire::SetGoalRequest) -> Result<(NpcId, WireGoal
     let snap = request.snap.unwrap_or(usual.snap);
     convert::in_range(f64::from(snap), 0.0, 10.0, "snap")?;
     let coordinates = Coordinates::read(request.coordinates)?;
-    let pursuit = Pursuit { target, radius, keeps: request.keep, snap, facing, ..usual };
+    let arrival = if request.touch { Arrival::Pass } else { usual.arrival };
+    let (keeps, stops) = (request.keep, request.stop);
+    let pursuit = Pursuit { target, radius, keeps, snap, facing, arrival, stops, ..usual };
     Ok((NpcId(request.npc_id), WireGoal { place, coordinates, pursuit }))
 }
 
@@ -335,7 +339,7 @@ pub(super) fn npc_on(world: &mut HostedWorld, npc: NpcId, (): ()) -> Result<(Npc
 }
 
 /// Converts the error of an item: code, reason and message are those of the single call.
-fn item_error(error: WorldsError) -> wire::ItemError {
+pub(super) fn item_error(error: WorldsError) -> wire::ItemError {
     let status = Status::from(error);
     wire::ItemError {
         code: status.code().into(),

@@ -1,6 +1,6 @@
-//! The call about routes: what NPCs do between the goals that clients set.
+//! The calls about routes: what NPCs do between the goals that clients set.
 
-use super::npcs::{check_count, facing, item_result, radius_or};
+use super::npcs::{check_count, facing, ids, item_error, item_result, radius_or};
 use super::{Call, Reply, WorldApi};
 use crate::hosted::{Area, HostedWorld, MAX_DWELL_TICKS, NpcError, Route, STOP_COUNT, Stop, Target, Threat};
 use crate::ids::NpcId;
@@ -29,6 +29,64 @@ pub async fn set_routes(api: &WorldApi, call: Call<wire::SetRoutesRequest>) -> R
     let items = routes.iter().map(item).collect();
     let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, set_route_on).await;
     Ok(wire::SetRoutesResponse { results: results.into_iter().map(item_result).collect() })
+}
+
+pub async fn get_routes(api: &WorldApi, call: Call<wire::GetRoutesRequest>) -> Reply<wire::GetRoutesResponse> {
+    use wire::get_route_result::Result as Kind;
+    let (caller, wire::GetRoutesRequest { npc_ids, coordinates }) = call;
+    let (items, coordinates) = (ids("npc_ids", npc_ids)?, Coordinates::read(coordinates)?);
+    let route_of = move |world: &mut HostedWorld, npc, ()| {
+        let frame = coordinates.on(world.map().frame());
+        let mut route = world.route(npc)?;
+        for place in route.iter_mut().flat_map(Route::places_mut) {
+            *place = frame.to_level(*place);
+        }
+        Ok(wire::Route { kind: route.map(to_wire) })
+    };
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Read, items, route_of).await;
+    let result = |result: Result<_, _>| wire::GetRouteResult {
+        result: Some(result.map_or_else(|error| Kind::Error(item_error(error)), Kind::Route)),
+    };
+    Ok(wire::GetRoutesResponse { results: results.into_iter().map(result).collect() })
+}
+
+/// Converts a route, whose places stay as they are.
+fn to_wire(route: Route) -> wire::route::Kind {
+    use wire::route::Kind;
+    let seconds = |ticks: u64| ticks as f32 / TICKS_PER_SECOND as f32;
+    match route {
+        Route::Patrol { stops, back_and_forth } => {
+            let stop = |Stop { at, dwell, radius, facing }| wire::PatrolStop {
+                position: Some(convert::to_wire(at)),
+                dwell_s: seconds(dwell),
+                radius,
+                facing,
+            };
+            Kind::Patrol(wire::Patrol { stops: stops.into_iter().map(stop).collect(), back_and_forth })
+        }
+        Route::Hold { post, radius, facing } => {
+            Kind::Hold(wire::Hold { position: post.map(convert::to_wire), radius, facing })
+        }
+        Route::Wander { area, dwell } => {
+            let area = match area {
+                Area::Zone(name) => wire::wander::Area::Zone(name),
+                Area::Circle { centre, radius } => {
+                    wire::wander::Area::Circle(wire::WanderCircle { centre: Some(convert::to_wire(centre)), radius })
+                }
+            };
+            Kind::Wander(wire::Wander { area: Some(area), dwell_s: seconds(dwell) })
+        }
+        Route::Flee(Threat { from, distance, hides }) => {
+            let from = match from {
+                Target::Npc(npc) => Some(wire::flee::From::FromNpcId(npc.0)),
+                Target::Player(player) => Some(wire::flee::From::FromPlayerId(player.0)),
+                Target::Moving { from, .. } => Some(wire::flee::From::Position(convert::to_wire(from))),
+                // No threat is a place in a group.
+                Target::Rank(_) => None,
+            };
+            Kind::Flee(wire::Flee { from, distance, hide: hides })
+        }
+    }
 }
 
 fn stop_count(item: &wire::NpcRoute) -> usize {

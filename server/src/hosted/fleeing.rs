@@ -10,9 +10,11 @@ use surefoot_world::float::distance_to_segment;
 use surefoot_world::{Body, NpcSlot, Vec3};
 
 /// Places that are drawn at each look.
-const DRAWS: usize = 48;
-/// Nearest place that is drawn, m.
+const DRAWS: u8 = 64;
+/// Nearest place that is drawn, m, and how much farther the others are, in distances that the NPC keeps: out of a
+/// corner, only a long way along the walls leads away.
 const NEAREST_M: f32 = 3.0;
+const REACH: f32 = 2.0;
 /// Heights above and below the NPC at which the ground of a place is searched, m.
 const HEIGHTS_M: [f32; 5] = [0.0, 3.0, -3.0, 6.0, -6.0];
 /// Height of the eyes of a threat, and of the middle of a body that it looks for, m.
@@ -38,9 +40,10 @@ impl HostedWorld {
         }
         let mut rng = self.draws_of(id);
         let apart = feet.distance(from);
-        let draws = (0..DRAWS).filter_map(|_| {
-            let way = Body::at(feet, rng.random_range(0.0..TAU)).facing();
-            let beside = feet + way * rng.random_range(NEAREST_M..NEAREST_M + threat.distance);
+        let draws = (0..DRAWS).filter_map(|draw| {
+            let angle = (f32::from(draw) + rng.random::<f32>()) / f32::from(DRAWS) * TAU;
+            let way = Body::at(feet, angle).facing();
+            let beside = feet + way * rng.random_range(NEAREST_M..NEAREST_M + REACH * threat.distance);
             let place = HEIGHTS_M.iter().find_map(|y| self.world.footing_below(slot, beside + Vec3::Y * y))?;
             let place = self.world.place_beside(slot, place, Vec3::ZERO)?;
             let (gap, way) = (place.distance(from), place.distance(feet));

@@ -13,6 +13,8 @@ use surefoot_world::{Action, Arrival, End, TICKS_PER_DECISION, Vec3};
 /// NPC's distance from the first. A plan to a goal that is farther away is of more use elsewhere too.
 const SAME_TARGET_M: f32 = 4.0;
 const SAME_TARGET_SHARE: f32 = 0.25;
+/// Speed up to which a body is at rest, m/s.
+const REST_SPEED: f32 = 0.3;
 /// Distance that a target moves before the goal follows it, m.
 const TARGET_STEP_M: f32 = 0.1;
 
@@ -30,11 +32,12 @@ impl HostedWorld {
             (None, goal) => goal.unwrap_or_default(),
         };
         self.check_inside(asked, "goal")?;
-        let goal = match (self.world.footing(slot, asked, pursuit.snap), pursuit.target) {
-            (Ok(goal), _) => goal,
+        let goal = match self.world.footing(slot, asked, pursuit.snap) {
+            _ if pursuit.arrival == Arrival::Pass => asked,
+            Ok(goal) => goal,
             // A body in the air comes down again.
-            (Err(_), Some(_)) => asked,
-            (Err(why), None) => return Err(NpcError::NoFooting(why, pursuit.snap)),
+            Err(_) if pursuit.target.is_some() => asked,
+            Err(why) => return Err(NpcError::NoFooting(why, pursuit.snap)),
         };
         let attempt = self.continue_attempt(id, goal, pursuit).unwrap_or_else(|| {
             self.log_replaced_attempt(id);
@@ -47,9 +50,9 @@ impl HostedWorld {
     pub fn move_target(&mut self, id: NpcId, goal: Vec3, velocity: Vec3) -> Result<(), NpcError> {
         self.check_inside(goal, "position")?;
         let moving = Target::Moving { from: goal, velocity, since: self.tick() };
-        let slot = self.records.get(&id).ok_or(NpcError::Unknown(id))?.slot;
+        let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
         let no_footing = NpcError::NoFooting(NoFooting::InAir, SNAP_M);
-        let goal = self.world.footing_below(slot, goal).ok_or(no_footing)?;
+        let goal = self.place_below(record, goal).ok_or(no_footing)?;
         let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
         if let Some(retry) = record.retry.as_mut().filter(|retry| !retry.pursuit.is_of_route) {
             retry.goal = goal;
@@ -110,7 +113,7 @@ impl HostedWorld {
         record.attempts += 1;
         record.began = tick;
         let attempt = record.attempts;
-        self.world.head_for(record.slot, goal, Arrival::Stand);
+        self.world.head_for(record.slot, goal, pursuit.arrival);
         self.log_event(id, EventKind::AttemptBegan { attempt, goal, pursuit });
         attempt
     }
@@ -119,7 +122,9 @@ impl HostedWorld {
     /// The NPC keeps its plan, so that clients may follow a moving target with one call in each of their frames.
     fn continue_attempt(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) -> Option<u32> {
         let record = self.records.get_mut(&id)?;
-        let is_same = |former: &Pursuit| !former.is_of_route && former.body() == pursuit.body();
+        let is_same = |former: &Pursuit| {
+            !former.is_of_route && former.body() == pursuit.body() && former.arrival == pursuit.arrival
+        };
         if let Some(retry) = record.retry.as_mut().filter(|retry| pursuit.keeps && is_same(&retry.pursuit)) {
             (retry.goal, retry.pursuit) = (goal, pursuit);
             return Some(record.attempts);
@@ -149,7 +154,7 @@ impl HostedWorld {
             self.gatherings.release(id);
         }
         if record.waypoint.is_none() {
-            self.world.head_for(record.slot, goal, Arrival::Stand);
+            self.world.head_for(record.slot, goal, record.pursuit.arrival);
         }
     }
 
@@ -178,9 +183,17 @@ impl HostedWorld {
     fn follow_to(&mut self, id: NpcId, place: Vec3) {
         let Some(record) = self.records.get(&id) else { return };
         if record.goal.is_none_or(|goal| goal.distance(place) > TARGET_STEP_M)
-            && let Some(goal) = self.world.footing_below(record.slot, place)
+            && let Some(goal) = self.place_below(record, place)
         {
             self.move_goal(id, goal);
+        }
+    }
+
+    /// The place to stand right below `place`, m, or `place` itself if a touch is enough.
+    fn place_below(&self, record: &NpcRecord, place: Vec3) -> Option<Vec3> {
+        match record.pursuit.arrival {
+            Arrival::Pass => Some(place),
+            _ => self.world.footing_below(record.slot, place),
         }
     }
 
@@ -206,7 +219,7 @@ impl HostedWorld {
     /// How the attempt of an NPC ends if it has arrived: at its place at the goal, if it shares the goal with others.
     pub(super) fn arrival_of(&self, record: &NpcRecord) -> Option<End> {
         let goal = record.goal?;
-        let is_within = |place, radius| self.world.has_arrived(record.slot, place, radius, Arrival::Stand);
+        let is_within = |place, radius| self.world.has_arrived(record.slot, place, radius, record.pursuit.arrival);
         let is_at_goal = is_within(goal, record.pursuit.radius);
         let Some(reserved) = record.reserved.filter(|reserved| reserved.at != goal) else {
             return is_at_goal.then_some(End::Reached);
@@ -258,12 +271,28 @@ impl HostedWorld {
         others.filter(|other| other.goal.is_none()).any(|other| touch(&self.world, record.slot, other.slot))
     }
 
+    /// Whether an NPC may end its attempt as it is: it need not stop, or has come to rest.
+    pub(super) fn has_stopped(&self, record: &NpcRecord) -> bool {
+        let npc = self.world.npc(record.slot).expect("every record has an NPC");
+        !record.pursuit.stops || npc.body.velocity.length() <= REST_SPEED
+    }
+
+    /// Lets an NPC that must stop at its goal come to rest while it `is_there`.
+    pub(super) fn brake(&mut self, id: NpcId, is_there: bool) {
+        let Some(record) = self.records.get_mut(&id) else { return };
+        let was_there = std::mem::replace(&mut record.is_at_target, is_there);
+        if is_there && !was_there {
+            record.awaiting = None;
+            self.world.decide(record.slot, Action::default());
+        }
+    }
+
     /// Lets an NPC that keeps to its goal stand while it is there.
     pub(super) fn keep_still(&mut self, id: NpcId) {
         let Some(record) = self.records.get_mut(&id) else { return };
         let (Some(goal), Pursuit { radius, facing, .. }) = (record.goal, record.pursuit) else { return };
         let slack = if record.is_at_target { record.pursuit.slack } else { 0.0 };
-        let is_there = self.world.has_arrived(record.slot, goal, radius + slack, Arrival::Stand);
+        let is_there = self.world.has_arrived(record.slot, goal, radius + slack, record.pursuit.arrival);
         let was_there = std::mem::replace(&mut record.is_at_target, is_there);
         let (slot, attempt, is_in_group) = (record.slot, record.attempts, record.pursuit.rank().is_some());
         if is_there != was_there {

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_planner::Tags;
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{Arrival, CharacterProfile, End, Seconds, Tick, Vec3};
+use surefoot_world::{CharacterProfile, End, Seconds, Tick, Vec3};
 
 const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
 /// Changed whenever [`FleetSave`] or anything inside it is.
@@ -283,7 +283,7 @@ impl HostedWorld {
                 record.clear_goal();
                 (record.goal, record.pursuit) = (Some(goal), pursuit);
                 (record.attempts, record.began) = (attempt, saved);
-                self.world.head_for(slot, goal, Arrival::Stand);
+                self.world.head_for(slot, goal, pursuit.arrival);
             }
             Change::Ended { attempt, end, distance_m, seconds, .. } => {
                 if let Some(end) = end.filter(|_| record.goal.is_some() && record.attempts == attempt) {

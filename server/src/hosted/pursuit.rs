@@ -4,7 +4,7 @@ use crate::ids::NpcId;
 use serde::{Deserialize, Serialize};
 use surefoot_world::arrival::{KEEP_SLACK_M, SNAP_M};
 use surefoot_world::formation::Shape;
-use surefoot_world::{PlayerSlot, TICKS_PER_SECOND, Tick, Vec3};
+use surefoot_world::{Arrival, PlayerSlot, TICKS_PER_SECOND, Tick, Vec3};
 
 /// What a goal follows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -62,6 +62,10 @@ pub struct Pursuit {
     pub snap: f32,
     /// Heading to which the NPC turns after it has arrived, rad.
     pub facing: Option<f32>,
+    /// What counts as having arrived.
+    pub arrival: Arrival,
+    /// Whether the NPC must have come to rest when the attempt ends as reached.
+    pub stops: bool,
     /// Whether the attempt is of the NPC's route, rather than for a client.
     pub is_of_route: bool,
 }
@@ -75,6 +79,8 @@ impl Default for Pursuit {
             slack: KEEP_SLACK_M,
             snap: SNAP_M,
             facing: None,
+            arrival: Arrival::Stand,
+            stops: false,
             is_of_route: false,
         }
     }

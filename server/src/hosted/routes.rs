@@ -45,6 +45,12 @@ impl HostedWorld {
         Ok(())
     }
 
+    /// The route of an NPC; `None` if it has none.
+    pub fn route(&self, id: NpcId) -> Result<Option<Route>, NpcError> {
+        let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
+        Ok(record.itinerary.as_ref().map(|itinerary| itinerary.route.clone()))
+    }
+
     /// A route whose places are on the map, where the NPC can stand.
     fn placed(&self, id: NpcId, slot: NpcSlot, mut route: Route) -> Result<Route, NpcError> {
         let stand_at = |at: Vec3, field: String| {

@@ -20,7 +20,7 @@ use surefoot_planner::zones::{MAX_ZONES, check_tags};
 use surefoot_planner::{Tags, Zone};
 use surefoot_world::map::{Piece, PieceError};
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{Arrival, CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
+use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
 use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
@@ -333,7 +333,7 @@ impl HostedWorld {
             world.add_record(npc.id, record);
             if let Some(goal) = npc.goal {
                 // The world's state may have a waypoint of a plan that was not saved.
-                world.world.head_for(npc.slot, goal, Arrival::Stand);
+                world.world.head_for(npc.slot, goal, npc.pursuit.arrival);
             }
         }
         world.assign_workers();

@@ -10,7 +10,7 @@ use crate::messages::TimeMode;
 use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use surefoot_world::{Action, End, MoverState, Npc, NpcSlot, ProfileIdx, TICKS_PER_DECISION, Vec3, World};
+use surefoot_world::{Action, Arrival, End, MoverState, Npc, NpcSlot, ProfileIdx, TICKS_PER_DECISION, Vec3, World};
 use tracing::warn;
 
 impl HostedWorld {
@@ -127,6 +127,7 @@ impl HostedWorld {
             self.world.observe(record.slot, &mut batch.observations[start..]);
             batch.positions.push(npc.body.feet);
             batch.goals.push(goal);
+            batch.touches.push(record.pursuit.arrival == Arrival::Pass);
             batch.attempts.push(record.attempts);
             let touched = npc.episode.and_then(|episode| episode.end) == Some(End::Reached);
             batch.waypoint_reached.push(touched);
@@ -195,17 +196,22 @@ impl HostedWorld {
         self.follow_targets();
         self.follow_routes();
         let mut ended: Vec<(NpcId, End)> = self.gather().into_iter().map(|id| (id, End::ReachedNear)).collect();
-        let mut keeping = Vec::new();
+        let (mut keeping, mut braking) = (Vec::new(), Vec::new());
         for (&id, record) in self.records.iter().filter(|(_, record)| record.goal.is_some()) {
             let npc = self.world.npc(record.slot).expect("every record has an NPC");
             let stuck = npc.episode.and_then(|episode| episode.end).filter(|end| *end == End::NoProgress);
             match npc.harm.or(stuck) {
                 Some(end) => ended.push((id, end)),
                 None if record.pursuit.keeps => keeping.push(id),
-                None => ended.extend(self.arrival_of(record).map(|end| (id, end))),
+                None => match self.arrival_of(record) {
+                    Some(end) if self.has_stopped(record) => ended.push((id, end)),
+                    arrived if record.pursuit.stops => braking.push((id, arrived.is_some())),
+                    _ => {}
+                },
             }
         }
         keeping.into_iter().for_each(|id| self.keep_still(id));
+        braking.into_iter().for_each(|(id, is_there)| self.brake(id, is_there));
         for (id, end) in ended {
             self.end_attempt(id, end);
         }

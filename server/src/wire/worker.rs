@@ -183,6 +183,7 @@ fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
         observations: convert::pack(batch.observations),
         positions: pack_points(&batch.positions),
         goals: pack_points(&batch.goals),
+        touches: batch.touches,
         attempts: batch.attempts,
         waypoint_reached: batch.waypoint_reached,
         grounded: batch.grounded,

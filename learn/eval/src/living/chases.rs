@@ -11,6 +11,7 @@ use std::time::Instant;
 use surefoot_rollout::Rollout;
 use surefoot_rollout::attempts::{Chase, Chased, Errand};
 use surefoot_rollout::goals::{Goal, random_yaw};
+use surefoot_world::arrival::KEEP_SLACK_M;
 use surefoot_world::float::distance_to_segment;
 use surefoot_world::formation::{Formation, Shape};
 use surefoot_world::{
@@ -27,10 +28,9 @@ const RADIUS_M: f32 = 1.0;
 const CATCH_M: f32 = 1.5;
 /// NPCs of a column.
 const COLUMN: usize = 16;
-/// NPCs of a wedge with their leader, the distance between them, m, and the distance between its goals, m.
+/// NPCs of a wedge with their leader, and the distance between them, m.
 const WEDGE: usize = 9;
 const WEDGE_SPACING_M: f32 = 1.7;
-const STAGE_M: f32 = 40.0;
 /// Speed of a player that walks, m/s.
 const RUNNER_SPEED: f32 = 3.0;
 /// Decisions for which a player stays at each end of its way by a lift: 5 s.
@@ -206,10 +206,10 @@ impl Suite<'_> {
         Ok(contact.report(about, "within 3 m for 95 %", None))
     }
 
-    /// A wedge of NPCs behind one that goes round the course.
+    /// A wedge of NPCs behind one that goes from place to place of the course.
     pub(super) fn wedge(&self) -> Result<SceneReport, EvalError> {
         let level = self.level(scenes::course())?;
-        let way = scenes::round_the_course();
+        let goals = scenes::across_the_course();
         let mut contact = Contact::default();
         for seed in 0..self.config.runs {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -217,16 +217,16 @@ impl Suite<'_> {
             let starts: Vec<Goal> =
                 (0..WEDGE).map(|idx| Goal { start: row(idx), yaw: random_yaw(&mut rng), goal: row(idx) }).collect();
             let rollout = self.rollout(&level, seed, true);
-            let mut stage = 0.0;
-            let next = |stage: f32| way.at(scenes::DOORWAY_AT + stage * STAGE_M);
-            let mut formation = Formation::new(Shape::Wedge, WEDGE_SPACING_M, starts[0].start, next(stage));
+            let mut next = goals.iter().cycle();
+            let mut goal = *next.next().expect("it never ends");
+            let mut formation = Formation::new(Shape::Wedge, WEDGE_SPACING_M, starts[0].start, goal);
             let slots: Vec<NpcSlot> = (1..WEDGE as u32).map(NpcSlot).collect();
             self.watch(&mut contact, (&level, &rollout), (&starts, CHASE), |world, _, errands| {
                 let leader = feet(world, 0).unwrap_or(errands[0].goal);
-                if leader.distance(next(stage)) <= RADIUS_M {
-                    stage += 1.0;
+                if leader.distance(goal) <= RADIUS_M + KEEP_SLACK_M {
+                    goal = *next.next().expect("it never ends");
                 }
-                errands[0].goal = next(stage);
+                errands[0].goal = goal;
                 if world.npc(NpcSlot(WEDGE as u32 - 1)).is_some() {
                     let orders = formation.update(world, NpcSlot(0), &slots);
                     errands[0].waits = orders.leader_waits;
@@ -239,7 +239,7 @@ impl Suite<'_> {
                 targets
             });
         }
-        let about = format!("a wedge of {WEDGE} solid NPCs round the course");
+        let about = format!("a wedge of {WEDGE} solid NPCs through a doorway and up stairs");
         Ok(contact.report(about, "within 3 m for 95 %", None))
     }
 

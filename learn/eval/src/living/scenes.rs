@@ -255,6 +255,11 @@ pub fn round_the_course() -> Way {
     on_the_floor(&way)
 }
 
+/// Places of the course in the order in which a group visits them: in both halls and on the deck, m.
+pub fn across_the_course() -> Vec<Vec3> {
+    on_the_floor(&[[54.0, 0.0, 16.0], [42.0, 3.0, 5.5], [8.0, 0.0, 12.0]]).0
+}
+
 /// Round six of the rooms of [`rooms`], with the doors on the way: their movers and middles, m.
 pub fn round_the_rooms() -> (Way, Vec<(usize, Vec3)>) {
     let middle = |[x, z]: [usize; 2]| [7.0 + 10.0 * x as f32, 0.0, 7.0 + 10.0 * z as f32];
