@@ -17,6 +17,16 @@ namespace {
 constexpr double decisions_per_second = 6.0;
 // An attempt without a plan is hopeless after as many decisions without coming closer.
 constexpr uint32_t hopeless_decisions = 300;
+// How far a place is from the goal at most to be near it: in m, and as a share of the character's distance from the
+// goal.
+constexpr float near_m = 4.0f;
+constexpr float near_share = 0.25f;
+// A waypoint within 1 cm of the goal is the goal: places are rounded on their way to the map and back.
+constexpr float same_m = 0.01f;
+// How much farther than its radius a target gets away until the character follows again, m.
+constexpr double keep_slack_m = 0.5;
+
+float distance(sf_vec3 a, sf_vec3 b) { return frames::length(frames::minus(a, b)); }
 
 // Agents begin in different ticks, so that each tick has its share of the decisions.
 int64_t next_phase() {
@@ -56,11 +66,19 @@ struct SurefootAgent3D::Life {
     sf_agents* agents;
     // The attempt at the goal, if there is a graph.
     sf_follower* follower = nullptr;
+    // The graph with which the attempt began, to be compared only.
+    const SurefootGraph* plans_of = nullptr;
     // Height of the body's origin above its feet, m.
     double feet_offset;
     int64_t tick = next_phase();
     bool waypoint_was_reached = false;
+    bool is_last_leg = false;
+    // Whether the goal has drifted so far that another plan is needed.
+    bool needs_plan = false;
     uint32_t plans = 0;
+    // Where a character without a plan stood, and decisions since it was 1 m away from there.
+    sf_vec3 stood_at{};
+    uint32_t standing = 0;
 };
 
 // ---------------------------------------------------------------------------------------------------------------- beginning and end
@@ -109,6 +127,7 @@ void SurefootAgent3D::begin() {
 
 void SurefootAgent3D::end() {
     is_navigating_ = false;
+    target_id_ = 0;
     action_ = {};
     life_.reset();
 }
@@ -169,9 +188,47 @@ bool SurefootAgent3D::set_goal(sf_vec3 goal) {
         push_error("SurefootAgent3D.set_goal: the agent is not ready: add it to the scene as a child of a CharacterBody3D, and see earlier errors");
         return false;
     }
-    stop();
+    target_id_ = 0;
+    return go_to(goal);
+}
+
+bool SurefootAgent3D::follow(const Variant& target) {
+    if (target.object() == nullptr || !target.call("is_class", "Node3D").boolean()) {
+        push_error("SurefootAgent3D.follow: the target is no Node3D: pass the node that the agent is to follow");
+        return false;
+    }
+    if (!set_goal(target.call("get_global_position").vector3())) {
+        return false;
+    }
+    target_id_ = target.call("get_instance_id").integer();
+    return true;
+}
+
+Variant SurefootAgent3D::get_target() const { return target_id_ == 0 ? Variant() : Variant::object_with(target_id_); }
+
+void SurefootAgent3D::set_goal_radius(double radius) {
+    if (!(radius >= 0.0 && radius <= static_cast<double>(SF_RAY_RANGE))) {
+        push_error("SurefootAgent3D.goal_radius is out of range: set it to 0 to 30 m");
+        return;
+    }
+    goal_radius_ = radius;
+}
+
+bool SurefootAgent3D::go_to(sf_vec3 goal) { return is_near_goal(goal) ? move_goal(goal) : begin_attempt(goal); }
+
+bool SurefootAgent3D::is_near_goal(sf_vec3 place) const {
+    // A new graph needs another attempt.
+    const bool goes_on = is_navigating_ && life_->plans_of == graph();
+    return goes_on && distance(place, goal_) <= std::max(near_m, near_share * distance(feet(), goal_));
+}
+
+bool SurefootAgent3D::begin_attempt(sf_vec3 goal) {
+    halt();
     sf_error error;
     SurefootGraph* plans = graph();
+    life_->plans_of = plans;
+    life_->stood_at = feet();
+    life_->standing = 0;
     if (plans != nullptr &&
         (plans->loaded() == nullptr || !succeeded(sf_follower_create(plans->to_map(goal), &life_->follower, &error), error))) {
         return false;
@@ -182,7 +239,33 @@ bool SurefootAgent3D::set_goal(sf_vec3 goal) {
     return is_navigating_;
 }
 
+// The attempt goes on with another goal, and takes another plan once the goal has drifted far.
+bool SurefootAgent3D::move_goal(sf_vec3 goal) {
+    sf_error error;
+    SurefootGraph* plans = graph();
+    if (life_->follower == nullptr || plans == nullptr) {
+        const bool is_set = distance(goal, goal_) == 0.0f || head_for(goal);
+        goal_ = is_set ? goal : goal_;
+        return is_set;
+    }
+    sf_step step{};
+    step.struct_size = sizeof step;
+    if (!succeeded(sf_follower_move_goal(life_->follower, plans->to_map(goal), plans->to_map(feet()),
+                                         life_->waypoint_was_reached, &step, &error), error)) {
+        return false;
+    }
+    goal_ = goal;
+    life_->needs_plan = step.kind == SF_STEP_PLAN;
+    return step.kind != SF_STEP_HEAD || head_for(plans->from_map(step.waypoint));
+}
+
 void SurefootAgent3D::stop() {
+    target_id_ = 0;
+    halt();
+}
+
+// Ends the attempt; a node that is followed stays.
+void SurefootAgent3D::halt() {
     is_navigating_ = false;
     action_ = {};
     if (life_ != nullptr) {
@@ -207,7 +290,7 @@ void SurefootAgent3D::respawned() {
 }
 
 void SurefootAgent3D::arrive() {
-    stop();
+    halt();
     self().call("emit_signal", "reached");
 }
 
@@ -227,7 +310,7 @@ void SurefootAgent3D::close_attempt() {
     sf_follower_destroy(life_->follower);
     life_->follower = nullptr;
     life_->plans = 0;
-    life_->waypoint_was_reached = false;
+    life_->waypoint_was_reached = life_->is_last_leg = life_->needs_plan = false;
 }
 
 void SurefootAgent3D::note_traversals(SurefootGraph& plans) {
@@ -253,27 +336,72 @@ sf_vec3 SurefootAgent3D::feet() const {
 }
 
 void SurefootAgent3D::tick() {
-    if (is_navigating_) {
-        const sf_vec3 place = feet();
-        int32_t reached = 0;
-        sf_error error;
-        if (!succeeded(sf_agents_note(life_->agents, 0, place, &reached, &error), error)) {
-            fail("error");
-        } else if (frames::length(frames::minus(goal_, place)) <= SF_REACHED_WITHIN) {
-            arrive();
-        }
-        const bool is_near = frames::length(frames::minus(waypoint_, place)) <= SF_REACHED_WITHIN;
-        // A receiver of the signal may have removed the agent from the scene.
-        if (life_ == nullptr) {
+    // A receiver of a signal may remove the agent from the scene.
+    if (is_navigating_ && !note()) {
+        return;
+    }
+    if (++life_->tick % ticks_per_decision() == 0) {
+        chase();
+        if (life_ == nullptr || (is_navigating_ && !decide())) {
             return;
         }
-        life_->waypoint_was_reached |= is_near;
-    }
-    if (++life_->tick % ticks_per_decision() == 0 && is_navigating_ && !decide()) {
-        return;
     }
     if (life_ != nullptr && moves_body_) {
         life_->walker.move(static_cast<float>(self().call("get_physics_process_delta_time").number()));
+    }
+}
+
+// Notes what the character passes, and whether it has arrived. False if the agent has left the scene.
+bool SurefootAgent3D::note() {
+    const sf_state now = state();
+    int32_t passed = 0;
+    sf_error error;
+    if (!succeeded(sf_agents_note(life_->agents, 0, now.feet, &passed, &error), error)) {
+        fail("error");
+        return life_ != nullptr;
+    }
+    // Waypoints are passed on the run or in flight, but the last one is a place to stand. If it is the goal itself, the
+    // follower counts the time until the character has arrived there.
+    const bool is_goal = distance(waypoint_, goal_) <= same_m;
+    life_->waypoint_was_reached |=
+        life_->is_last_leg ? !is_goal && has_arrived(now, waypoint_, SF_REACHED_WITHIN) : passed != 0;
+    if (has_arrived(now, goal_, goal_radius_)) {
+        arrive();
+    }
+    return life_ != nullptr;
+}
+
+// Whether the character stands near a place of the scene, with nothing solid between.
+bool SurefootAgent3D::has_arrived(const sf_state& state, sf_vec3 goal, double radius) {
+    const float within = static_cast<float>(radius);
+    sf_ray rays[SF_ARRIVAL_RAY_COUNT];
+    sf_hit hits[SF_ARRIVAL_RAY_COUNT];
+    size_t ray_count = 0;
+    int32_t arrived = 0;
+    sf_error error;
+    if (!succeeded(sf_agents_arrival_rays(life_->agents, &state, goal, within, rays, SF_ARRIVAL_RAY_COUNT, &ray_count,
+                                          &error), error) || ray_count == 0) {
+        return false;
+    }
+    life_->sight.cast(rays, ray_count, hits);
+    return succeeded(sf_agents_has_arrived(life_->agents, &state, goal, within, hits, &arrived, &error), error) &&
+           arrived != 0;
+}
+
+// Before a decision: moves the goal to the node that is followed.
+void SurefootAgent3D::chase() {
+    if (target_id_ == 0) {
+        return;
+    }
+    const Variant target = get_target();
+    if (target.is_nil() || !target.call("is_inside_tree").boolean()) {
+        fail("target_lost");
+        return;
+    }
+    const sf_vec3 place = target.call("get_global_position").vector3();
+    const bool has_got_away = static_cast<double>(distance(place, feet())) > goal_radius_ + keep_slack_m;
+    if ((is_navigating_ || has_got_away) && !go_to(place)) {
+        fail("error");
     }
 }
 
@@ -320,7 +448,13 @@ bool SurefootAgent3D::choose_waypoint() {
         fail("error");
         return false;
     }
-    if (progress.stalled_decisions >= hopeless_decisions) {
+    // Progress starts again whenever the goal moves, so a character that stands still gives up as well.
+    life_->standing++;
+    if (distance(feet(), life_->stood_at) > SF_REACHED_WITHIN) {
+        life_->stood_at = feet();
+        life_->standing = 0;
+    }
+    if (std::max(progress.stalled_decisions, life_->standing) >= hopeless_decisions) {
         fail("no_progress");
         return false;
     }
@@ -334,10 +468,13 @@ bool SurefootAgent3D::follow_plan(SurefootGraph& plans) {
     sf_error error;
     bool is_sound = succeeded(sf_follower_advance(life_->follower, place, life_->waypoint_was_reached, &step, &error), error);
     life_->waypoint_was_reached = false;
-    if (is_sound && step.kind == SF_STEP_PLAN) {
+    const bool goes_on = step.kind == SF_STEP_KEEP || step.kind == SF_STEP_HEAD;
+    if (is_sound && (step.kind == SF_STEP_PLAN || (life_->needs_plan && goes_on))) {
+        life_->needs_plan = false;
         is_sound = plans.loaded() != nullptr && succeeded(sf_follower_plan(life_->follower, plans.loaded(), place, static_cast<float>(caution_),
                                                                           static_cast<uint32_t>(without_), &step, &error), error);
     }
+    life_->is_last_leg = step.leg_count > 0 && step.leg + 1 == step.leg_count;
     if (is_sound && step.kind == SF_STEP_HEAD) {
         is_sound = head_for(plans.from_map(step.waypoint));
     }
@@ -354,8 +491,12 @@ bool SurefootAgent3D::follow_plan(SurefootGraph& plans) {
 
 bool SurefootAgent3D::head_for(sf_vec3 waypoint) {
     sf_error error;
+    if (!succeeded(sf_agents_set_goal(life_->agents, 0, feet(), waypoint, &error), error)) {
+        return false;
+    }
     waypoint_ = waypoint;
-    return succeeded(sf_agents_set_goal(life_->agents, 0, feet(), waypoint, &error), error);
+    life_->waypoint_was_reached = false;
+    return true;
 }
 
 Array SurefootAgent3D::get_plan() {
@@ -410,10 +551,12 @@ void SurefootAgent3D::register_class() {
     using A = SurefootAgent3D;
     engine::ClassBuilder builder("SurefootAgent3D", "Node", true, []() -> std::unique_ptr<engine::Instance> { return std::make_unique<A>(); });
     builder.method<&A::set_goal>("set_goal", {"goal"})
+        .method<&A::follow>("follow", {"target"})
         .method<&A::stop>("stop")
         .method<&A::respawned>("respawned")
         .method<&A::is_navigating>("is_navigating")
         .method<&A::get_goal>("get_goal")
+        .method<&A::get_target>("get_target")
         .method<&A::get_waypoint>("get_waypoint")
         .method<&A::get_plan>("get_plan")
         .method<&A::get_action>("get_action")
@@ -430,6 +573,7 @@ void SurefootAgent3D::register_properties(engine::ClassBuilder& builder) {
         .property<&A::get_policy, &A::set_policy>({"policy", GDEXTENSION_VARIANT_TYPE_STRING, 0, "", ""})
         .property<&A::get_moves_body, &A::set_moves_body>({"moves_body", boolean, 0, "", ""})
         .property<&A::get_can_air_jump, &A::set_can_air_jump>({"can_air_jump", boolean, 0, "", ""})
+        .property<&A::get_goal_radius, &A::set_goal_radius>(value("goal_radius", "0.1,10,0.1,suffix:m"))
         .property<&A::get_noise, &A::set_noise>(value("noise", "0,1,0.05"))
         .property<&A::get_noise_seed, &A::set_noise_seed>({"noise_seed", integer, 0, "", ""})
         .group("Plans")
