@@ -1,6 +1,4 @@
-#include "surefoot_agent_3d.hpp"
-
-#include "frames.hpp"
+#include "surefoot_agent_3d_life.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -17,30 +15,10 @@ namespace {
 constexpr double decisions_per_second = 6.0;
 // An attempt without a plan is hopeless after as many decisions without coming closer.
 constexpr uint32_t hopeless_decisions = 300;
-// How far a place is from the goal at most to be near it: in m, and as a share of the character's distance from the
-// goal.
-constexpr float near_m = 4.0f;
-constexpr float near_share = 0.25f;
 // A waypoint within 1 cm of the goal is the goal: places are rounded on their way to the map and back.
 constexpr float same_m = 0.01f;
 // How much farther than its radius a target gets away until the character follows again, m.
 constexpr double keep_slack_m = 0.5;
-
-float distance(sf_vec3 a, sf_vec3 b) { return frames::length(frames::minus(a, b)); }
-
-// Agents begin in different ticks, so that each tick has its share of the decisions.
-int64_t next_phase() {
-    static int64_t agent_count = 0;
-    return agent_count++;
-}
-
-// Reports what a call of an agent says. True if it succeeded.
-bool succeeded(sf_status status, const sf_error& error) {
-    if (status != SF_OK) {
-        push_error(std::string("SurefootAgent3D: ") + error.message);
-    }
-    return status == SF_OK;
-}
 
 // Physics ticks from one decision to the next, whatever the project's tick rate.
 int64_t ticks_per_decision() {
@@ -49,37 +27,6 @@ int64_t ticks_per_decision() {
 }
 
 }  // namespace
-
-struct SurefootAgent3D::Life {
-    Life(const Variant& body, const sf_body& profile, sf_agents* agents, double feet_offset)
-        : body(body), sight(body), walker(body, profile), agents(agents), feet_offset(feet_offset) {}
-    ~Life() {
-        sf_follower_destroy(follower);
-        sf_agents_destroy(agents);
-    }
-    Life(const Life&) = delete;
-    Life& operator=(const Life&) = delete;
-
-    Variant body;
-    Sight sight;
-    Walker walker;
-    sf_agents* agents;
-    // The attempt at the goal, if there is a graph.
-    sf_follower* follower = nullptr;
-    // The graph with which the attempt began, to be compared only.
-    const SurefootGraph* plans_of = nullptr;
-    // Height of the body's origin above its feet, m.
-    double feet_offset;
-    int64_t tick = next_phase();
-    bool waypoint_was_reached = false;
-    bool is_last_leg = false;
-    // Whether the goal has drifted so far that another plan is needed.
-    bool needs_plan = false;
-    uint32_t plans = 0;
-    // Where a character without a plan stood, and decisions since it was 1 m away from there.
-    sf_vec3 stood_at{};
-    uint32_t standing = 0;
-};
 
 // ---------------------------------------------------------------------------------------------------------------- beginning and end
 
@@ -179,152 +126,6 @@ void SurefootAgent3D::set_graph(const Variant& graph) {
         return;
     }
     graph_ = graph;
-}
-
-// ---------------------------------------------------------------------------------------------------------------- attempts
-
-bool SurefootAgent3D::set_goal(sf_vec3 goal) {
-    if (life_ == nullptr) {
-        push_error("SurefootAgent3D.set_goal: the agent is not ready: add it to the scene as a child of a CharacterBody3D, and see earlier errors");
-        return false;
-    }
-    target_id_ = 0;
-    return go_to(goal);
-}
-
-bool SurefootAgent3D::follow(const Variant& target) {
-    if (target.object() == nullptr || !target.call("is_class", "Node3D").boolean()) {
-        push_error("SurefootAgent3D.follow: the target is no Node3D: pass the node that the agent is to follow");
-        return false;
-    }
-    if (!set_goal(target.call("get_global_position").vector3())) {
-        return false;
-    }
-    target_id_ = target.call("get_instance_id").integer();
-    return true;
-}
-
-Variant SurefootAgent3D::get_target() const { return target_id_ == 0 ? Variant() : Variant::object_with(target_id_); }
-
-void SurefootAgent3D::set_goal_radius(double radius) {
-    if (!(radius >= 0.0 && radius <= static_cast<double>(SF_RAY_RANGE))) {
-        push_error("SurefootAgent3D.goal_radius is out of range: set it to 0 to 30 m");
-        return;
-    }
-    goal_radius_ = radius;
-}
-
-bool SurefootAgent3D::go_to(sf_vec3 goal) { return is_near_goal(goal) ? move_goal(goal) : begin_attempt(goal); }
-
-bool SurefootAgent3D::is_near_goal(sf_vec3 place) const {
-    // A new graph needs another attempt.
-    const bool goes_on = is_navigating_ && life_->plans_of == graph();
-    return goes_on && distance(place, goal_) <= std::max(near_m, near_share * distance(feet(), goal_));
-}
-
-bool SurefootAgent3D::begin_attempt(sf_vec3 goal) {
-    halt();
-    sf_error error;
-    SurefootGraph* plans = graph();
-    life_->plans_of = plans;
-    life_->stood_at = feet();
-    life_->standing = 0;
-    if (plans != nullptr &&
-        (plans->loaded() == nullptr || !succeeded(sf_follower_create(plans->to_map(goal), &life_->follower, &error), error))) {
-        return false;
-    }
-    goal_ = goal;
-    // With a plan this holds until the next decision, which knows the first waypoint.
-    is_navigating_ = head_for(goal);
-    return is_navigating_;
-}
-
-// The attempt goes on with another goal, and takes another plan once the goal has drifted far.
-bool SurefootAgent3D::move_goal(sf_vec3 goal) {
-    sf_error error;
-    SurefootGraph* plans = graph();
-    if (life_->follower == nullptr || plans == nullptr) {
-        const bool is_set = distance(goal, goal_) == 0.0f || head_for(goal);
-        goal_ = is_set ? goal : goal_;
-        return is_set;
-    }
-    sf_step step{};
-    step.struct_size = sizeof step;
-    if (!succeeded(sf_follower_move_goal(life_->follower, plans->to_map(goal), plans->to_map(feet()),
-                                         life_->waypoint_was_reached, &step, &error), error)) {
-        return false;
-    }
-    goal_ = goal;
-    life_->needs_plan = step.kind == SF_STEP_PLAN;
-    return step.kind != SF_STEP_HEAD || head_for(plans->from_map(step.waypoint));
-}
-
-void SurefootAgent3D::stop() {
-    target_id_ = 0;
-    halt();
-}
-
-// Ends the attempt; a node that is followed stays.
-void SurefootAgent3D::halt() {
-    is_navigating_ = false;
-    action_ = {};
-    if (life_ != nullptr) {
-        life_->walker.begin_decision(action_);
-        close_attempt();
-    }
-}
-
-void SurefootAgent3D::respawned() {
-    sf_error error;
-    if (life_ == nullptr) {
-        return;
-    }
-    if (life_->follower != nullptr) {
-        sf_follower_note_death(life_->follower, nullptr);
-    }
-    if (is_navigating_) {
-        fail("died");
-    }
-    const uint64_t seed = static_cast<uint64_t>(noise_seed_) + static_cast<uint64_t>(life_->tick);
-    succeeded(sf_agents_begin(life_->agents, 0, seed, &error), error);
-}
-
-void SurefootAgent3D::arrive() {
-    halt();
-    self().call("emit_signal", "reached");
-}
-
-void SurefootAgent3D::fail(const std::string& reason) {
-    stop();
-    self().call("emit_signal", "failed", reason);
-}
-
-// Ends the attempt, and lets later plans know how its legs went.
-void SurefootAgent3D::close_attempt() {
-    if (life_->follower == nullptr) {
-        return;
-    }
-    if (SurefootGraph* plans = graph()) {
-        note_traversals(*plans);
-    }
-    sf_follower_destroy(life_->follower);
-    life_->follower = nullptr;
-    life_->plans = 0;
-    life_->waypoint_was_reached = life_->is_last_leg = life_->needs_plan = false;
-}
-
-void SurefootAgent3D::note_traversals(SurefootGraph& plans) {
-    std::vector<sf_traversal> traversals(64);
-    size_t count = 0;
-    sf_error error;
-    sf_status status = sf_follower_take_traversals(life_->follower, traversals.data(), traversals.size(), &count, &error);
-    if (status == SF_BUFFER_TOO_SMALL) {
-        traversals.resize(count);
-        status = sf_follower_take_traversals(life_->follower, traversals.data(), traversals.size(), &count, &error);
-    }
-    if (succeeded(status, error) && plans.loaded() != nullptr) {
-        succeeded(sf_graph_note_traversals(plans.loaded(), traversals.data(), count, &error), error);
-    }
 }
 
 // ---------------------------------------------------------------------------------------------------------------- ticks and decisions
@@ -527,72 +328,6 @@ Dictionary SurefootAgent3D::get_action() const {
     action.set("turn", static_cast<double>(action_.turn));
     action.set("jump", static_cast<double>(action_.jump));
     return action;
-}
-
-// ---------------------------------------------------------------------------------------------------------------- registration
-
-namespace {
-
-constexpr engine::Type boolean = GDEXTENSION_VARIANT_TYPE_BOOL, integer = GDEXTENSION_VARIANT_TYPE_INT, number = GDEXTENSION_VARIANT_TYPE_FLOAT;
-// Values of Godot's PropertyHint.
-constexpr uint32_t hint_range = 1, hint_flags = 6, hint_layers = 11, hint_resource = 17;
-
-engine::Property value(const char* name, const char* range) { return {name, number, hint_range, range, ""}; }
-
-// A property of the body: the field of sf_body with its name.
-template <float sf_body::*field>
-void register_body(engine::ClassBuilder& builder, const char* name, const char* range) {
-    builder.property<&SurefootAgent3D::get_value<field>, &SurefootAgent3D::set_value<field>>(value(name, range));
-}
-
-}  // namespace
-
-void SurefootAgent3D::register_class() {
-    using A = SurefootAgent3D;
-    engine::ClassBuilder builder("SurefootAgent3D", "Node", true, []() -> std::unique_ptr<engine::Instance> { return std::make_unique<A>(); });
-    builder.method<&A::set_goal>("set_goal", {"goal"})
-        .method<&A::follow>("follow", {"target"})
-        .method<&A::stop>("stop")
-        .method<&A::respawned>("respawned")
-        .method<&A::is_navigating>("is_navigating")
-        .method<&A::get_goal>("get_goal")
-        .method<&A::get_target>("get_target")
-        .method<&A::get_waypoint>("get_waypoint")
-        .method<&A::get_plan>("get_plan")
-        .method<&A::get_action>("get_action")
-        .signal("reached")
-        .signal("failed", {{"reason", GDEXTENSION_VARIANT_TYPE_STRING}})
-        .signal("plan_changed")
-        .signal("decided");
-    register_properties(builder);
-}
-
-void SurefootAgent3D::register_properties(engine::ClassBuilder& builder) {
-    using A = SurefootAgent3D;
-    builder.property<&A::get_graph, &A::set_graph>({"graph", GDEXTENSION_VARIANT_TYPE_OBJECT, hint_resource, "SurefootGraph", "SurefootGraph"})
-        .property<&A::get_policy, &A::set_policy>({"policy", GDEXTENSION_VARIANT_TYPE_STRING, 0, "", ""})
-        .property<&A::get_moves_body, &A::set_moves_body>({"moves_body", boolean, 0, "", ""})
-        .property<&A::get_can_air_jump, &A::set_can_air_jump>({"can_air_jump", boolean, 0, "", ""})
-        .property<&A::get_goal_radius, &A::set_goal_radius>(value("goal_radius", "0.1,10,0.1,suffix:m"))
-        .property<&A::get_noise, &A::set_noise>(value("noise", "0,1,0.05"))
-        .property<&A::get_noise_seed, &A::set_noise_seed>({"noise_seed", integer, 0, "", ""})
-        .group("Plans")
-        .property<&A::get_caution, &A::set_caution>(value("caution", "0,1,0.05"))
-        .property<&A::get_without, &A::set_without>(
-            {"without", integer, hint_flags, "Jump:2,Double jump:4,Pad:8,Zip line:16,Teleporter:32,Jetpack:64", ""})
-        .group("Rays")
-        .property<&A::get_ray_mask, &A::set_ray_mask>({"ray_mask", integer, hint_layers, "", ""})
-        .property<&A::get_sees_areas, &A::set_sees_areas>({"sees_areas", boolean, 0, "", ""})
-        .group("Body")
-        .property<&A::get_extra_jumps, &A::set_extra_jumps>({"extra_jumps", integer, hint_range, "0,255,1", ""});
-    register_body<&sf_body::forward_speed>(builder, "forward_speed", "0.1,20,0.1,suffix:m/s");
-    register_body<&sf_body::side_speed_share>(builder, "side_speed_share", "0,1,0.05");
-    register_body<&sf_body::turn_speed>(builder, "turn_speed", "0.1,20,0.1,suffix:rad/s");
-    register_body<&sf_body::jump_speed>(builder, "jump_speed", "0,30,0.1,suffix:m/s");
-    register_body<&sf_body::gravity>(builder, "gravity", "1,100,0.1,suffix:m/s2");
-    register_body<&sf_body::step_height>(builder, "step_height", "0,1,0.01,suffix:m");
-    register_body<&sf_body::ground_acceleration>(builder, "ground_acceleration", "1,1000,1,suffix:m/s2");
-    register_body<&sf_body::air_acceleration>(builder, "air_acceleration", "0,1000,1,suffix:m/s2");
 }
 
 }  // namespace surefoot
