@@ -15,6 +15,10 @@ const STRIDE_M: f32 = 0.25;
 const SLACK_M: f32 = 0.25;
 /// Heights above the feet at which nothing solid may lie between a body and a place, as shares of the body's height.
 const OPEN_AT: [f32; 2] = [0.25, 0.75];
+/// Number of lines that must be open between a body and a place.
+pub const LINE_COUNT: usize = OPEN_AT.len();
+/// Difference in height between the feet and a goal that always passes on ground that only a game knows, m.
+const LIFT_M: f32 = 0.6;
 /// Distance from a place to stand at which there must be ground all around, in radii of the body.
 const RIM_RADII: f32 = 1.2;
 /// Faces of liquids and devices above the ground that a search for ground passes.
@@ -55,6 +59,17 @@ pub enum NoFooting {
     InAir,
 }
 
+/// A straight line on which nothing solid may lie.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Where it begins, m.
+    pub from: Vec3,
+    /// Unit vector.
+    pub direction: Vec3,
+    /// m; 0 between equal places.
+    pub length: f32,
+}
+
 /// Map and movers around a body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place<'a> {
@@ -73,6 +88,24 @@ impl Arrival {
                 Self::Stand => body.is_grounded() && at.walks_straight(body.feet, goal),
             }
     }
+}
+
+/// [`Arrival::Stand`] for games, which cast rays at levels of their own: the body has arrived if nothing solid lies on
+/// these lines. `None`: it has not arrived, because it is in the air, its feet are more than `radius` metres from
+/// `goal`, m, or steps and slopes would not take it to the goal's height.
+pub fn lines_to_goal(profile: &CharacterProfile, body: &Body, goal: Vec3, radius: f32) -> Option<[Line; LINE_COUNT]> {
+    let offset = goal - body.feet;
+    let rise = profile.step_height + horizontal(offset) * libm::tanf(profile.max_slope) + SLACK_M;
+    let is_near = offset.length() <= radius && offset.y.abs() <= rise.max(LIFT_M);
+    (is_near && body.is_grounded()).then(|| lines(profile, body.feet, goal))
+}
+
+/// The lines between bodies at two places.
+fn lines(profile: &CharacterProfile, from: Vec3, to: Vec3) -> [Line; LINE_COUNT] {
+    let offset = to - from;
+    let length = offset.length();
+    let (direction, length) = if length < f32::EPSILON { (Vec3::Y, 0.0) } else { (offset / length, length) };
+    OPEN_AT.map(|share| Line { from: from + Vec3::Y * (share * profile.height), direction, length })
 }
 
 /// Whether a body could walk straight from one place on a map to another, m. Movers do not count.
@@ -172,15 +205,11 @@ impl Place<'_> {
 
     /// Whether nothing solid lies between bodies at two places.
     fn is_open(self, from: Vec3, to: Vec3) -> bool {
-        let offset = to - from;
-        let length = offset.length();
-        length < f32::EPSILON
-            || OPEN_AT.iter().all(|share| {
-                let from = from + Vec3::Y * (share * self.profile.height);
-                let direction = offset / length;
-                let hit = self.map.mesh().cast_ray(from, direction, length);
-                hit.is_none_or(|hit| !hit.surface.is_solid()) && self.movers.cast_ray(from, direction, length).is_none()
-            })
+        lines(self.profile, from, to).into_iter().filter(|line| line.length > 0.0).all(|line| {
+            let Line { from, direction, length } = line;
+            let hit = self.map.mesh().cast_ray(from, direction, length);
+            hit.is_none_or(|hit| !hit.surface.is_solid()) && self.movers.cast_ray(from, direction, length).is_none()
+        })
     }
 
     /// Whether the ground on the straight way between two places is nowhere too steep, and is continuous.

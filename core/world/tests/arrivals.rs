@@ -2,10 +2,14 @@
 
 use crate::stage::{NPC, STAND, run};
 use std::sync::Arc;
+use surefoot_world::arrival::lines_to_goal;
+use surefoot_world::character::Support;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Arrival, CharacterProfile, End, Map, MoverId, MoverOrder, StopIdx, TaskConfig, Vec3, World};
+use surefoot_world::{
+    Arrival, Body, CharacterProfile, End, Map, MoverId, MoverOrder, StopIdx, TaskConfig, Vec3, World,
+};
 
 const GROUND: f32 = 1.0;
 const RADIUS_M: f32 = 1.0;
@@ -62,6 +66,32 @@ fn a_body_has_arrived_where_it_stands_and_could_walk_to_the_goal() {
     ];
     for (case, feet, goal, expected) in cases {
         assert_eq!(arrivals(&mut world, feet, goal), expected, "{case}");
+    }
+}
+
+#[test]
+fn rays_of_a_game_find_the_same_arrivals_but_over_gaps() {
+    let map = map();
+    let cases = [
+        ("beside the goal", at(5.0, 0.0, 5.0), at(5.9, 0.0, 5.0), true),
+        ("at the goal", at(5.0, 0.0, 5.0), at(5.0, 0.0, 5.0), true),
+        ("too far", at(5.0, 0.0, 5.0), at(6.2, 0.0, 5.0), false),
+        ("behind the wall", at(9.55, 0.0, 5.0), at(10.5, 0.0, 5.0), false),
+        ("below a platform", at(19.55, 0.0, 5.0), at(20.05, 0.8, 5.0), false),
+        ("beyond a gap", at(29.9, 0.0, 5.0), at(30.7, 0.0, 5.0), true),
+        ("below stairs", at(34.8, 0.0, 5.0), at(35.7, 0.3, 5.0), true),
+        ("below a goal in the air", at(5.0, 0.0, 5.0), at(5.0, 0.55, 5.0), true),
+        ("above a goal in the ground", at(5.0, 0.0, 5.0), at(5.0, -0.9, 5.0), false),
+    ];
+    for (case, feet, goal, expected) in cases {
+        let mut body = Body::at(feet, 0.0);
+        let profile = CharacterProfile::default();
+        assert_eq!(lines_to_goal(&profile, &body, goal, RADIUS_M), None, "{case}, in the air");
+        body.support = Support::Ground;
+        let has_arrived = lines_to_goal(&profile, &body, goal, RADIUS_M).is_some_and(|lines| {
+            lines.iter().all(|line| map.mesh().cast_ray(line.from, line.direction, line.length).is_none())
+        });
+        assert_eq!(has_arrived, expected, "{case}");
     }
 }
 

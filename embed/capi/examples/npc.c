@@ -47,20 +47,40 @@ static float distance(sf_vec3 a, sf_vec3 b) {
     return sqrtf(x * x + y * y + z * z);
 }
 
-/* Moves the character for a decision. Returns whether it came to `waypoint` meanwhile. */
-static int move(const game* self, sf_action action, sf_vec3 waypoint) {
+/* ---------------------------------------------------------------------------------------------------------------- the NPC */
+
+/* Whether the character stands at a goal, with nothing solid between. */
+static int has_arrived(game* self, const sf_agents* agents, sf_vec3 goal) {
+    const sf_state state = state_of(self);
+    sf_error error;
+    sf_ray rays[SF_ARRIVAL_RAY_COUNT];
+    sf_hit hits[SF_ARRIVAL_RAY_COUNT];
+    size_t ray_count;
+    int32_t arrived = 0;
+    const float radius = SF_REACHED_WITHIN;
+    must(sf_agents_arrival_rays(agents, &state, goal, radius, rays, SF_ARRIVAL_RAY_COUNT, &ray_count, &error), &error);
+    if (ray_count > 0) {
+        cast_rays(self, rays, ray_count, hits);
+        must(sf_agents_has_arrived(agents, &state, goal, radius, hits, &arrived, &error), &error);
+    }
+    return arrived;
+}
+
+/* Moves the character for a decision. Returns whether it came to its waypoint meanwhile: it passes others on the run or
+ * in flight, but stands at the last one. */
+static int move(game* self, const sf_agents* agents, sf_action action, const sf_step* step) {
+    const int is_last = step->leg + 1 == step->leg_count;
     sf_error error;
     uint32_t tick;
     int reached = 0;
     must(sf_world_decide(self->world, self->npc, action, &error), &error);
-    for (tick = 0; tick < SF_TICKS_PER_DECISION; tick++) {
+    for (tick = 0; tick < SF_TICKS_PER_DECISION && !(is_last && reached); tick++) {
         must(sf_world_tick(self->world, NULL, &error), &error);
-        reached |= distance(state_of(self).feet, waypoint) <= SF_REACHED_WITHIN;
+        reached |= is_last ? has_arrived(self, agents, step->waypoint)
+                           : distance(state_of(self).feet, step->waypoint) <= SF_REACHED_WITHIN;
     }
     return reached;
 }
-
-/* ---------------------------------------------------------------------------------------------------------------- the NPC */
 
 /* Walks from one place to another by plan. Returns the number of decisions; 0 if it did not get there. */
 static unsigned walk(game* self, sf_agents* agents, sf_graph* graph, sf_vec3 goal) {
@@ -76,7 +96,7 @@ static unsigned walk(game* self, sf_agents* agents, sf_graph* graph, sf_vec3 goa
     for (;;) {
         const sf_state state = state_of(self);
         sf_action action;
-        if (distance(state.feet, goal) <= SF_REACHED_WITHIN) {
+        if (has_arrived(self, agents, goal)) {
             break;
         }
         must(sf_follower_advance(follower, state.feet, reached, &step, &error), &error);
@@ -92,7 +112,7 @@ static unsigned walk(game* self, sf_agents* agents, sf_graph* graph, sf_vec3 goa
         }
         must(sf_agents_observe_with(agents, NULL, &state, 1, cast_rays, self, &error), &error);
         must(sf_agents_decide(agents, NULL, 1, SF_DEFAULT_NOISE, &action, &error), &error);
-        reached = move(self, action, step.waypoint);
+        reached = move(self, agents, action, &step);
         decisions++;
     }
     must(sf_follower_take_traversals(follower, traversals, 64, &traversal_count, &error), &error);

@@ -42,8 +42,10 @@ extern "C" {
 #define SF_RAY_COUNT 64u
 /* Reach of every ray, m. */
 #define SF_RAY_RANGE 30.0f
-/* Distance from a goal or waypoint within which it counts as reached, m. */
+/* Distance from a waypoint within which it counts as reached, m, and the usual radius of goals. */
 #define SF_REACHED_WITHIN 1.0f
+/* Rays from a character to its goal. */
+#define SF_ARRIVAL_RAY_COUNT 2u
 #define SF_TICKS_PER_SECOND 60u
 #define SF_TICKS_PER_DECISION 10u
 /* Best share of a policy's exploration noise: some noise frees characters where the mean action runs in circles. */
@@ -531,6 +533,17 @@ sf_status sf_agents_note(sf_agents* agents, uint32_t agent, sf_vec3 feet, int32_
 /* Fills `rays` with the rays of `count` characters, SF_RAY_COUNT for each. `ray_capacity` is the capacity in rays. */
 sf_status sf_agents_rays(const sf_agents* agents, const sf_state* states, size_t count, sf_ray* rays,
     size_t ray_capacity, sf_error* error);
+/* Fills `rays` with the rays from a character to `goal`, which the level must not stop: SF_ARRIVAL_RAY_COUNT of them,
+ * at a quarter and three quarters of its height. There are none where the character has not arrived anyway: it does
+ * not stand on the ground (SF_GROUNDED), or its feet are more than `radius`, 0 to 30 m, from the goal, or higher or
+ * lower than it by more than 0.6 m and more than a step and the steepest slope over that distance explain. */
+sf_status sf_agents_arrival_rays(const sf_agents* agents, const sf_state* state, sf_vec3 goal, float radius,
+    sf_ray* rays, size_t capacity, size_t* count, sf_error* error);
+/* Whether a character has arrived at `goal`, by the rule of sf_agents_arrival_rays: it stands near the goal, and
+ * `hits`, those of these rays, have nothing solid before the goal. Without rays, pass NULL for `hits`. Call it every
+ * tick, to end the attempt on the ground and on the right side of walls and floors. */
+sf_status sf_agents_has_arrived(const sf_agents* agents, const sf_state* state, sf_vec3 goal, float radius,
+    const sf_hit* hits, int32_t* arrived, sf_error* error);
 /* Observes `count` agents: `states` has the state and `hits` the SF_RAY_COUNT hits of each. After an error, all
  * agents before the one that the error names are observed. */
 sf_status sf_agents_observe(sf_agents* agents, const uint32_t* ids, const sf_state* states, const sf_hit* hits,
@@ -607,7 +620,8 @@ sf_status sf_follower_create(sf_vec3 goal, sf_follower** follower, sf_error* err
 sf_status sf_follower_create_on(const sf_graph* graph, sf_vec3 goal, sf_follower** follower, sf_error* error);
 void sf_follower_destroy(sf_follower* follower);
 /* Reports, once for every decision, the position of the feet and whether they came within SF_REACHED_WITHIN of the
- * waypoint. The caller checks whether the goal is reached: at the last waypoint, unless the plan leads near. */
+ * waypoint. At the last waypoint, pass what sf_agents_has_arrived says: other waypoints are passed in flight as well.
+ * The caller checks whether the goal is reached: at the last waypoint, unless the plan leads near. */
 sf_status sf_follower_advance(sf_follower* follower, sf_vec3 feet, int32_t reached, sf_step* step, sf_error* error);
 /* Moves the goal of the attempt; `feet` and `reached` are as in sf_follower_advance. Call it whenever the target has
  * moved, such as before each decision, instead of beginning another attempt. The last leg then leads to the new goal:

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use surefoot_policy::noise;
 use surefoot_policy::{Batch as Rows, Manifest, Scratch};
+use surefoot_world::arrival::{self, LINE_COUNT};
 use surefoot_world::character::{ACTION_LEN, Ride, Support};
 use surefoot_world::map::{Device, DeviceKind, Placed};
 use surefoot_world::mesh::Surface;
@@ -258,6 +259,24 @@ impl Agents {
         }
     }
 
+    /// The rays from a body to a goal, m, that must meet nothing solid; none if the body has not arrived anyway.
+    pub fn arrival_rays(&self, sensed: &Sensed<'_>, goal: Vec3, radius: f32) -> Option<[abi::Ray; LINE_COUNT]> {
+        let lines = arrival::lines_to_goal(&self.profile, &sensed.body, goal, radius)?;
+        Some(lines.map(|line| abi::Ray { origin: line.from.into(), direction: line.direction.into() }))
+    }
+
+    /// Whether a body has arrived at a goal, m, where its rays there have these hits.
+    pub fn has_arrived(&self, sensed: &Sensed<'_>, goal: Vec3, radius: f32, hits: &[abi::Hit]) -> Result<bool, Fault> {
+        let Some(lines) = arrival::lines_to_goal(&self.profile, &sensed.body, goal, radius) else { return Ok(false) };
+        for (line, (idx, hit)) in lines.iter().zip(hits.iter().enumerate()) {
+            let met = read_hit(idx, hit)?.filter(|(_, surface)| surface.is_solid());
+            if met.is_some_and(|(distance, _)| distance < line.length) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     /// Writes the observation of an agent from the hits of its rays.
     pub fn observe(&mut self, agent: u32, sensed: &Sensed<'_>, hits: &[abi::Hit]) -> Result<(), Fault> {
         let idx = self.check(agent)?;
@@ -433,20 +452,24 @@ type Hits = ([Option<(f32, Surface)>; RAY_COUNT], [f32; RAY_COUNT]);
 fn read_hits(hits: &[abi::Hit]) -> Result<Hits, Fault> {
     let (mut found, mut bodies) = ([None; RAY_COUNT], [f32::INFINITY; RAY_COUNT]);
     for (idx, hit) in hits.iter().enumerate() {
-        let wrong =
-            |name: &str, value: f32| Fault::argument(format!("hits[{idx}].{name} is {value}: it must be 0 m or more"));
-        if let Some(surface) = checks::surface(hit.surface)? {
-            if hit.distance.is_nan() || hit.distance < 0.0 {
-                return Err(wrong("distance", hit.distance));
-            }
-            found[idx] = (hit.distance <= RAY_RANGE_M).then_some((hit.distance, surface));
-        }
+        found[idx] = read_hit(idx, hit)?;
         if hit.body_distance != 0.0 {
-            if hit.body_distance.is_nan() || hit.body_distance < 0.0 {
-                return Err(wrong("body_distance", hit.body_distance));
-            }
-            bodies[idx] = hit.body_distance;
+            bodies[idx] = distance_of(idx, "body_distance", hit.body_distance)?;
         }
     }
     Ok((found, bodies))
+}
+
+/// Checks where a ray met a surface.
+fn read_hit(idx: usize, hit: &abi::Hit) -> Result<Option<(f32, Surface)>, Fault> {
+    let Some(surface) = checks::surface(hit.surface)? else { return Ok(None) };
+    let distance = distance_of(idx, "distance", hit.distance)?;
+    Ok((distance <= RAY_RANGE_M).then_some((distance, surface)))
+}
+
+fn distance_of(idx: usize, name: &str, distance: f32) -> Result<f32, Fault> {
+    if distance >= 0.0 {
+        return Ok(distance);
+    }
+    Err(Fault::argument(format!("hits[{idx}].{name} is {distance}: it must be 0 m or more")))
 }

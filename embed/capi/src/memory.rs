@@ -7,6 +7,7 @@
 use crate::abi::{self, Growing};
 use crate::error::{Fault, Status};
 use std::ffi::{CStr, c_char};
+use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
@@ -28,7 +29,7 @@ pub(crate) unsafe fn guard(error: *mut abi::Error, call: impl FnOnce() -> Result
     fault.status as i32
 }
 
-fn check<T>(pointer: *const T, name: &str) -> Result<(), Fault> {
+fn check<T>(pointer: *const T, name: impl Display) -> Result<(), Fault> {
     if pointer.is_null() {
         return Err(Fault::argument(format!("{name} is NULL")));
     }
@@ -52,7 +53,7 @@ pub(crate) unsafe fn reference<'a, T>(pointer: *const T, name: &str) -> Result<&
 ///
 /// # Safety
 /// As for [`reference`].
-pub(crate) unsafe fn write<T>(pointer: *mut T, name: &str, value: T) -> Result<(), Fault> {
+pub(crate) unsafe fn write<T>(pointer: *mut T, name: impl Display, value: T) -> Result<(), Fault> {
     check(pointer, name)?;
     // SAFETY: neither null nor misaligned, and as the header says.
     unsafe { pointer.write(value) };
@@ -105,7 +106,7 @@ pub(crate) unsafe fn fill<T: Copy>(
 ) -> Result<(), Fault> {
     // SAFETY: passed on.
     let room = unsafe {
-        write(count, &format!("the count of {name}"), values.len())?;
+        write(count, format_args!("the count of {name}"), values.len())?;
         slice_mut(pointer, capacity, name)?
     };
     let room = room.get_mut(..values.len()).ok_or_else(|| {

@@ -189,7 +189,7 @@ fn once_made_agents_allocate_nothing() {
     let (agents, states) = on_flat_ground(COUNT as u32);
     let mut rays = vec![Ray::default(); COUNT * RAY_COUNT];
     let (hits, mut actions) = (vec![Hit::default(); COUNT * RAY_COUNT], vec![Action::default(); COUNT]);
-    let (mut bytes, mut size) = (vec![0u8; 1 << 12], 0);
+    let (mut bytes, mut size, mut arrived) = (vec![0u8; 1 << 12], 0, 0);
     let counted = allocation_counter::measure(|| {
         for _ in 0..3 {
             unsafe {
@@ -199,6 +199,10 @@ fn once_made_agents_allocate_nothing() {
                 assert_eq!(sf_agents_decide(agents, null(), COUNT, 0.5, actions.as_mut_ptr(), error), 0);
                 assert_eq!(sf_agents_note(agents, 3, at(0.0, 0.0), null_mut(), error), 0);
                 assert_eq!(sf_agents_set_goal(agents, 3, at(0.0, 0.0), at(9.0, 9.0), error), 0);
+                let (state, goal) = (states.as_ptr(), states[0].feet);
+                let status = sf_agents_arrival_rays(agents, state, goal, 1.0, rays.as_mut_ptr(), 2, &mut size, error);
+                assert_eq!((status, size), (0, 2));
+                assert_eq!(sf_agents_has_arrived(agents, state, goal, 1.0, hits.as_ptr(), &mut arrived, error), 0);
                 let cast = Some(cast_at_ground as abi::CastRays);
                 assert_eq!(sf_agents_observe_with(agents, null(), states.as_ptr(), COUNT, cast, null_mut(), error), 0);
                 assert_eq!(sf_agents_save(agents, 3, bytes.as_mut_ptr().cast(), bytes.len(), &mut size, error), 0);
@@ -224,6 +228,62 @@ fn a_goal_is_reached_between_decisions_and_progress_is_told() {
     ok(|error| unsafe { sf_agents_set_goal(agents, 0, states[0].feet, at(0.0, 50.0), error) });
     ok(|error| unsafe { sf_agents_progress(agents, 0, &mut progress, error) });
     assert!(progress.reached == 0 && progress.best_distance == 50.0);
+    unsafe { sf_agents_destroy(agents) };
+}
+
+/// Whether a character with these flags and this place of its feet has arrived at a goal, where its rays there end on
+/// `hits`; and the number of its rays.
+fn arrival(agents: *mut Handle<Agents>, (flags, feet): (u32, Vec3), goal: Vec3, hits: &[Hit]) -> (bool, usize) {
+    let state = State { flags, feet, ..state() };
+    let (mut rays, mut count, mut arrived) = ([Ray::default(); 2], 9, 9);
+    ok(|error| unsafe { sf_agents_arrival_rays(agents, &state, goal, 1.0, rays.as_mut_ptr(), 2, &mut count, error) });
+    for (ray, height) in rays.iter().zip([0.45, 1.35]).take(count) {
+        assert!((ray.origin.y - feet.y - height).abs() < 1.0e-6, "{ray:?}");
+    }
+    let hits = if hits.is_empty() { null() } else { hits.as_ptr() };
+    ok(|error| unsafe { sf_agents_has_arrived(agents, &state, goal, 1.0, hits, &mut arrived, error) });
+    (arrived == 1, count)
+}
+
+#[test]
+fn a_character_has_arrived_where_it_stands_and_nothing_solid_is_between() {
+    let agents = agents(1);
+    let above = |height: f32, x: f32| Vec3 { x, y: height, z: 0.0 };
+    let goal = above(0.0, 0.0);
+    let cases = [
+        ("beside the goal", (abi::GROUNDED, above(0.0, 0.9)), (true, 2)),
+        ("at the goal", (abi::GROUNDED, goal), (true, 2)),
+        ("too far", (abi::GROUNDED, above(0.0, 1.1)), (false, 0)),
+        ("in the air", (abi::CAN_JUMP, above(0.0, 0.5)), (false, 0)),
+        ("on a crate", (abi::GROUNDED, above(0.8, 0.2)), (false, 0)),
+        ("up to where a goal hangs above its ground", (abi::GROUNDED, above(-0.59, 0.0)), (true, 2)),
+        ("on a slope", (abi::GROUNDED, above(0.65, 0.7)), (true, 2)),
+    ];
+    for (case, character, expected) in cases {
+        assert_eq!(arrival(agents, character, goal, &[]), expected, "{case}");
+    }
+    let hit = |distance: f32, surface: i32| Hit { distance, body_distance: 0.1, surface };
+    let hits = [
+        ("nothing", hit(0.0, 0), true),
+        ("a wall", hit(0.5, 1), false),
+        ("a wall behind the goal", hit(0.85, 1), true),
+        ("water", hit(0.5, 2), true),
+    ];
+    for (case, hit, expected) in hits {
+        for hits in [[hit, Hit::default()], [Hit::default(), hit]] {
+            assert_eq!(arrival(agents, (abi::GROUNDED, above(0.0, 0.8)), goal, &hits).0, expected, "{case}");
+        }
+    }
+    let (state, mut arrived) = (state(), 0);
+    let mut call = |radius, hits: &[Hit; 2], error| unsafe {
+        sf_agents_has_arrived(agents, &state, goal, radius, hits.as_ptr(), &mut arrived, error)
+    };
+    fails(1, "radius is NaN, but must be 0 to 30", |error| call(f32::NAN, &[Hit::default(); 2], error));
+    fails(1, "hits[1].distance is -1", |error| call(1.0, &[Hit::default(), hit(-1.0, 1)], error));
+    fails(2, "rays has room for 1", |error| unsafe {
+        let (mut ray, mut count) = (Ray::default(), 0);
+        sf_agents_arrival_rays(agents, &state, goal, 1.0, &mut ray, 1, &mut count, error)
+    });
     unsafe { sf_agents_destroy(agents) };
 }
 

@@ -224,6 +224,7 @@ fn structs_and_constants_are_those_of_the_source() {
         ("SF_RIDES", abi::RIDES as usize),
         ("SF_SURFACE_JETPACK", abi::surface_number(surefoot_world::mesh::Surface::Jetpack) as usize),
         ("SF_JETPACK", surefoot_world::Ability::Jetpack as usize),
+        ("SF_ARRIVAL_RAY_COUNT", surefoot_world::arrival::LINE_COUNT),
         ("SF_RAY_RANGE", surefoot_world::sense::RAY_RANGE_M as usize),
     ] {
         writeln!(program, "_Static_assert({name} == {value}, \"{name}\");").unwrap();

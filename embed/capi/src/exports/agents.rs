@@ -8,6 +8,8 @@ use crate::memory::{self, fill, growing_at, hand_out, lock, reference, slice, sl
 use std::ffi::{c_char, c_void};
 use std::path::Path;
 use std::sync::Mutex;
+use surefoot_world::arrival::LINE_COUNT;
+use surefoot_world::sense::RAY_RANGE_M;
 
 destroy!(sf_policy_destroy Policy, sf_agents_destroy Handle<Agents>);
 
@@ -93,6 +95,36 @@ export! {
             agents.rays_of(&sensed(states, idx, &agents)?, rays);
         }
         Ok(())
+    }
+
+    fn sf_agents_arrival_rays(
+        agents: *const Handle<Agents>,
+        state: *const abi::State,
+        goal: abi::Vec3,
+        radius: f32,
+        rays: *mut abi::Ray,
+        capacity: usize,
+        count: *mut usize,
+    ) {
+        let agents = lock(reference(agents, "agents")?, "agents")?;
+        let (goal, radius) = (goal.checked("goal")?, arrival_radius(radius)?);
+        let found = agents.arrival_rays(&sensed(state, 0, &agents)?, goal, radius);
+        fill(rays, capacity, count, "rays", found.as_ref().map_or(&[], |rays| rays))
+    }
+
+    fn sf_agents_has_arrived(
+        agents: *const Handle<Agents>,
+        state: *const abi::State,
+        goal: abi::Vec3,
+        radius: f32,
+        hits: *const abi::Hit,
+        arrived: *mut i32,
+    ) {
+        let agents = lock(reference(agents, "agents")?, "agents")?;
+        let (goal, radius) = (goal.checked("goal")?, arrival_radius(radius)?);
+        let hits = if hits.is_null() { &[] } else { slice(hits, LINE_COUNT, "hits")? };
+        let has_arrived = agents.has_arrived(&sensed(state, 0, &agents)?, goal, radius, hits)?;
+        write(arrived, "arrived", has_arrived.into())
     }
 
     fn sf_agents_observe(
@@ -226,6 +258,14 @@ impl<'a> Ids<'a> {
     fn iter(&self) -> impl Iterator<Item = u32> + Clone {
         (0..self.count).map(|idx| self.list.get(idx).copied().unwrap_or(idx as u32))
     }
+}
+
+/// Checks the radius around a goal: rays reach no farther.
+fn arrival_radius(radius: f32) -> Result<f32, Fault> {
+    if (0.0..=RAY_RANGE_M).contains(&radius) {
+        return Ok(radius);
+    }
+    Err(Fault::argument(format!("radius is {radius}, but must be 0 to {RAY_RANGE_M} m")))
 }
 
 /// State `idx` of an array.

@@ -6,13 +6,14 @@ use bevy_math::Vec3;
 use std::fmt;
 use surefoot_planner::{AbilitySet, Caution, NoPath, Plan};
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
+use surefoot_world::arrival::{LINE_COUNT, Line};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::RAY_COUNT;
 use surefoot_world::{Ability, Action, CharacterProfile};
 
 /// A character that the policy moves.
 #[derive(Component, Debug, Clone)]
-#[require(AgentState, AgentAction, AgentPlan, Sight, Mind)]
+#[require(AgentState, AgentAction, AgentPlan, Sight, GoalSight, Mind)]
 pub struct SurefootAgent {
     /// Its body; a graph is proved for one.
     pub body: CharacterProfile,
@@ -40,9 +41,14 @@ impl Default for SurefootAgent {
 }
 
 /// Where an agent is to go: the place for its feet, m. Inserting or changing it begins an attempt; removing it ends the
-/// attempt.
+/// attempt. Near the goal of an attempt under way, within 4 m or a quarter of the agent's distance, a change moves that
+/// goal, and the plan stays until the goal has drifted far. So a target that moves may be written in every tick.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct Goal(pub Vec3);
+
+/// Distance from its goal within which an agent must stand, m; 1 m without this component.
+#[derive(Component, Debug, Clone, Copy, PartialEq)]
+pub struct GoalRadius(pub f32);
 
 /// The state of an agent's body. The controller writes it in
 /// [`SurefootSystems::Sense`](crate::SurefootSystems::Sense).
@@ -105,6 +111,17 @@ impl Default for Sight {
     }
 }
 
+/// The lines between an agent and its goal, where nothing solid may lie. A back end checks them in
+/// [`SurefootSystems::Look`](crate::SurefootSystems::Look); without one, agents arrive also behind walls.
+#[derive(Component, Debug, Clone, Default)]
+pub struct GoalSight {
+    /// To be checked in this tick, with rays that pass through all agents and sensors; `None` while the agent is not
+    /// near its goal, or in the air.
+    pub lines: Option<[Line; LINE_COUNT]>,
+    /// To be written: whether a ray met a solid surface within the length of its line.
+    pub is_blocked: bool,
+}
+
 /// How an agent gets on.
 #[derive(Component, Debug, Clone, Default)]
 pub struct AgentPlan {
@@ -132,7 +149,7 @@ pub enum AgentStatus {
     Following,
     /// It follows a plan to the place nearest to its goal, to which no path leads.
     Nearing(NoPath),
-    /// It is within 1 m of its goal.
+    /// It stands near its goal, with nothing solid between.
     Reached,
     /// It has ended its attempt elsewhere.
     Failed(Failure),

@@ -1,15 +1,22 @@
 //! Attempts: when they begin and end, and where agents head meanwhile.
 
-use crate::agent::{AgentAction, AgentPlan, AgentState, AgentStatus, Failure, Goal, Sight, SurefootAgent};
+use crate::agent::{
+    AgentAction, AgentPlan, AgentState, AgentStatus, Failure, Goal, GoalRadius, GoalSight, Sight, SurefootAgent,
+};
 use crate::events::{AgentDied, GoalFailed, GoalReached, LegFailed};
 use crate::graph::SurefootGraph;
-use crate::mind::{Attempt, Mind, Route, body_of};
+use crate::mind::{Arriving, Attempt, Mind, Route, body_of};
 use bevy_ecs::prelude::*;
+use bevy_math::Vec3;
 use bevy_time::{Fixed, Time};
 use surefoot_planner::{Leg, NoPath};
 use surefoot_rollout::follow::Step;
+use surefoot_world::arrival::{LINE_COUNT, Line, lines_to_goal};
 use surefoot_world::sense::RayCone;
 use surefoot_world::{CharacterProfile, DECISION_SECONDS, End, TaskConfig};
+
+/// A waypoint this near to the goal is the goal: places are rounded on their way to the map and back, m.
+const SAME_M: f32 = 0.01;
 
 /// When agents decide.
 #[derive(Resource, Debug, Default)]
@@ -33,12 +40,12 @@ type Agents<'w, 's> = Query<
         Entity,
         &'static SurefootAgent,
         &'static AgentState,
-        Option<Ref<'static, Goal>>,
+        (Option<Ref<'static, Goal>>, Option<&'static GoalRadius>),
         Option<&'static SurefootGraph>,
         &'static mut Mind,
         &'static mut AgentPlan,
         &'static mut AgentAction,
-        &'static mut Sight,
+        (&'static mut Sight, &'static mut GoalSight),
     ),
 >;
 
@@ -50,12 +57,18 @@ pub(crate) fn aim(
     mut commands: Commands<'_, '_>,
 ) {
     let task = TaskConfig::default();
-    for (agent, settings, state, goal, graph, mut mind, mut plan, mut action, mut sight) in &mut agents {
+    for (agent, settings, state, (goal, radius), graph, mut mind, mut plan, mut action, sights) in &mut agents {
+        let (mut sight, mut goal_sight) = sights;
         action.is_first = false;
         sight.is_wanted = false;
+        (goal_sight.lines, goal_sight.is_blocked) = (None, false);
         let wet = mind.last.ticks_in_water;
         mind.last.ticks_in_water = if state.is_in_water { wet.saturating_add(1) } else { wet.saturating_sub(1) };
         let mut outcome = match &goal {
+            Some(goal) if goal.is_changed() && goes_on(&mind, goal.0, state.feet, graph) => {
+                mind.attempt.as_mut().expect("an attempt that goes on").move_goal(goal.0, state.feet, &mut plan);
+                None
+            }
             Some(goal) if goal.is_changed() => {
                 *plan = AgentPlan::default();
                 begin(&mut mind, settings, state, goal, graph)
@@ -69,7 +82,9 @@ pub(crate) fn aim(
         };
         if let Some(attempt) = &mut mind.attempt {
             let mut course = Course { agent, settings, state, attempt, plan: &mut plan, commands: &mut commands };
-            outcome = outcome.or_else(|| course.note(&task));
+            if outcome.is_none() {
+                goal_sight.lines = course.note(radius.map_or(task.goal_radius, |radius| radius.0), &task);
+            }
             if outcome.is_none() && clock.is_due && state.is_finite() {
                 outcome = course.choose(&task);
                 sight.is_wanted = outcome.is_none();
@@ -85,6 +100,42 @@ pub(crate) fn aim(
             let body = body_of(state);
             sight.origin = RayCone::eye(&settings.body, &body);
             sight.directions = cone.directions_of(&body);
+        }
+    }
+}
+
+/// Whether another goal moves the goal of the attempt under way, m.
+fn goes_on(mind: &Mind, goal: Vec3, feet: Vec3, graph: Option<&SurefootGraph>) -> bool {
+    mind.attempt.as_ref().is_some_and(|attempt| attempt.goes_on_to(goal, feet, graph))
+}
+
+type Nearing<'w, 's> = Query<
+    'w,
+    's,
+    (
+        Entity,
+        &'static GoalSight,
+        &'static mut Mind,
+        &'static mut AgentPlan,
+        &'static mut AgentAction,
+        &'static mut Sight,
+    ),
+>;
+
+/// Ends the attempts of agents that stand at their goals, with nothing solid between.
+pub(crate) fn arrive(mut agents: Nearing<'_, '_>, mut commands: Commands<'_, '_>) {
+    for (agent, goal_sight, mut mind, mut plan, mut action, mut sight) in &mut agents {
+        if goal_sight.lines.is_none() || goal_sight.is_blocked {
+            continue;
+        }
+        let Some(attempt) = &mut mind.attempt else { continue };
+        match attempt.arriving.take() {
+            Some(Arriving::Goal) => {
+                end(agent, AgentStatus::Reached, (&mut mind, &mut plan), &mut commands);
+                (*action, sight.is_wanted) = (AgentAction::default(), false);
+            }
+            Some(Arriving::Waypoint) => attempt.has_reached = true,
+            None => {}
         }
     }
 }
@@ -160,17 +211,24 @@ struct Course<'a, 'w, 's> {
 }
 
 impl Course<'_, '_, '_> {
-    /// Records a tick. Returns how the attempt has ended, if it has.
-    fn note(&mut self, task: &TaskConfig) -> Option<AgentStatus> {
+    /// Records a tick. Returns the lines on which nothing solid may lie if the agent is to have arrived within `radius`
+    /// metres of its goal, or at its last waypoint.
+    fn note(&mut self, radius: f32, task: &TaskConfig) -> Option<[Line; LINE_COUNT]> {
         let (attempt, feet) = (&mut *self.attempt, self.state.feet);
-        if feet.distance(attempt.goal) <= task.goal_radius {
-            return Some(AgentStatus::Reached);
-        }
         if attempt.episode.end.is_none() {
             attempt.episode.note_tick(feet, task);
         }
-        attempt.has_reached |= feet.distance(attempt.episode.goal) <= task.goal_radius;
-        None
+        let waypoint = attempt.episode.goal;
+        let is_last = attempt.route.as_ref().is_none_or(|route| route.follower.is_last_leg());
+        // Waypoints are passed on the run or in flight, but the last one is a place to stand.
+        attempt.has_reached |= !is_last && feet.distance(waypoint) <= task.goal_radius;
+        let body = body_of(self.state);
+        let lines_to = |place: Vec3, radius: f32| lines_to_goal(&self.settings.body, &body, place, radius);
+        let to_goal = lines_to(attempt.goal, radius);
+        let is_elsewhere = is_last && waypoint.distance(attempt.goal) > SAME_M;
+        let to_waypoint = || lines_to(waypoint, task.goal_radius).filter(|_| is_elsewhere);
+        attempt.arriving = to_goal.map(|_| Arriving::Goal);
+        to_goal.or_else(|| to_waypoint().inspect(|_| attempt.arriving = Some(Arriving::Waypoint)))
     }
 
     /// Chooses where to head before a decision. Returns how the attempt has ended, if it has.
@@ -182,7 +240,9 @@ impl Course<'_, '_, '_> {
             return self.follow();
         }
         (self.plan.status, self.plan.waypoint) = (AgentStatus::Heading, Some(self.attempt.goal));
-        let is_hopeless = self.attempt.episode.end == Some(End::NoProgress);
+        // Progress starts again whenever the goal moves, so an agent that stands still gives up as well.
+        let standing = self.attempt.count_standing(self.state.feet, task.goal_radius);
+        let is_hopeless = self.attempt.episode.stalled_decisions.max(standing) >= task.patience;
         is_hopeless.then_some(AgentStatus::Failed(Failure::NoProgress))
     }
 
@@ -192,12 +252,19 @@ impl Course<'_, '_, '_> {
         let Route { graph, follower } = self.attempt.route.as_mut()?;
         let on_map = feet + graph.origin();
         let leg = self.plan.plan.as_ref().filter(|_| follower.leg_key().is_some()).map(|plan| plan.legs[self.plan.leg]);
-        let mut step = follower.record_decision(on_map, has_reached.then_some(End::Reached));
+        // The last waypoint may lag behind a goal that has moved a little: then the goal itself is next.
+        let goal_ahead = if has_reached { follower.move_goal(follower.goal(), on_map, true) } else { None };
+        let is_there = has_reached && goal_ahead.is_none();
+        let mut step = match (follower.record_decision(on_map, is_there.then_some(End::Reached)), goal_ahead) {
+            (Step::Keep, Some(goal)) => Step::HeadFor(goal),
+            (step, _) => step,
+        };
         follower.take_traversals().iter().for_each(|traversal| graph.note(traversal));
         if let (Some(leg), Step::Plan | Step::End(End::NoProgress)) = (leg, step) {
             self.commands.trigger(LegFailed { agent: self.agent, leg, died: false });
         }
-        if step == Step::Plan {
+        let goes_on = matches!(step, Step::Keep | Step::HeadFor(_));
+        if step == Step::Plan || goes_on && follower.has_goal_drifted(on_map) {
             let SurefootAgent { caution, without, .. } = *self.settings;
             let mut made = None;
             let waypoint = follower.plan(on_map, |query| {

@@ -4,10 +4,10 @@
 
 mod slide;
 
-use crate::agent::{AgentAction, AgentState, Sight, SurefootAgent};
+use crate::agent::{AgentAction, AgentState, GoalSight, Sight, SurefootAgent};
 use crate::character::SurefootCharacter;
 use crate::{SurefootSurface, SurefootSystems};
-use avian3d::prelude::{Collider, MoveAndSlide, SpatialQuery, SpatialQueryFilter};
+use avian3d::prelude::{Collider, MoveAndSlide, Sensor, SpatialQuery, SpatialQueryFilter};
 use bevy_app::{App, FixedUpdate, Plugin};
 use bevy_ecs::prelude::*;
 use bevy_math::{Dir3, Vec3};
@@ -46,16 +46,26 @@ fn sense(mut characters: Query<'_, '_, (&SurefootCharacter, &SurefootAgent, &Tra
 }
 
 fn look(
-    mut agents: Query<'_, '_, (&mut Sight, Option<&AvianFilter>), With<SurefootAgent>>,
+    mut agents: Query<'_, '_, (&mut Sight, &mut GoalSight, Option<&AvianFilter>), With<SurefootAgent>>,
     surfaces: Query<'_, '_, &SurefootSurface>,
     bodies: Query<'_, '_, (), With<SurefootAgent>>,
+    sensors: Query<'_, '_, (), With<Sensor>>,
     space: SpatialQuery<'_, '_>,
 ) {
     let everything = SpatialQueryFilter::default();
-    agents.par_iter_mut().for_each(|(mut sight, filter)| {
+    let is_solid = |entity| surfaces.get(entity).map_or(Surface::Ground, |surface| surface.0).is_solid();
+    agents.par_iter_mut().for_each(|(mut sight, mut goal_sight, filter)| {
+        let filter = filter.map_or(&everything, |filter| &filter.sight);
+        if let Some(lines) = goal_sight.lines {
+            goal_sight.is_blocked = lines.iter().any(|line| {
+                let direction = Dir3::new_unchecked(line.direction);
+                let is_met = |entity| !bodies.contains(entity) && !sensors.contains(entity);
+                let found = space.cast_ray_predicate(line.from, direction, line.length, false, filter, &is_met);
+                found.is_some_and(|found| is_solid(found.entity))
+            });
+        }
         if sight.is_wanted {
             let Sight { origin, directions, hits, .. } = &mut *sight;
-            let filter = filter.map_or(&everything, |filter| &filter.sight);
             cast(&space, (filter, &|entity| !bodies.contains(entity)), &surfaces, *origin, directions, hits);
         }
     });

@@ -4,7 +4,7 @@ use crate::agent::Failure;
 use bevy_ecs::prelude::*;
 use surefoot_planner::Leg;
 
-/// An agent is within 1 m of its goal.
+/// An agent stands within 1 m of its goal, or its [`GoalRadius`](crate::GoalRadius), with nothing solid between.
 #[derive(EntityEvent, Debug, Clone, Copy, PartialEq)]
 pub struct GoalReached {
     /// The agent.

@@ -92,6 +92,11 @@ impl SurefootGraph {
         Ok(self.with_origin(level.origin()))
     }
 
+    /// Whether a graph is a clone of this one.
+    pub(crate) fn is_clone_of(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shared, &other.shared) && self.origin == other.origin
+    }
+
     /// Where the level's origin lies on the map, m.
     pub fn origin(&self) -> Vec3 {
         self.origin

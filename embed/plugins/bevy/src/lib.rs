@@ -4,8 +4,8 @@
 //! An app adds [`SurefootPlugin`] and one back end, [`avian::SurefootAvianPlugin`] or [`rapier::SurefootRapierPlugin`],
 //! and spawns entities with [`SurefootAgent`] and [`Goal`], optionally with a [`SurefootGraph`]. With
 //! [`SurefootCharacter`] the back end moves them, too. An app with its own controller or rays writes [`AgentState`] in
-//! [`SurefootSystems::Sense`], fills [`Sight`] in [`SurefootSystems::Look`], and carries out [`AgentAction`] in
-//! [`SurefootSystems::Move`]. [`AgentPlan`] and the events of [`events`] report how attempts go.
+//! [`SurefootSystems::Sense`], fills [`Sight`] and [`GoalSight`] in [`SurefootSystems::Look`], and carries out
+//! [`AgentAction`] in [`SurefootSystems::Move`]. [`AgentPlan`] and the events of [`events`] report how attempts go.
 //!
 //! The crate has no physics of its own, and depends on neither Surefoot's servers nor its worlds. Agents observe,
 //! follow plans and decide with the same code as the server's NPCs.
@@ -27,13 +27,16 @@ mod policy;
 #[cfg(feature = "rapier")]
 pub mod rapier;
 
-pub use agent::{AgentAction, AgentPlan, AgentState, AgentStatus, Failure, Goal, Sight, SurefootAgent};
+pub use agent::{
+    AgentAction, AgentPlan, AgentState, AgentStatus, Failure, Goal, GoalRadius, GoalSight, Sight, SurefootAgent,
+};
 pub use character::{Jump, SurefootCharacter};
 pub use error::SurefootError;
 pub use graph::SurefootGraph;
 pub use level::{LevelFormat, SurefootLevel, SurfaceMesh};
 pub use policy::{DefaultPolicy, SurefootPolicy};
 pub use surefoot_planner::{AbilitySet, Caution, Leg, LegKey, NoPath, Plan, Stop, VertexId};
+pub use surefoot_world::arrival::Line;
 pub use surefoot_world::map::Placed;
 pub use surefoot_world::mesh::Surface;
 pub use surefoot_world::sense::{RAY_COUNT, RAY_RANGE_M};
@@ -56,9 +59,9 @@ pub enum SurefootSystems {
     Sense,
     /// Attempts begin and end, plans are made, and agents that are about to decide request their rays in [`Sight`].
     Aim,
-    /// Back ends cast the rays of each [`Sight`] that is wanted.
+    /// Back ends cast the rays of each [`Sight`] that is wanted, and of each [`GoalSight`].
     Look,
-    /// All agents that are due decide in one batch, into [`AgentAction`].
+    /// Agents at their goals end their attempts, and all others that are due decide in one batch, into [`AgentAction`].
     Decide,
     /// Controllers carry out [`AgentAction`].
     Move,
@@ -82,7 +85,7 @@ impl Plugin for SurefootPlugin {
             .init_resource::<aim::Clock>()
             .configure_sets(FixedUpdate, (Sense, Aim, Look, Decide, Move).chain())
             .add_systems(FixedUpdate, (aim::wind, aim::aim).chain().in_set(Aim))
-            .add_systems(FixedUpdate, decide::decide.in_set(Decide))
+            .add_systems(FixedUpdate, (aim::arrive, decide::decide).chain().in_set(Decide))
             .add_observer(aim::note_death);
     }
 }

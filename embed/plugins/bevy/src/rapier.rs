@@ -3,7 +3,7 @@
 //! The controller carries out one wish for each step of the physics, so that physics must run in `FixedUpdate`:
 //! `RapierPhysicsPlugin::<NoUserData>::default().in_fixed_schedule()`.
 
-use crate::agent::{AgentAction, AgentState, Sight, SurefootAgent};
+use crate::agent::{AgentAction, AgentState, GoalSight, Sight, SurefootAgent};
 use crate::character::SurefootCharacter;
 use crate::{SurefootSurface, SurefootSystems};
 use bevy_app::{App, FixedUpdate, Plugin};
@@ -95,23 +95,34 @@ fn sense(mut characters: Moved<'_, '_>, time: Res<'_, Time<Fixed>>) {
 }
 
 fn look(
-    mut agents: Query<'_, '_, (&mut Sight, Option<&RapierSight>), With<SurefootAgent>>,
+    mut agents: Query<'_, '_, (&mut Sight, &mut GoalSight, Option<&RapierSight>), With<SurefootAgent>>,
     surfaces: Query<'_, '_, &SurefootSurface>,
     bodies: Query<'_, '_, (), With<SurefootAgent>>,
     context: ReadRapierContext<'_, '_>,
 ) {
     let Ok(context) = context.single() else { return };
     let is_seen = |entity: Entity, _: &_| !bodies.contains(entity);
-    for (mut sight, groups) in agents.iter_mut().filter(|(sight, _)| sight.is_wanted) {
+    let surface_of = |entity| surfaces.get(entity).map_or(Surface::Ground, |surface| surface.0);
+    for (mut sight, mut goal_sight, groups) in &mut agents {
+        if let Some(lines) = goal_sight.lines {
+            let filter = QueryFilter { groups: groups.map(|groups| groups.0), ..QueryFilter::default() };
+            context.with_query_pipeline(filter.exclude_sensors().predicate(&is_seen), |space| {
+                goal_sight.is_blocked = lines.iter().any(|line| {
+                    let found = space.cast_ray(line.from, line.direction, line.length, false);
+                    found.is_some_and(|(entity, _)| surface_of(entity).is_solid())
+                });
+            });
+        }
+        if !sight.is_wanted {
+            continue;
+        }
         let Sight { origin, directions, hits, .. } = &mut *sight;
         let filter =
             QueryFilter { groups: groups.map(|groups| groups.0), ..QueryFilter::default() }.predicate(&is_seen);
         context.with_query_pipeline(filter, |space| {
             for (hit, direction) in hits.iter_mut().zip(directions) {
                 let found = space.cast_ray(*origin, *direction, RAY_RANGE_M, false);
-                *hit = found.map(|(entity, distance)| {
-                    (distance, surfaces.get(entity).map_or(Surface::Ground, |surface| surface.0))
-                });
+                *hit = found.map(|(entity, distance)| (distance, surface_of(entity)));
             }
         });
     }

@@ -30,6 +30,7 @@ struct Interface {
     GDExtensionInterfaceObjectSetInstance object_set_instance;
     GDExtensionInterfaceObjectSetInstanceBinding object_set_instance_binding;
     GDExtensionInterfaceObjectGetInstanceBinding object_get_instance_binding;
+    GDExtensionInterfaceObjectGetInstanceFromId object_get_instance_from_id;
     GDExtensionInterfacePrintErrorWithMessage print_error_with_message;
     GDExtensionInterfacePrintWarningWithMessage print_warning_with_message;
     GDExtensionInterfaceClassdbConstructObject classdb_construct_object;
@@ -145,6 +146,7 @@ void connect(GDExtensionInterfaceGetProcAddress find, GDExtensionClassLibraryPtr
     FIND(object_set_instance);
     FIND(object_set_instance_binding);
     FIND(object_get_instance_binding);
+    FIND(object_get_instance_from_id);
     FIND(print_error_with_message);
     FIND(print_warning_with_message);
     FIND(classdb_construct_object);
@@ -224,6 +226,11 @@ Variant Variant::from_pointer(Type type, const void* value) {
 }
 
 Variant Variant::object(GDExtensionObjectPtr object) { return from_pointer(GDEXTENSION_VARIANT_TYPE_OBJECT, &object); }
+
+Variant Variant::object_with(int64_t id) {
+    GDExtensionObjectPtr found = godot.object_get_instance_from_id(static_cast<GDObjectInstanceID>(id));
+    return found == nullptr ? Variant() : object(found);
+}
 
 Variant Variant::singleton(const char* name) { return object(godot.global_get_singleton(Name::of(name))); }
 

@@ -49,6 +49,8 @@ public:
     // A value that a pointer of the C interface points at.
     static Variant from_pointer(Type type, const void* value);
     static Variant object(GDExtensionObjectPtr object);
+    // The object with an id of get_instance_id; nil after it was freed.
+    static Variant object_with(int64_t id);
     // One of the engine's singletons, such as "ClassDB".
     static Variant singleton(const char* name);
 

@@ -1,6 +1,4 @@
-#include "surefoot_agent_3d.hpp"
-
-#include "frames.hpp"
+#include "surefoot_agent_3d_life.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -17,20 +15,10 @@ namespace {
 constexpr double decisions_per_second = 6.0;
 // An attempt without a plan is hopeless after as many decisions without coming closer.
 constexpr uint32_t hopeless_decisions = 300;
-
-// Agents begin in different ticks, so that each tick has its share of the decisions.
-int64_t next_phase() {
-    static int64_t agent_count = 0;
-    return agent_count++;
-}
-
-// Reports what a call of an agent says. True if it succeeded.
-bool succeeded(sf_status status, const sf_error& error) {
-    if (status != SF_OK) {
-        push_error(std::string("SurefootAgent3D: ") + error.message);
-    }
-    return status == SF_OK;
-}
+// A waypoint within 1 cm of the goal is the goal: places are rounded on their way to the map and back.
+constexpr float same_m = 0.01f;
+// How much farther than its radius a target gets away until the character follows again, m.
+constexpr double keep_slack_m = 0.5;
 
 // Physics ticks from one decision to the next, whatever the project's tick rate.
 int64_t ticks_per_decision() {
@@ -39,29 +27,6 @@ int64_t ticks_per_decision() {
 }
 
 }  // namespace
-
-struct SurefootAgent3D::Life {
-    Life(const Variant& body, const sf_body& profile, sf_agents* agents, double feet_offset)
-        : body(body), sight(body), walker(body, profile), agents(agents), feet_offset(feet_offset) {}
-    ~Life() {
-        sf_follower_destroy(follower);
-        sf_agents_destroy(agents);
-    }
-    Life(const Life&) = delete;
-    Life& operator=(const Life&) = delete;
-
-    Variant body;
-    Sight sight;
-    Walker walker;
-    sf_agents* agents;
-    // The attempt at the goal, if there is a graph.
-    sf_follower* follower = nullptr;
-    // Height of the body's origin above its feet, m.
-    double feet_offset;
-    int64_t tick = next_phase();
-    bool waypoint_was_reached = false;
-    uint32_t plans = 0;
-};
 
 // ---------------------------------------------------------------------------------------------------------------- beginning and end
 
@@ -109,6 +74,7 @@ void SurefootAgent3D::begin() {
 
 void SurefootAgent3D::end() {
     is_navigating_ = false;
+    target_id_ = 0;
     action_ = {};
     life_.reset();
 }
@@ -162,88 +128,6 @@ void SurefootAgent3D::set_graph(const Variant& graph) {
     graph_ = graph;
 }
 
-// ---------------------------------------------------------------------------------------------------------------- attempts
-
-bool SurefootAgent3D::set_goal(sf_vec3 goal) {
-    if (life_ == nullptr) {
-        push_error("SurefootAgent3D.set_goal: the agent is not ready: add it to the scene as a child of a CharacterBody3D, and see earlier errors");
-        return false;
-    }
-    stop();
-    sf_error error;
-    SurefootGraph* plans = graph();
-    if (plans != nullptr &&
-        (plans->loaded() == nullptr || !succeeded(sf_follower_create(plans->to_map(goal), &life_->follower, &error), error))) {
-        return false;
-    }
-    goal_ = goal;
-    // With a plan this holds until the next decision, which knows the first waypoint.
-    is_navigating_ = head_for(goal);
-    return is_navigating_;
-}
-
-void SurefootAgent3D::stop() {
-    is_navigating_ = false;
-    action_ = {};
-    if (life_ != nullptr) {
-        life_->walker.begin_decision(action_);
-        close_attempt();
-    }
-}
-
-void SurefootAgent3D::respawned() {
-    sf_error error;
-    if (life_ == nullptr) {
-        return;
-    }
-    if (life_->follower != nullptr) {
-        sf_follower_note_death(life_->follower, nullptr);
-    }
-    if (is_navigating_) {
-        fail("died");
-    }
-    const uint64_t seed = static_cast<uint64_t>(noise_seed_) + static_cast<uint64_t>(life_->tick);
-    succeeded(sf_agents_begin(life_->agents, 0, seed, &error), error);
-}
-
-void SurefootAgent3D::arrive() {
-    stop();
-    self().call("emit_signal", "reached");
-}
-
-void SurefootAgent3D::fail(const std::string& reason) {
-    stop();
-    self().call("emit_signal", "failed", reason);
-}
-
-// Ends the attempt, and lets later plans know how its legs went.
-void SurefootAgent3D::close_attempt() {
-    if (life_->follower == nullptr) {
-        return;
-    }
-    if (SurefootGraph* plans = graph()) {
-        note_traversals(*plans);
-    }
-    sf_follower_destroy(life_->follower);
-    life_->follower = nullptr;
-    life_->plans = 0;
-    life_->waypoint_was_reached = false;
-}
-
-void SurefootAgent3D::note_traversals(SurefootGraph& plans) {
-    std::vector<sf_traversal> traversals(64);
-    size_t count = 0;
-    sf_error error;
-    sf_status status = sf_follower_take_traversals(life_->follower, traversals.data(), traversals.size(), &count, &error);
-    if (status == SF_BUFFER_TOO_SMALL) {
-        traversals.resize(count);
-        status = sf_follower_take_traversals(life_->follower, traversals.data(), traversals.size(), &count, &error);
-    }
-    if (succeeded(status, error) && plans.loaded() != nullptr) {
-        succeeded(sf_graph_note_traversals(plans.loaded(), traversals.data(), count, &error), error);
-    }
-}
-
 // ---------------------------------------------------------------------------------------------------------------- ticks and decisions
 
 sf_vec3 SurefootAgent3D::feet() const {
@@ -253,27 +137,72 @@ sf_vec3 SurefootAgent3D::feet() const {
 }
 
 void SurefootAgent3D::tick() {
-    if (is_navigating_) {
-        const sf_vec3 place = feet();
-        int32_t reached = 0;
-        sf_error error;
-        if (!succeeded(sf_agents_note(life_->agents, 0, place, &reached, &error), error)) {
-            fail("error");
-        } else if (frames::length(frames::minus(goal_, place)) <= SF_REACHED_WITHIN) {
-            arrive();
-        }
-        const bool is_near = frames::length(frames::minus(waypoint_, place)) <= SF_REACHED_WITHIN;
-        // A receiver of the signal may have removed the agent from the scene.
-        if (life_ == nullptr) {
+    // A receiver of a signal may remove the agent from the scene.
+    if (is_navigating_ && !note()) {
+        return;
+    }
+    if (++life_->tick % ticks_per_decision() == 0) {
+        chase();
+        if (life_ == nullptr || (is_navigating_ && !decide())) {
             return;
         }
-        life_->waypoint_was_reached |= is_near;
-    }
-    if (++life_->tick % ticks_per_decision() == 0 && is_navigating_ && !decide()) {
-        return;
     }
     if (life_ != nullptr && moves_body_) {
         life_->walker.move(static_cast<float>(self().call("get_physics_process_delta_time").number()));
+    }
+}
+
+// Notes what the character passes, and whether it has arrived. False if the agent has left the scene.
+bool SurefootAgent3D::note() {
+    const sf_state now = state();
+    int32_t passed = 0;
+    sf_error error;
+    if (!succeeded(sf_agents_note(life_->agents, 0, now.feet, &passed, &error), error)) {
+        fail("error");
+        return life_ != nullptr;
+    }
+    // Waypoints are passed on the run or in flight, but the last one is a place to stand. If it is the goal itself, the
+    // follower counts the time until the character has arrived there.
+    const bool is_goal = distance(waypoint_, goal_) <= same_m;
+    life_->waypoint_was_reached |=
+        life_->is_last_leg ? !is_goal && has_arrived(now, waypoint_, SF_REACHED_WITHIN) : passed != 0;
+    if (has_arrived(now, goal_, goal_radius_)) {
+        arrive();
+    }
+    return life_ != nullptr;
+}
+
+// Whether the character stands near a place of the scene, with nothing solid between.
+bool SurefootAgent3D::has_arrived(const sf_state& state, sf_vec3 goal, double radius) {
+    const float within = static_cast<float>(radius);
+    sf_ray rays[SF_ARRIVAL_RAY_COUNT];
+    sf_hit hits[SF_ARRIVAL_RAY_COUNT];
+    size_t ray_count = 0;
+    int32_t arrived = 0;
+    sf_error error;
+    if (!succeeded(sf_agents_arrival_rays(life_->agents, &state, goal, within, rays, SF_ARRIVAL_RAY_COUNT, &ray_count,
+                                          &error), error) || ray_count == 0) {
+        return false;
+    }
+    life_->sight.cast(rays, ray_count, hits);
+    return succeeded(sf_agents_has_arrived(life_->agents, &state, goal, within, hits, &arrived, &error), error) &&
+           arrived != 0;
+}
+
+// Before a decision: moves the goal to the node that is followed.
+void SurefootAgent3D::chase() {
+    if (target_id_ == 0) {
+        return;
+    }
+    const Variant target = get_target();
+    if (target.is_nil() || !target.call("is_inside_tree").boolean()) {
+        fail("target_lost");
+        return;
+    }
+    const sf_vec3 place = target.call("get_global_position").vector3();
+    const bool has_got_away = static_cast<double>(distance(place, feet())) > goal_radius_ + keep_slack_m;
+    if ((is_navigating_ || has_got_away) && !go_to(place)) {
+        fail("error");
     }
 }
 
@@ -320,7 +249,13 @@ bool SurefootAgent3D::choose_waypoint() {
         fail("error");
         return false;
     }
-    if (progress.stalled_decisions >= hopeless_decisions) {
+    // Progress starts again whenever the goal moves, so a character that stands still gives up as well.
+    life_->standing++;
+    if (distance(feet(), life_->stood_at) > SF_REACHED_WITHIN) {
+        life_->stood_at = feet();
+        life_->standing = 0;
+    }
+    if (std::max(progress.stalled_decisions, life_->standing) >= hopeless_decisions) {
         fail("no_progress");
         return false;
     }
@@ -334,10 +269,13 @@ bool SurefootAgent3D::follow_plan(SurefootGraph& plans) {
     sf_error error;
     bool is_sound = succeeded(sf_follower_advance(life_->follower, place, life_->waypoint_was_reached, &step, &error), error);
     life_->waypoint_was_reached = false;
-    if (is_sound && step.kind == SF_STEP_PLAN) {
+    const bool goes_on = step.kind == SF_STEP_KEEP || step.kind == SF_STEP_HEAD;
+    if (is_sound && (step.kind == SF_STEP_PLAN || (life_->needs_plan && goes_on))) {
+        life_->needs_plan = false;
         is_sound = plans.loaded() != nullptr && succeeded(sf_follower_plan(life_->follower, plans.loaded(), place, static_cast<float>(caution_),
                                                                           static_cast<uint32_t>(without_), &step, &error), error);
     }
+    life_->is_last_leg = step.leg_count > 0 && step.leg + 1 == step.leg_count;
     if (is_sound && step.kind == SF_STEP_HEAD) {
         is_sound = head_for(plans.from_map(step.waypoint));
     }
@@ -354,8 +292,12 @@ bool SurefootAgent3D::follow_plan(SurefootGraph& plans) {
 
 bool SurefootAgent3D::head_for(sf_vec3 waypoint) {
     sf_error error;
+    if (!succeeded(sf_agents_set_goal(life_->agents, 0, feet(), waypoint, &error), error)) {
+        return false;
+    }
     waypoint_ = waypoint;
-    return succeeded(sf_agents_set_goal(life_->agents, 0, feet(), waypoint, &error), error);
+    life_->waypoint_was_reached = false;
+    return true;
 }
 
 Array SurefootAgent3D::get_plan() {
@@ -386,69 +328,6 @@ Dictionary SurefootAgent3D::get_action() const {
     action.set("turn", static_cast<double>(action_.turn));
     action.set("jump", static_cast<double>(action_.jump));
     return action;
-}
-
-// ---------------------------------------------------------------------------------------------------------------- registration
-
-namespace {
-
-constexpr engine::Type boolean = GDEXTENSION_VARIANT_TYPE_BOOL, integer = GDEXTENSION_VARIANT_TYPE_INT, number = GDEXTENSION_VARIANT_TYPE_FLOAT;
-// Values of Godot's PropertyHint.
-constexpr uint32_t hint_range = 1, hint_flags = 6, hint_layers = 11, hint_resource = 17;
-
-engine::Property value(const char* name, const char* range) { return {name, number, hint_range, range, ""}; }
-
-// A property of the body: the field of sf_body with its name.
-template <float sf_body::*field>
-void register_body(engine::ClassBuilder& builder, const char* name, const char* range) {
-    builder.property<&SurefootAgent3D::get_value<field>, &SurefootAgent3D::set_value<field>>(value(name, range));
-}
-
-}  // namespace
-
-void SurefootAgent3D::register_class() {
-    using A = SurefootAgent3D;
-    engine::ClassBuilder builder("SurefootAgent3D", "Node", true, []() -> std::unique_ptr<engine::Instance> { return std::make_unique<A>(); });
-    builder.method<&A::set_goal>("set_goal", {"goal"})
-        .method<&A::stop>("stop")
-        .method<&A::respawned>("respawned")
-        .method<&A::is_navigating>("is_navigating")
-        .method<&A::get_goal>("get_goal")
-        .method<&A::get_waypoint>("get_waypoint")
-        .method<&A::get_plan>("get_plan")
-        .method<&A::get_action>("get_action")
-        .signal("reached")
-        .signal("failed", {{"reason", GDEXTENSION_VARIANT_TYPE_STRING}})
-        .signal("plan_changed")
-        .signal("decided");
-    register_properties(builder);
-}
-
-void SurefootAgent3D::register_properties(engine::ClassBuilder& builder) {
-    using A = SurefootAgent3D;
-    builder.property<&A::get_graph, &A::set_graph>({"graph", GDEXTENSION_VARIANT_TYPE_OBJECT, hint_resource, "SurefootGraph", "SurefootGraph"})
-        .property<&A::get_policy, &A::set_policy>({"policy", GDEXTENSION_VARIANT_TYPE_STRING, 0, "", ""})
-        .property<&A::get_moves_body, &A::set_moves_body>({"moves_body", boolean, 0, "", ""})
-        .property<&A::get_can_air_jump, &A::set_can_air_jump>({"can_air_jump", boolean, 0, "", ""})
-        .property<&A::get_noise, &A::set_noise>(value("noise", "0,1,0.05"))
-        .property<&A::get_noise_seed, &A::set_noise_seed>({"noise_seed", integer, 0, "", ""})
-        .group("Plans")
-        .property<&A::get_caution, &A::set_caution>(value("caution", "0,1,0.05"))
-        .property<&A::get_without, &A::set_without>(
-            {"without", integer, hint_flags, "Jump:2,Double jump:4,Pad:8,Zip line:16,Teleporter:32,Jetpack:64", ""})
-        .group("Rays")
-        .property<&A::get_ray_mask, &A::set_ray_mask>({"ray_mask", integer, hint_layers, "", ""})
-        .property<&A::get_sees_areas, &A::set_sees_areas>({"sees_areas", boolean, 0, "", ""})
-        .group("Body")
-        .property<&A::get_extra_jumps, &A::set_extra_jumps>({"extra_jumps", integer, hint_range, "0,255,1", ""});
-    register_body<&sf_body::forward_speed>(builder, "forward_speed", "0.1,20,0.1,suffix:m/s");
-    register_body<&sf_body::side_speed_share>(builder, "side_speed_share", "0,1,0.05");
-    register_body<&sf_body::turn_speed>(builder, "turn_speed", "0.1,20,0.1,suffix:rad/s");
-    register_body<&sf_body::jump_speed>(builder, "jump_speed", "0,30,0.1,suffix:m/s");
-    register_body<&sf_body::gravity>(builder, "gravity", "1,100,0.1,suffix:m/s2");
-    register_body<&sf_body::step_height>(builder, "step_height", "0,1,0.01,suffix:m");
-    register_body<&sf_body::ground_acceleration>(builder, "ground_acceleration", "1,1000,1,suffix:m/s2");
-    register_body<&sf_body::air_acceleration>(builder, "air_acceleration", "0,1000,1,suffix:m/s2");
 }
 
 }  // namespace surefoot

@@ -17,14 +17,19 @@ public:
     ~SurefootAgent3D() override;
     void notified(int32_t what) override;
 
-    // Heads for a place of the scene. False, and an error in the log, if the agent cannot.
+    // Heads for a place of the scene. Near the present goal, the attempt goes on with the new one, so a target that
+    // moves may be passed in every tick. False, and an error in the log, if the agent cannot.
     bool set_goal(sf_vec3 goal);
+    // Goes to a Node3D and follows it, also after it was reached, until another goal is set or an attempt fails.
+    bool follow(const engine::Variant& target);
     // Gives up the goal without a signal.
     void stop();
     // Call this when the character has died or was moved elsewhere: the agent forgets what it remembers, and fails if it had a goal.
     void respawned();
     bool is_navigating() const { return is_navigating_; }
     sf_vec3 get_goal() const { return goal_; }
+    // The node that is followed; nil without one.
+    engine::Variant get_target() const;
     // Where the agent heads for now: the end of a leg, or the goal.
     sf_vec3 get_waypoint() const { return waypoint_; }
     // Legs of the plan; empty without one.
@@ -41,6 +46,9 @@ public:
     // For characters with controllers of their own, which alone know it: whether a jump in the air would be made now.
     bool get_can_air_jump() const { return can_air_jump_; }
     void set_can_air_jump(bool can_air_jump) { can_air_jump_ = can_air_jump; }
+    // Distance from the goal within which the character must stand, m.
+    double get_goal_radius() const { return goal_radius_; }
+    void set_goal_radius(double radius);
     double get_noise() const { return noise_; }
     void set_noise(double noise) { noise_ = noise; }
     int64_t get_noise_seed() const { return noise_seed_; }
@@ -78,10 +86,18 @@ private:
     SurefootGraph* graph() const { return dynamic_cast<SurefootGraph*>(engine::Instance::of(graph_)); }
 
     void tick();
+    bool note();
+    bool has_arrived(const sf_state& state, sf_vec3 goal, double radius);
+    void chase();
     bool decide();
     sf_state state() const;
+    bool go_to(sf_vec3 goal);
+    bool is_near_goal(sf_vec3 place) const;
+    bool begin_attempt(sf_vec3 goal);
+    bool move_goal(sf_vec3 goal);
     bool choose_waypoint();
     bool follow_plan(SurefootGraph& graph);
+    void halt();
     bool head_for(sf_vec3 waypoint);
     void arrive();
     void fail(const std::string& reason);
@@ -100,7 +116,10 @@ private:
     int64_t without_ = SF_ZIP_LINE_BIT | SF_JETPACK_BIT;
     int64_t ray_mask_ = 1;
     bool sees_areas_ = false;
+    double goal_radius_ = SF_REACHED_WITHIN;
 
+    // The id of the node that is followed; 0 without one.
+    int64_t target_id_ = 0;
     bool is_navigating_ = false;
     sf_vec3 goal_{};
     sf_vec3 waypoint_{};

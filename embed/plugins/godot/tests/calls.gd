@@ -13,6 +13,7 @@ func _initialize() -> void:
 	_use_graph(arguments[0], arguments[1])
 	_misuse_graphs(arguments[0])
 	_use_agents()
+	await _follow_a_target()
 	_misuse_agents()
 	print("%d failures" % _failures)
 	quit(0 if _failures == 0 else 1)
@@ -99,6 +100,8 @@ func _use_agents() -> void:
 	var agent: SurefootAgent3D = character.get_node("Agent")
 	_expect(not agent.is_navigating() and agent.get_plan().is_empty(), "an agent begins without a goal")
 	_expect(agent.set_goal(Vector3(5, 0, 0)) and agent.is_navigating() and agent.get_goal() == Vector3(5, 0, 0), "it takes one")
+	_expect(agent.set_goal(Vector3(6, 0, 1)) and agent.get_waypoint() == Vector3(6, 0, 1), "a near goal moves the one that it has")
+	_expect(agent.set_goal(Vector3(-20, 0, 0)) and agent.get_goal() == Vector3(-20, 0, 0), "it takes one far away")
 	agent.stop()
 	_expect(not agent.is_navigating() and agent.get_action()["forward"] == 0.0, "it stops")
 	# Leaving the scene and coming back begins anew.
@@ -108,6 +111,44 @@ func _use_agents() -> void:
 	root.add_child(character)
 	_expect(agent.set_goal(Vector3(5, 0, 0)), "an agent that is back takes goals")
 	character.free()
+
+
+func _ground() -> StaticBody3D:
+	var box := BoxShape3D.new()
+	box.size = Vector3(60, 1, 60)
+	var shape := CollisionShape3D.new()
+	shape.shape = box
+	shape.position = Vector3(0, -0.5, 0)
+	var ground := StaticBody3D.new()
+	ground.add_child(shape)
+	root.add_child(ground)
+	return ground
+
+
+func _follow_a_target() -> void:
+	var ground := _ground()
+	var target := Marker3D.new()
+	root.add_child(target)
+	var character := _character()
+	var agent: SurefootAgent3D = character.get_node("Agent")
+	var ends: Array[String] = []
+	agent.reached.connect(func() -> void: ends.append("reached" if character.is_on_floor() else "reached in the air"))
+	agent.failed.connect(func(reason: String) -> void: ends.append(reason))
+	target.position = Vector3(6, 0, 0)
+	_expect(agent.follow(target) and agent.get_target() == target, "an agent follows a node")
+	for tick in 900:
+		target.position.x = minf(6.0 + 0.02 * tick, 12.0)
+		await physics_frame
+		if not ends.is_empty() and tick > 400:
+			break
+	print("a node that moves: %s" % [ends])
+	_expect(not ends.is_empty() and ends.count("reached") == ends.size(), "it arrives on the ground, and follows again")
+	target.free()
+	for tick in 30:
+		await physics_frame
+	_expect(ends.back() == "target_lost" and agent.get_target() == null and not agent.is_navigating(), "a node that is gone")
+	character.free()
+	ground.free()
 
 
 func _misuse_agents() -> void:
@@ -136,6 +177,11 @@ func _misuse_agents() -> void:
 	agent.graph = null
 	print("MISTAKE a goal of an agent that is not finite")
 	_expect(not agent.set_goal(Vector3(INF, 0, 0)) and not agent.is_navigating(), "not finite")
+	print("MISTAKE a target that is no Node3D")
+	_expect(not agent.follow(root) and agent.get_target() == null, "another target")
+	print("MISTAKE a radius out of range")
+	agent.goal_radius = -1.0
+	_expect(agent.goal_radius == 1.0, "a negative radius")
 	character.free()
 	_leave_teleporter_open()
 

@@ -119,8 +119,10 @@ namespace Surefoot.Tests
                 AgentAction[] actions = new AgentAction[1];
                 crowd.Observe();
                 Expect.That(Collections(calls, () => GC.KeepAlive(new object())) > 0, "this test notices objects");
+                CastRays cast = crowd.World.CastRays;
                 int collections = Collections(calls, () =>
                 {
+                    crowd.Agents.HasArrived(crowd.States[0], crowd.States[0].Feet, 1, cast);
                     crowd.Agents.Note(0, crowd.States[0].Feet);
                     crowd.Agents.Rays(crowd.States, crowd.Rays);
                     crowd.Agents.Observe(default(ReadOnlySpan<uint>), crowd.States, crowd.Hits);

@@ -30,9 +30,14 @@ namespace Surefoot.Tests
                 npc = world.Spawn(start, 0);
             }
 
-            internal Vec3 Feet => world.State(npc).Feet;
+            internal CharacterState State => world.State(npc);
 
-            internal Attempt Begin(Graph graph, Vec3 goal) => new Attempt(agents, 0, graph, Feet, goal);
+            internal Vec3 Feet => State.Feet;
+
+            internal Attempt Begin(Graph graph, Vec3 goal) =>
+                new Attempt(agents, 0, graph, Feet, goal, cast: world.CastRays);
+
+            internal Attempt Begin(Vec3 goal, CastRays cast) => new Attempt(agents, 0, null, Feet, goal, cast: cast);
 
             /// <summary>Decides and moves until the attempt ends. Returns the number of decisions.</summary>
             internal int Walk(Attempt attempt) => Chase(attempt, null);
@@ -41,13 +46,13 @@ namespace Surefoot.Tests
             internal int Chase(Attempt attempt, Func<int, Vec3> goal)
             {
                 int decisions = 0;
-                while (decisions < MostDecisions && attempt.Advance(Feet) == AttemptState.GoesOn)
+                while (decisions < MostDecisions && attempt.Advance(State) == AttemptState.GoesOn)
                 {
                     if (goal != null)
                     {
                         attempt.MoveGoal(goal(decisions), Feet);
                     }
-                    states[0] = world.State(npc);
+                    states[0] = State;
                     agents.Rays(states, rays);
                     world.CastRays(rays, hits);
                     agents.Observe(default(ReadOnlySpan<uint>), states, hits);
@@ -56,7 +61,7 @@ namespace Surefoot.Tests
                     for (int tick = 0; tick < World.TicksPerDecision; tick++)
                     {
                         world.Tick();
-                        attempt.Note(Feet);
+                        attempt.Note(State);
                     }
                     decisions++;
                 }
@@ -86,7 +91,9 @@ namespace Surefoot.Tests
                     {
                         int decisions = walker.Walk(attempt);
                         bool isThere = attempt.State == AttemptState.Reached;
-                        Expect.Equal((walker.Feet - goal).Length <= Agents.ReachedWithin, isThere, "whether the NPC is at its goal");
+                        bool isGrounded = (walker.State.Flags & StateFlags.Grounded) != 0;
+                        bool stands = isGrounded && (walker.Feet - goal).Length <= Agents.ReachedWithin;
+                        Expect.That(stands || !isThere, "an NPC that has arrived stands at its goal");
                         Console.WriteLine($"        goal {idx}: {attempt.State} after {decisions * Agents.DecisionSeconds:0.0} s");
                         arrived += isThere ? 1 : 0;
                     }
@@ -104,6 +111,61 @@ namespace Surefoot.Tests
                 walker.Walk(attempt);
                 Expect.Equal(attempt.State, AttemptState.Reached, "the end of an attempt");
                 Expect.Equal(attempt.Legs.Length, 0, "the number of legs without a plan");
+            }
+        }
+
+        internal static void ArrivesStanding(string square)
+        {
+            using (Map map = Map.Load(square))
+            using (Walker walker = new Walker(map, map.Origin, 3))
+            {
+                Vec3 goal = map.Origin + new Vec3(5, 0, 0);
+                CharacterState standing = walker.State;
+                standing.Flags = StateFlags.Grounded;
+                standing.Feet = goal + new Vec3(0.8f, 0, 0);
+                CharacterState flying = standing;
+                flying.Flags = StateFlags.None;
+                CharacterState above = standing;
+                above.Feet = goal + new Vec3(0, 0.9f, 0);
+                int castCount = 0;
+                SightHit wall = new SightHit { Distance = 0.5f, Surface = Surface.Ground };
+                SightHit hit = wall;
+                CastRays cast = (rays, hits) =>
+                {
+                    castCount++;
+                    Expect.Equal(rays.Length, 2, "the number of rays to a goal");
+                    hits[0] = default(SightHit);
+                    hits[1] = hit;
+                };
+                using (Attempt attempt = walker.Begin(goal, cast))
+                {
+                    foreach (CharacterState state in new[] { flying, above })
+                    {
+                        attempt.Note(state);
+                        Expect.Equal(attempt.State, AttemptState.GoesOn, "an attempt in the air, or on another floor");
+                    }
+                    Expect.Equal(castCount, 0, "the number of casts before the NPC stands near its goal");
+                    attempt.Note(standing);
+                    Expect.Equal(attempt.State, AttemptState.GoesOn, "an attempt behind a wall");
+                    hit = default(SightHit);
+                    attempt.Radius = 0.5f;
+                    attempt.Note(standing);
+                    Expect.Equal(attempt.State, AttemptState.GoesOn, "an attempt outside the radius");
+                    attempt.Radius = 0.85f;
+                    attempt.Note(standing);
+                    Expect.Equal(attempt.State, AttemptState.Reached, "an attempt of an NPC that stands at its goal");
+                    Expect.Equal(castCount, 2, "the number of casts");
+                }
+                using (Attempt attempt = walker.Begin(goal, null))
+                {
+                    attempt.Note(standing);
+                    Expect.Equal(attempt.State, AttemptState.Reached, "an attempt without rays");
+                }
+                using (Attempt attempt = walker.Begin(goal, cast))
+                {
+                    attempt.Radius = -1;
+                    Expect.Fails(Status.InvalidArgument, "radius", () => attempt.Note(standing));
+                }
             }
         }
 
@@ -142,11 +204,12 @@ namespace Surefoot.Tests
                 using (Walker walker = new Walker(map, start, 1))
                 using (Attempt attempt = walker.Begin(graph, goal))
                 {
-                    attempt.Advance(start);
+                    attempt.Advance(walker.State);
                     Expect.That(attempt.IsNearGoal(goal + new Vec3(3, 0, 0), start), "3 m are near");
                     Expect.That(!attempt.IsNearGoal(far, start), "the other goal is not near");
                     attempt.MoveGoal(far, start);
-                    Expect.Equal(attempt.Advance(start), AttemptState.GoesOn, "the attempt after its goal has moved far");
+                    AttemptState state = attempt.Advance(walker.State);
+                    Expect.Equal(state, AttemptState.GoesOn, "the attempt after its goal has moved far");
                     Expect.Equal(attempt.Legs.Last().Waypoint, far, "the end of the plan of an attempt");
                     // The target walks up and down at 1.2 m/s.
                     int decisions = walker.Chase(attempt, decision => far + new Vec3(Math.Abs(decision % 20 - 10) * 0.2f, 0, 0));
@@ -165,10 +228,10 @@ namespace Surefoot.Tests
                 using (Walker walker = new Walker(map, start, 1))
                 using (Attempt attempt = walker.Begin(graph, graph.Vertices()[50]))
                 {
-                    attempt.Advance(walker.Feet);
+                    attempt.Advance(walker.State);
                     Expect.That(attempt.Legs.Length > 0, "a plan has legs");
                     attempt.NoteDeath();
-                    Expect.Equal(attempt.Advance(walker.Feet), AttemptState.GaveUp, "an attempt after a death");
+                    Expect.Equal(attempt.Advance(walker.State), AttemptState.GaveUp, "an attempt after a death");
                 }
                 using (Walker walker = new Walker(map, start, 1))
                 using (Attempt attempt = walker.Begin(graph, start + new Vec3(0, 25, 0)))

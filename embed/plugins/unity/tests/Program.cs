@@ -56,6 +56,7 @@ namespace Surefoot.Tests
             Run("a snapshot brings a world back to the bit", () => AttemptTests.SnapshotRestores(files));
             Run("a follower walks plans and arrives", () => AttemptTests.WalksByPlan(files));
             Run("an agent without a graph walks straight on", () => AttemptTests.WalksStraight(files.Square));
+            Run("an NPC arrives where it stands in sight of a goal", () => AttemptTests.ArrivesStanding(files.Square));
             Run("an attempt without a graph follows a goal that moves", () => AttemptTests.ChasesStraight(files.Square));
             Run("an attempt follows a goal that moves, with another plan once it has drifted", () => AttemptTests.ChasesByPlan(files));
             Run("unreachable goals and deaths end attempts", () => AttemptTests.Ends(files));

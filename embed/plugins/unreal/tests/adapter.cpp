@@ -145,6 +145,7 @@ void decides_for_many_without_allocation(const std::string& square) {
     const std::size_t before = allocation_count;
     for (int decision = 0; decision < 10; decision++) {
         must(crowd.agents.decide(crowd.ids.data(), crowd.characters.data(), 64, crowd.game, crowd.controls.data()));
+        must(crowd.agents.has_arrived(crowd.characters[0], crowd.characters[0].feet, metre, crowd.game));
     }
     const std::size_t made = allocation_count - before;
     expect(made == 0, "decisions allocate nothing");
@@ -161,7 +162,7 @@ int chase(Game& game, std::uint32_t npc, Agents& agents, Attempt& attempt, Goal 
     int decisions = 0;
     for (; decisions < 1500; decisions++) {
         const Character character = game.character(npc);
-        must(attempt.advance(character.feet));
+        must(attempt.advance(character, game));
         if (attempt.state() != AttemptState::GoesOn) {
             break;
         }
@@ -171,7 +172,7 @@ int chase(Game& game, std::uint32_t npc, Agents& agents, Attempt& attempt, Goal 
         game.decide(npc, controls);
         for (std::uint32_t tick = 0; tick < SF_TICKS_PER_DECISION; tick++) {
             game.tick();
-            must(attempt.note(game.character(npc).feet));
+            must(attempt.note(game.character(npc), game));
         }
     }
     return decisions;
@@ -192,6 +193,48 @@ void walks_straight(const std::string& square) {
     Attempt attempt = must(Attempt::begin(agents, 0, nullptr, {}, {-12.0 * metre, 9.0 * metre, 0.0}));
     walk(game, npc, agents, attempt);
     expect(attempt.state() == AttemptState::Reached, "the goal is reached without a plan");
+}
+
+// Rays that end on the same hit.
+struct OneHit : surefoot::RayBatch {
+    void trace(const surefoot::Segment* segments, std::size_t count, surefoot::SegmentHit* hits) override {
+        expect(count == 2, "two rays lead to a goal");
+        expect(segments[0].start.z < segments[1].start.z, "one ray is above the other");
+        std::fill_n(hits, count, hit);
+        trace_count++;
+    }
+    surefoot::SegmentHit hit{0.5 * metre, SF_SURFACE_GROUND};
+    int trace_count = 0;
+};
+
+void arrives_standing(const std::string& square) {
+    Agents agents = agents_of(1);
+    agents.set_frame(must(LevelFrame::of_level(square)));
+    must(agents.begin(0, 3));
+    const Vector goal{5.0 * metre, 0.0, 0.0};
+    Character standing;
+    standing.feet = {5.8 * metre, 0.0, 0.0};
+    standing.is_grounded = true;
+    Character flying = standing, above = standing;
+    flying.is_grounded = false;
+    above.feet = {5.0 * metre, 0.0, 0.9 * metre};
+    OneHit rays;
+    Attempt attempt = must(Attempt::begin(agents, 0, nullptr, {}, goal));
+    must(attempt.note(flying, rays));
+    must(attempt.note(above, rays));
+    expect(attempt.state() == AttemptState::GoesOn, "no one arrives in the air or on another floor");
+    expect(rays.trace_count == 0, "no rays are traced before a character stands near its goal");
+    must(attempt.note(standing, rays));
+    expect(attempt.state() == AttemptState::GoesOn && rays.trace_count == 1, "no one arrives behind a wall");
+    rays.hit = {};
+    attempt.set_radius(0.5 * metre);
+    must(attempt.note(standing, rays));
+    expect(attempt.state() == AttemptState::GoesOn, "no one arrives outside the radius");
+    attempt.set_radius(-1.0);
+    expect_error(attempt.note(standing, rays), SF_INVALID_ARGUMENT, "radius");
+    attempt.set_radius(0.85 * metre);
+    must(attempt.note(standing, rays));
+    expect(attempt.state() == AttemptState::Reached, "a character arrives where it stands in sight of its goal");
 }
 
 void chases_straight(const std::string& square) {
@@ -229,8 +272,11 @@ void walks_by_plan(const std::string& level, const std::string& graph_path) {
         const std::uint32_t npc = game.spawn(start, 0.0);
         Attempt attempt = must(Attempt::begin(agents, 0, &graph, start, goal));
         const int decisions = walk(game, npc, agents, attempt);
-        const bool is_there = surefoot::distance(game.character(npc).feet, goal) <= SF_REACHED_WITHIN * metre + 1.0;
-        expect(is_there == (attempt.state() == AttemptState::Reached), "an attempt ends where its goal is");
+        const Character character = game.character(npc);
+        const bool is_there = attempt.state() == AttemptState::Reached;
+        const bool is_near = surefoot::distance(character.feet, goal) <= SF_REACHED_WITHIN * metre + 1.0;
+        const bool stands = is_near && character.is_grounded;
+        expect(stands || !is_there, "a character that has arrived stands at its goal");
         std::printf("goal %d: %s after %.1f s\n", idx, is_there ? "arrived" : "did not arrive", decisions * Agents::decision_seconds);
         arrived += is_there;
     }
@@ -248,7 +294,7 @@ void chases_by_plan(const std::string& level, const std::string& graph_path) {
     must(agents.begin(0, 1));
     const std::uint32_t npc = game.spawn(start, 0.0);
     Attempt attempt = must(Attempt::begin(agents, 0, &graph, start, goal));
-    must(attempt.advance(start));
+    must(attempt.advance(game.character(npc), game));
     const Vector first = attempt.waypoint();
     expect(attempt.is_near_goal({goal.x + 3.0 * metre, goal.y, goal.z}, start), "3 m are near");
     must(attempt.move_goal({goal.x + 0.2 * metre, goal.y, goal.z}, start));
@@ -277,7 +323,7 @@ void attempts_end(const std::string& level, const std::string& graph_path) {
     expect(in_air.state() == AttemptState::Unreachable || in_air.state() == AttemptState::GaveUp, "a goal in the air is not reached");
 
     Attempt deadly = must(Attempt::begin(agents, 0, &graph, start, frame.from_map(must(graph.vertices())[50])));
-    must(deadly.advance(start));
+    must(deadly.advance(game.character(npc), game));
     must(deadly.note_death());
     expect(deadly.state() == AttemptState::GaveUp, "a death ends an attempt");
 }
@@ -381,6 +427,7 @@ int main(int argc, char** argv) {
     levels_keep_their_origin(square);
     decides_for_many_without_allocation(square);
     walks_straight(square);
+    arrives_standing(square);
     chases_straight(square);
     walks_by_plan(level, graph);
     chases_by_plan(level, graph);

@@ -10,6 +10,7 @@ import {
   Policy,
   RAY_COUNT,
   Surface,
+  type Vec3,
 } from '../src/agents/index.ts'
 
 const FEET = { x: 0, y: 0, z: 0 }
@@ -79,6 +80,37 @@ test('rays begin at the eyes, and the middle of the cone looks ahead', () => {
   // Heading pi / 2 faces +x; 7 degrees to the right of it is towards +z.
   expect(rays[1]![0]).toBeCloseTo(Math.cos((5 * Math.PI) / 180) * Math.cos((7 * Math.PI) / 180))
   expect(rays[1]![2]).toBeGreaterThan(0)
+})
+
+test('a character has arrived where it stands and nothing solid is between', () => {
+  const agents = new Agents(runner())
+  const standing = (x: number, y = 0) => ({ feet: { x, y, z: 0 }, isGrounded: true })
+  const arrives = (state: { feet: Vec3; isGrounded: boolean }, castRays = OPEN_SKY, radius?: number) =>
+    agents.hasArrived(state, { goal: FEET, radius }, castRays)
+  const cases: [name: string, state: { feet: Vec3; isGrounded: boolean }, expected: boolean][] = [
+    ['beside the goal', standing(0.9), true],
+    ['at the goal', standing(0), true],
+    ['too far', standing(1.1), false],
+    ['in the air', { ...standing(0.5), isGrounded: false }, false],
+    ['on a crate', standing(0.2, 0.8), false],
+    ['below a goal that hangs above its ground', standing(0, -0.59), true],
+    ['on a slope', standing(0.7, 0.65), true],
+  ]
+  for (const [name, state, expected] of cases) expect(arrives(state), name).toBe(expected)
+  expect(arrives(standing(0.5), OPEN_SKY, 0.4)).toBe(false)
+  const wallAt =
+    (far: number, surface: Surface, ray: number): CastRays =>
+    (origins) => {
+      expect([...origins].map((value) => value.toFixed(2))).toEqual(['0.80', '0.45', '0.00', '0.80', '1.35', '0.00'])
+      const surfaces = [0, 1].map((idx) => (idx === ray ? surface : Surface.none))
+      return { distances: [far, far], surfaces }
+    }
+  for (const ray of [0, 1]) {
+    expect(arrives(standing(0.8), wallAt(0.5, Surface.ground, ray)), 'a wall').toBe(false)
+    expect(arrives(standing(0.8), wallAt(0.85, Surface.ground, ray)), 'a wall behind the goal').toBe(true)
+    expect(arrives(standing(0.8), wallAt(0.5, Surface.water, ray)), 'water').toBe(true)
+  }
+  expect(() => arrives(standing(0), OPEN_SKY, NaN)).toThrow('radius is NaN, but must be a number from 0 to 30')
 })
 
 test('what makes no sense is refused by name', async () => {

@@ -89,6 +89,93 @@ test('a death ends the attempt and counts against its edge', async () => {
   expect(follower.advance(START, false)).toEqual({ kind: 'give-up' })
 })
 
+/** A follower of the line graph on its last leg, 16 m from the last vertex to its goal. */
+async function onLastLeg(): Promise<Follower> {
+  const follower = new Follower({ ...GOAL, x: 76 })
+  follower.advance(START, false)
+  await follower.makePlan(lineGraph(), START)
+  while (!follower.isLastLeg) follower.advance(follower.waypoint!, true)
+  return follower
+}
+
+test('a goal that moves a little is followed, and drifts into another plan', async () => {
+  const goal = (decision: number) => ({ ...GOAL, x: 76 + 0.2 * decision })
+  const follower = await onLastLeg()
+  const feet = { ...GOAL, x: 70 }
+  const { plan } = follower
+  let heads = 0
+  // At 6 to 8 m from the feet the goal drifts by 25 % of its distance after 2 m, and the waypoint follows by 15 %.
+  for (let decision = 1; decision <= 9; decision++) {
+    const step = follower.moveGoal(goal(decision), feet)
+    expect(['keep', 'head']).toContain(step.kind)
+    heads += step.kind === 'head' ? 1 : 0
+    expect(Math.abs(follower.waypoint!.x - goal(decision).x)).toBeLessThanOrEqual(0.15 * (goal(decision).x - feet.x))
+    expect(follower.advance(feet, false)).toEqual({ kind: 'keep' })
+    expect(follower.plan).toBe(plan)
+  }
+  expect(heads).toBe(1)
+  const kinds = [10, 11].map((decision) => follower.moveGoal(goal(decision), feet).kind)
+  expect(kinds).toEqual(['keep', 'plan'])
+  expect(follower.hasGoalDrifted(feet)).toBe(true)
+  expect(follower.advance(feet, false), 'it keeps its plan').toEqual({ kind: 'keep' })
+  await follower.makePlan(lineGraph(), feet)
+  expect(follower.plan!.waypoints.at(-1)).toEqual(goal(11))
+  expect(follower.moveGoal(goal(11), feet).kind).toBe('keep')
+})
+
+test('a goal that moves far asks for another plan of the same attempt', async () => {
+  const follower = new Follower(GOAL)
+  expect(follower.moveGoal({ ...GOAL, x: 61 }, START), 'without a plan').toEqual({ kind: 'plan' })
+  await follower.makePlan(lineGraph(), START)
+  follower.advance(START, true)
+  const far = { ...GOAL, x: 40 }
+  expect(follower.moveGoal(far, START)).toEqual({ kind: 'plan' })
+  expect(follower.waypoint, 'the waypoint until then').toEqual({ ...START, x: 20 })
+  await follower.makePlan(lineGraph(), START)
+  expect(follower.plan!.waypoints.at(-1)).toEqual(far)
+  follower.noteDeath()
+  expect(follower.moveGoal(GOAL, START)).toEqual({ kind: 'give-up' })
+})
+
+test('it heads for its goal where its last waypoint lags behind', async () => {
+  const follower = await onLastLeg()
+  const after = { ...GOAL, x: 76.4 }
+  expect(follower.moveGoal(after, { ...GOAL, x: 70 }), '0.4 m make no difference yet').toEqual({ kind: 'keep' })
+  expect(follower.advance({ ...GOAL, x: 75.2 }, true)).toEqual({ kind: 'head', waypoint: after })
+  expect(follower.advance({ ...GOAL, x: 75.5 }, true)).toEqual({ kind: 'keep' })
+  // A target that was caught runs on.
+  const next = { ...GOAL, x: 76.6 }
+  expect(follower.moveGoal(next, { ...GOAL, x: 75.5 }, true)).toEqual({ kind: 'head', waypoint: next })
+})
+
+test('a goal that moves while a plan is made is where that plan leads', async () => {
+  const graph = lineGraph()
+  const follower = new Follower(GOAL)
+  const planning = follower.makePlan({ findPath: (query) => Promise.resolve(graph.findPath(query)) }, START)
+  const moved = { ...GOAL, x: 90 }
+  expect(follower.moveGoal(moved, START)).toEqual({ kind: 'keep' })
+  await planning
+  expect(follower.plan!.waypoints.at(-1)).toEqual(moved)
+  expect(follower.hasGoalDrifted(START), 'from where the plan was requested').toBe(true)
+})
+
+test('patience runs out for a character that stands still, but not for one that chases', () => {
+  const straight = { from: 'start', to: 'goal', ability: 'walk', seconds: 1, chance: 1, deathChance: 0 } as const
+  const ends = [0, 0.1].map((metres) => {
+    const follower = new Follower(GOAL, { replanAfter: 1000 })
+    follower.follow({ waypoints: [GOAL], legs: [straight] })
+    let end: string | undefined
+    for (let decision = 1; decision <= 400 && end === undefined; decision++) {
+      const feet = { ...START, x: metres * decision }
+      follower.moveGoal({ ...GOAL, x: 60 + decision }, feet)
+      const { kind } = follower.advance(feet, false)
+      if (kind === 'give-up') end = kind
+    }
+    return end
+  })
+  expect(ends).toEqual(['give-up', undefined])
+})
+
 test('a slow planner is waited for, and one that fails is asked again', async () => {
   const graph = lineGraph()
   const planner: Planner = { findPath: (query) => Promise.resolve().then(() => graph.findPath(query)) }
@@ -107,6 +194,7 @@ test('what cannot be followed is refused by name', () => {
   expect(() => new Follower(GOAL, { patience: 0 })).toThrow('patience is 0')
   const follower = new Follower(GOAL)
   expect(() => follower.advance({ x: 0, y: NaN, z: 0 }, false)).toThrow('feet is (0, NaN, 0)')
+  expect(() => follower.moveGoal({ x: 0, y: Infinity, z: 0 }, START)).toThrow('goal is (0, Infinity, 0)')
   expect(() => follower.follow({ waypoints: [], legs: [] } as Plan)).toThrow('0 waypoints and 0 legs')
   expect(() => Graph.read('{')).toThrow('graph file is no JSON')
 })

@@ -5,6 +5,8 @@ mod avian;
 #[cfg(any(feature = "avian", feature = "rapier"))]
 mod crowd;
 mod files;
+#[cfg(feature = "avian")]
+mod goals;
 #[cfg(feature = "rapier")]
 mod rapier;
 mod stage;

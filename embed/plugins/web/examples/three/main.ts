@@ -33,7 +33,7 @@ async function step(): Promise<void> {
     scene.showPlan(character.feet, follower?.plan, follower?.waypointIdx ?? 0)
   }
   character.tick(action)
-  walkers.note(NPC, character.feet)
+  walkers.note(NPC, character.state)
   tick += 1
   if (character.feet.y < lowestCorner().y - 5) respawn()
 }

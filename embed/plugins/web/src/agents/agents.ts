@@ -2,6 +2,7 @@
 
 import { checkCount, checkRange, checkVec3, SurefootError } from '../checks.ts'
 import { type Vec3, ZERO } from '../vec3.ts'
+import { type Arrival, type Footing, hasArrived } from './arrival.ts'
 import { Attempt } from './attempt.ts'
 import { type Body, bodyOf } from './body.ts'
 import { type Devices, type PlacedDevices, placeDevices } from './devices.ts'
@@ -86,17 +87,28 @@ export class Agents {
     this.minds[agent] = this.newMind(seed)
   }
 
-  /** Gives an agent at `feet` another goal: places, m. */
+  /** Gives an agent at `feet` another goal or the next waypoint, between decisions, also in every one: places, m. */
   setGoal(agent: number, feet: Vec3, goal: Vec3): void {
     const mind = this.mindOf(agent)
     mind.attempt = new Attempt(checkVec3('goal', goal), checkVec3('feet', feet))
   }
 
-  /** Takes note of where an agent is between decisions, and returns whether it has come within 1 m of its goal. */
+  /**
+   * Takes note of where an agent is between decisions, and returns whether it has come within 1 m of its goal, also in
+   * flight.
+   */
   note(agent: number, feet: Vec3): boolean {
     const attempt = this.attemptOf(agent)
     attempt.note(checkVec3('feet', feet))
     return attempt.isReached
+  }
+
+  /**
+   * Whether a character has arrived at a goal, as NPCs of the server arrive: it stands within the radius, no higher or
+   * lower than steps and slopes take it, and nothing solid is between. Ask in each tick.
+   */
+  hasArrived(state: Footing, arrival: Arrival, castRays: CastRays): boolean {
+    return hasArrived(this.body, state, arrival, castRays)
   }
 
   /** Decisions in a row during which an agent came no nearer to its goal; it is hopeless from `PATIENCE` on. */

@@ -3,6 +3,7 @@
 export { SurefootError } from '../checks.ts'
 export type { Vec3 } from '../vec3.ts'
 export { type Action, type AgentOptions, Agents, DECISION_SECONDS, DEFAULT_NOISE_SHARE } from './agents.ts'
+export type { Arrival, Footing } from './arrival.ts'
 export { PATIENCE, REACHED_WITHIN_M } from './attempt.ts'
 export { type Body, DEFAULT_BODY } from './body.ts'
 export type { Devices, Teleporter, Transport } from './devices.ts'

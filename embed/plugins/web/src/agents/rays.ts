@@ -45,8 +45,8 @@ export interface RayHits {
 }
 
 /**
- * Casts rays in the page's scene. Origins and unit directions are x, y, z for each ray, one ray after another: 64 for each agent.
- * Rays should pass through characters.
+ * Casts rays in the page's scene. Origins and unit directions are x, y, z for each ray, one ray after another: 64 for
+ * each agent that decides, and 2 for one that may have arrived. Rays should pass through characters.
  */
 export type CastRays = (origins: Float32Array, directions: Float32Array) => RayHits
 

@@ -1,4 +1,5 @@
-// Follows a plan waypoint by waypoint, and asks for another one where a leg fails: the rules of core/rollout/src/follow.rs.
+// Follows a plan waypoint by waypoint, and asks for another one where a leg fails: the rules of
+// core/rollout/src/follow.
 //
 // A follower neither senses nor moves. It does not rehearse legs and does not wait for movers, as NPCs of the server do.
 
@@ -49,10 +50,20 @@ const MAX_CHANCES = 3
 /** Most failed legs that are kept; the oldest is dropped first. */
 const MAX_FAILED_LEGS = 48
 const MOST_DECISIONS = 1e6
+/**
+ * How far a goal moves before the character heads for its new place, and before it takes another plan: in metres, and
+ * as a share of the character's distance from the goal.
+ */
+const [AIM_M, AIM_SHARE] = [0.5, 0.15]
+const [DRIFT_M, DRIFT_SHARE] = [1, 0.25]
 
 export class Follower {
-  readonly goal: Vec3
   private readonly options: Required<FollowerOptions>
+  private target: Vec3
+  /** The goal for which the plan was made, m. */
+  private plannedGoal: Vec3
+  /** Where the character was when its goal moved and it had moved itself, m. */
+  private movedFrom: Vec3
   private current: Plan | undefined
   private leg = 0
   private end: Ended | undefined
@@ -69,11 +80,17 @@ export class Follower {
 
   /** Begins an attempt at `goal`, m. */
   constructor(goal: Vec3, options: FollowerOptions = {}) {
-    this.goal = checkVec3('goal', goal)
+    this.target = checkVec3('goal', goal)
+    this.plannedGoal = this.movedFrom = this.target
     this.options = { replanAfter: 50, patience: 300, maxReplans: 16, caution: 1, without: [], ...options }
     for (const name of ['replanAfter', 'patience', 'maxReplans'] as const) {
       checkCount(name, this.options[name], name === 'maxReplans' ? 0 : 1, MOST_DECISIONS)
     }
+  }
+
+  /** The goal, m. */
+  get goal(): Vec3 {
+    return this.target
   }
 
   /** The plan that is followed. */
@@ -91,7 +108,39 @@ export class Follower {
     return this.current?.waypoints[this.leg]
   }
 
-  /** Takes note of a decision: where the feet are, m, and whether they came within 1 m of the waypoint since the last one. */
+  /** Whether this waypoint is the last one of the plan. */
+  get isLastLeg(): boolean {
+    return this.current !== undefined && this.leg === this.current.waypoints.length - 1
+  }
+
+  /**
+   * Moves the goal of a character at `feet`, m; `isReached` is as in `advance`. Call it whenever the target has moved,
+   * instead of beginning another attempt. The plan stays, and its last leg leads to the new goal: the step is `head` if
+   * that changes the waypoint. Moves of up to 0.5 m, or 15 % of the distance between feet and goal, wait until the
+   * waypoint is reached. The step is `plan` without a plan, and once the goal has drifted.
+   */
+  moveGoal(goal: Vec3, feet: Vec3, isReached = false): Step {
+    const [to, from] = [checkVec3('goal', goal), checkVec3('feet', feet)]
+    if (this.end !== undefined) return this.end
+    const waypoint = this.aimAt(to, from, isReached)
+    if (!this.isPlanning && (this.current === undefined || this.hasGoalDrifted(from))) return { kind: 'plan' }
+    return waypoint === undefined ? { kind: 'keep' } : { kind: 'head', waypoint }
+  }
+
+  /**
+   * Whether the goal is so far from where it was at the last plan that a character at `feet`, m, needs another one:
+   * more than 1 m, and more than 25 % of the distance between the two. Until `makePlan` is called, the follower keeps
+   * its plan.
+   */
+  hasGoalDrifted(feet: Vec3): boolean {
+    const slack = Math.max(DRIFT_M, DRIFT_SHARE * distance(feet, this.target))
+    return this.current !== undefined && !this.isPlanning && distance(this.plannedGoal, this.target) > slack
+  }
+
+  /**
+   * Takes note of a decision: where the feet are, m, and whether they came within 1 m of the waypoint since the last
+   * one. At the last waypoint, say whether the character stands there, as `Agents.hasArrived` does.
+   */
   advance(feet: Vec3, isReached: boolean): Step {
     checkVec3('feet', feet)
     if (this.end !== undefined) return this.end
@@ -100,16 +149,17 @@ export class Follower {
     if (plan === undefined)
       return this.replans > this.options.maxReplans ? this.finish(this.outOfPatience()) : { kind: 'plan' }
     this.decisionsOnLeg += 1
-    this.leastToGoal.note(distance(feet, this.goal))
-    if (isReached) {
-      const isLast = this.leg === plan.waypoints.length - 1
-      if (!isLast) return this.headForNext(plan)
-      if (plan.nearest !== undefined) {
-        this.endLeg({ reached: true })
-        return this.finish({ kind: 'unreachable' })
-      }
+    this.leastToGoal.note(distance(feet, this.target))
+    if (!isReached) return this.wait(plan, feet)
+    if (!this.isLastLeg) return this.headForNext(plan)
+    if (plan.nearest !== undefined) {
+      this.endLeg({ reached: true })
+      return this.finish({ kind: 'unreachable' })
     }
-    return this.wait(plan, feet)
+    // The last waypoint may lag behind a goal that has moved a little: then the goal itself is next.
+    const waypoint = this.aimAt(this.target, feet, true)
+    const step = this.wait(plan, feet)
+    return step.kind === 'keep' && waypoint !== undefined ? { kind: 'head', waypoint } : step
   }
 
   /**
@@ -122,31 +172,41 @@ export class Follower {
     const start = checkVec3('feet', feet)
     this.isPlanning = true
     try {
-      let plan: Plan
-      do plan = await planner.findPath(this.query(start))
-      while (this.reconsiders(plan))
-      return this.follow(plan)
+      let [plan, goal]: [Plan | undefined, Vec3] = [undefined, this.target]
+      do {
+        goal = this.target
+        plan = await planner.findPath(this.query(start))
+      } while (this.reconsiders(plan))
+      const step = this.follow(plan)
+      // The goal may have moved since.
+      this.plannedGoal = goal
+      return step
     } finally {
       this.isPlanning = false
     }
   }
 
-  /** Follows a plan that was made elsewhere for this goal. */
+  /**
+   * Follows a plan that was made elsewhere for this goal; its last leg leads to the goal, unless it leads to the
+   * nearest place.
+   */
   follow(plan: Plan): Step {
     if (this.end !== undefined) return this.end
     if (plan.waypoints.length === 0 || plan.waypoints.length !== plan.legs.length) {
       const counts = `${plan.waypoints.length} waypoints and ${plan.legs.length} legs`
       throw new SurefootError(`the plan has ${counts}: it needs a leg to each waypoint, and at least one`)
     }
-    this.current = plan
+    const waypoints = plan.nearest === undefined ? [...plan.waypoints.slice(0, -1), this.target] : plan.waypoints
+    this.current = { ...plan, waypoints: [...waypoints] }
+    this.plannedGoal = this.target
     this.startLeg(0)
-    return { kind: 'head', waypoint: plan.waypoints[0]! }
+    return { kind: 'head', waypoint: waypoints[0]! }
   }
 
   /** The query for a plan from `start`, m, that avoids what has failed. */
   query(start: Vec3): Query {
     const { caution, without } = this.options
-    return { start, goal: this.goal, avoid: this.failedLegs, caution, without }
+    return { start, goal: this.target, avoid: this.failedLegs, caution, without }
   }
 
   /** Drops the plan, because the level or its graph has changed; its leg does not count as failed. */
@@ -166,6 +226,33 @@ export class Follower {
     const taken = this.traversals
     this.traversals = []
     return taken
+  }
+
+  /**
+   * Moves the goal, and returns the waypoint if that changes it; small changes wait until they matter, or until the
+   * waypoint is reached.
+   */
+  private aimAt(goal: Vec3, feet: Vec3, isReached: boolean): Vec3 | undefined {
+    const far = distance(feet, goal)
+    if (distance(goal, this.target) > 0) this.retarget(goal, feet, far)
+    const waypoints = this.current?.nearest === undefined ? this.current?.waypoints : undefined
+    if (waypoints === undefined) return undefined
+    const slack = isReached ? 0 : Math.max(AIM_M, AIM_SHARE * far)
+    if (distance(waypoints[waypoints.length - 1]!, goal) <= slack) return undefined
+    waypoints[waypoints.length - 1] = goal
+    if (!this.isLastLeg) return undefined
+    this.leastToWaypoint.restart(far, this.leastToGoal.stalled)
+    return goal
+  }
+
+  /** A target that runs away is no want of progress, but a character that stands still is. */
+  private retarget(goal: Vec3, feet: Vec3, far: number): void {
+    const isMoving = distance(feet, this.movedFrom) >= AIM_M
+    this.target = goal
+    this.leastToGoal.restart(far, isMoving ? 0 : this.leastToGoal.stalled)
+    if (!isMoving) return
+    this.movedFrom = feet
+    this.replans = 0
   }
 
   private headForNext(plan: Plan): Step {
@@ -206,7 +293,7 @@ export class Follower {
 
   private startLeg(leg: number): void {
     this.leg = leg
-    this.leastToWaypoint.reset()
+    this.leastToWaypoint.restart()
     this.decisionsOnLeg = 0
   }
 
@@ -243,8 +330,8 @@ class Least {
     this.stalled = 0
   }
 
-  reset(): void {
-    this.least = Infinity
-    this.stalled = 0
+  restart(least = Infinity, stalled = 0): void {
+    this.least = least
+    this.stalled = stalled
   }
 }

@@ -3,6 +3,9 @@ using System.Runtime.InteropServices;
 
 namespace Surefoot
 {
+    /// <summary>Casts rays in the game's physics: fills a hit for each. Rays should pass through characters.</summary>
+    public delegate void CastRays(ReadOnlySpan<SightRay> rays, Span<SightHit> hits);
+
     /// <summary>
     /// The minds of characters with equal bodies. Every 1/6 s, for any number of them together: <see cref="Rays"/>, casts in the game's
     /// physics, <see cref="Observe"/>, <see cref="Decide"/>.
@@ -17,7 +20,7 @@ namespace Surefoot
         public const int RayCount = 64;
         /// <summary>Reach of every ray, m.</summary>
         public const float RayRange = 30;
-        /// <summary>Distance from a goal or waypoint within which it counts as reached, m.</summary>
+        /// <summary>Distance from a waypoint at which it is reached, and the usual radius of goals, m.</summary>
         public const float ReachedWithin = 1;
         /// <summary>Seconds between two decisions.</summary>
         public const float DecisionSeconds = 1f / 6;
@@ -26,7 +29,12 @@ namespace Surefoot
         /// <summary>Decisions without coming closer after which an attempt without a plan is hopeless.</summary>
         public const uint HopelessAfter = 300;
 
+        /// <summary>Rays from a character to its goal.</summary>
+        private const int ArrivalRayCount = 2;
+
         private readonly AgentsHandle handle;
+        private readonly SightRay[] arrivalRays = new SightRay[ArrivalRayCount];
+        private readonly SightHit[] arrivalHits = new SightHit[ArrivalRayCount];
 
         /// <summary>Makes room for agents, 1 to 65536, with the body that policies were trained with.</summary>
         public Agents(Policy policy, uint maxAgents)
@@ -70,13 +78,46 @@ namespace Surefoot
             Native.Check(NativeMethods.sf_agents_set_goal(handle, agent, feet, goal, &error), &error);
         }
 
-        /// <summary>Tells, every tick, where an agent is between decisions. Returns whether it has reached its goal.</summary>
+        /// <summary>
+        /// Tells, every tick, where an agent is between decisions. Returns whether it has come within <see
+        /// cref="ReachedWithin"/> of its goal, also in flight.
+        /// </summary>
         public bool Note(uint agent, Vec3 feet)
         {
             NativeError error;
             int reached;
             Native.Check(NativeMethods.sf_agents_note(handle, agent, feet, &reached, &error), &error);
             return reached != 0;
+        }
+
+        /// <summary>
+        /// Whether a character has arrived at a goal: it stands within the radius, 0 to 30 m, no higher or lower than
+        /// steps and slopes take it, and nothing solid is between. Ask in every tick. Casts two rays, and only if all
+        /// else is so; null for `cast`: nothing is between.
+        /// </summary>
+        public bool HasArrived(in CharacterState state, Vec3 goal, float radius, CastRays cast)
+        {
+            NativeError error;
+            UIntPtr count;
+            int arrived;
+            CharacterState sized = state;
+            sized.StructSize = (uint)sizeof(CharacterState);
+            fixed (SightRay* ray = arrivalRays)
+            fixed (SightHit* hit = arrivalHits)
+            {
+                UIntPtr room = Native.Size(ArrivalRayCount);
+                Status status =
+                    NativeMethods.sf_agents_arrival_rays(handle, &sized, goal, radius, ray, room, &count, &error);
+                Native.Check(status, &error);
+                if ((int)count == 0 || cast == null)
+                {
+                    return (int)count > 0;
+                }
+                cast(arrivalRays, arrivalHits);
+                status = NativeMethods.sf_agents_has_arrived(handle, &sized, goal, radius, hit, &arrived, &error);
+                Native.Check(status, &error);
+            }
+            return arrived != 0;
         }
 
         /// <summary>Fills `rays` with those of the characters, <see cref="RayCount"/> for each.</summary>

@@ -6,7 +6,7 @@ namespace Surefoot
     public enum AttemptState
     {
         GoesOn,
-        /// <summary>The NPC came within <see cref="Agents.ReachedWithin"/> of its goal.</summary>
+        /// <summary>The NPC stood within the radius of its goal, with nothing solid between.</summary>
         Reached,
         /// <summary>The attempt has failed: no plan led on, or the NPC died or came no closer.</summary>
         GaveUp,
@@ -30,17 +30,28 @@ namespace Surefoot
         private readonly Follower follower;
         private readonly float caution;
         private readonly Abilities without;
+        private readonly CastRays cast;
         private bool isAtWaypoint;
         private bool hasPlan;
+        private bool isLastLeg;
         private bool needsPlan;
         private Vec3 stoodAt;
         private uint standing;
 
         /// <summary>
-        /// Begins an attempt of an agent whose feet are at a place. `graph` is null for goals in sight, or where no graph was proved; then
-        /// `caution` and `without`, which are those of a <see cref="PathQuery"/>, are ignored.
+        /// Begins an attempt of an agent whose feet are at a place. `graph` is null for goals in sight, or where no
+        /// graph was proved; then `caution` and `without`, which are those of a <see cref="PathQuery"/>, are ignored.
+        /// `cast` looks for walls and floors before the goal; null: there are none.
         /// </summary>
-        public Attempt(Agents agents, uint agent, Graph graph, Vec3 feet, Vec3 goal, float caution = 1, Abilities without = Abilities.None)
+        public Attempt(
+            Agents agents,
+            uint agent,
+            Graph graph,
+            Vec3 feet,
+            Vec3 goal,
+            float caution = 1,
+            Abilities without = Abilities.None,
+            CastRays cast = null)
         {
             Native.CheckGiven(nameof(agents), agents);
             this.agents = agents;
@@ -48,6 +59,7 @@ namespace Surefoot
             this.graph = graph;
             this.caution = caution;
             this.without = without;
+            this.cast = cast;
             Goal = goal;
             stoodAt = feet;
             HeadFor(feet, goal);
@@ -55,6 +67,9 @@ namespace Surefoot
         }
 
         public Vec3 Goal { get; private set; }
+
+        /// <summary>Distance from the goal within which the NPC must stand, 0 to 30 m.</summary>
+        public float Radius { get; set; } = Agents.ReachedWithin;
 
         /// <summary>Where the NPC heads for now: the end of a leg, or the goal.</summary>
         public Vec3 Waypoint { get; private set; }
@@ -103,36 +118,41 @@ namespace Surefoot
             Goal = goal;
         }
 
-        /// <summary>Tells, every tick, where the feet are, so that no waypoint is missed that is passed between decisions.</summary>
-        public void Note(Vec3 feet)
+        /// <summary>Tells, every tick, where the NPC is, so that it passes nothing unnoticed between decisions.</summary>
+        public void Note(in CharacterState state)
         {
             if (State != AttemptState.GoesOn)
             {
                 return;
             }
-            isAtWaypoint |= agents.Note(agent, feet);
-            if ((feet - Goal).Length <= Agents.ReachedWithin)
+            bool isPassed = agents.Note(agent, state.Feet);
+            // Waypoints are passed on the run or in flight, but the last one is a place to stand. If it is the goal
+            // itself, the follower counts the time until the NPC has arrived there.
+            isAtWaypoint |= isLastLeg
+                ? !Waypoint.Equals(Goal) && HasArrived(state, Waypoint, Agents.ReachedWithin)
+                : isPassed;
+            if (HasArrived(state, Goal, Radius))
             {
                 // The follower notes the end of its last traversal; nothing follows from its answer any more.
-                follower?.Advance(feet, isAtWaypoint);
+                follower?.Advance(state.Feet, isAtWaypoint);
                 End(AttemptState.Reached);
             }
         }
 
         /// <summary>Plans, heads for the next waypoint, or ends the attempt: to be called before each decision of the agent.</summary>
-        public AttemptState Advance(Vec3 feet)
+        public AttemptState Advance(in CharacterState state)
         {
-            Note(feet);
+            Note(state);
             if (State != AttemptState.GoesOn)
             {
                 return State;
             }
             if (follower == null)
             {
-                AdvanceStraight(feet);
+                AdvanceStraight(state.Feet);
                 return State;
             }
-            Follow(feet);
+            Follow(state.Feet);
             return State;
         }
 
@@ -155,6 +175,9 @@ namespace Surefoot
             }
             follower?.Dispose();
         }
+
+        private bool HasArrived(in CharacterState state, Vec3 place, float radius) =>
+            agents.HasArrived(state, place, radius, cast);
 
         private void AdvanceStraight(Vec3 feet)
         {
@@ -182,6 +205,7 @@ namespace Surefoot
             }
             hasPlan = step.LegCount > 0;
             LegIndex = (int)step.Leg;
+            isLastLeg = hasPlan && step.Leg + 1 == step.LegCount;
             switch (step.Kind)
             {
                 case StepKind.Head:

@@ -51,6 +51,14 @@ namespace Surefoot
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_agents_rays(AgentsHandle agents, CharacterState* states, UIntPtr count, SightRay* rays, UIntPtr rayCapacity, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_agents_arrival_rays(
+            AgentsHandle agents, CharacterState* state, Vec3 goal, float radius, SightRay* rays, UIntPtr capacity,
+            UIntPtr* count, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_agents_has_arrived(
+            AgentsHandle agents, CharacterState* state, Vec3 goal, float radius, SightHit* hits, int* arrived,
+            NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_agents_observe(AgentsHandle agents, uint* ids, CharacterState* states, SightHit* hits, UIntPtr count, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_agents_observation(AgentsHandle agents, uint agent, float* values, UIntPtr capacity, UIntPtr* count, NativeError* error);

@@ -10,6 +10,8 @@ namespace Surefoot.Unity
     {
         [SerializeField, Tooltip("Who decides; empty for the brain of the scene")] private SurefootBrain brain;
         [SerializeField, Tooltip("What to go to and follow while it moves; empty for goals from code")] private Transform goal;
+        [SerializeField, Tooltip("How near to its goal the character must stand, m"), Range(0.1f, 10)]
+        private float radius = Agents.ReachedWithin;
         [SerializeField, Tooltip("How much plans do to avoid deaths: 0 bold to 1 careful"), Range(0, 1)] private float caution = 1;
         [SerializeField, Tooltip("Decides the noise of the agent, together with its number")] private int seed;
 
@@ -37,13 +39,24 @@ namespace Surefoot.Unity
 
         internal uint Number { get; private set; }
 
+        private CharacterState CharacterState => new CharacterState
+        {
+            Flags = motion.Flags,
+            Feet = FeetOnMap,
+            Velocity = motion.Velocity,
+            Yaw = motion.Yaw,
+        };
+
         private Vec3 FeetOnMap => brain.Frame.ToMap(Feet.ToVec3());
 
         /// <summary>
         /// Goes to a goal on the ground. Near the present goal, the attempt goes on with the new one, so a target that moves may be passed in every
         /// frame. Elsewhere another attempt begins, and the present one ends where it stands.
         /// </summary>
-        public void GoTo(Vector3 place)
+        public void GoTo(Vector3 place) => GoTo(place, radius);
+
+        /// <summary>Goes to a goal where the character must stand within a radius, m.</summary>
+        public void GoTo(Vector3 place, float within)
         {
             if (!isMember)
             {
@@ -53,11 +66,15 @@ namespace Surefoot.Unity
             if (attempt != null && attempt.IsNearGoal(wanted, FeetOnMap))
             {
                 attempt.MoveGoal(wanted, FeetOnMap);
+                attempt.Radius = within;
                 return;
             }
             attempt?.Dispose();
             isReported = false;
-            attempt = new Attempt(brain.Agents, Number, brain.Graph, FeetOnMap, wanted, caution);
+            attempt = new Attempt(brain.Agents, Number, brain.Graph, FeetOnMap, wanted, caution, cast: brain.CastRays)
+            {
+                Radius = within,
+            };
         }
 
         /// <summary>Ends the attempt, and lets the character come to a halt.</summary>
@@ -78,17 +95,9 @@ namespace Surefoot.Unity
         /// <summary>Plans and describes the character for a decision; false if it needs none.</summary>
         internal bool BeginDecision(out CharacterState state)
         {
-            state = default(CharacterState);
             HeadForGoal();
-            if (attempt == null || attempt.Advance(FeetOnMap) != AttemptState.GoesOn)
-            {
-                return false;
-            }
-            state.Flags = motion.Flags;
-            state.Feet = FeetOnMap;
-            state.Velocity = motion.Velocity;
-            state.Yaw = motion.Yaw;
-            return true;
+            state = CharacterState;
+            return attempt != null && attempt.Advance(state) == AttemptState.GoesOn;
         }
 
         internal void Act(in AgentAction action) => motion.Decide(action);
@@ -153,7 +162,7 @@ namespace Surefoot.Unity
             Move(seconds);
             Vector3 moved = (transform.position - before) / seconds;
             motion.Moved(UnityFrame.Mirror(moved.ToVec3()), controller.isGrounded, seconds);
-            attempt?.Note(FeetOnMap);
+            attempt?.Note(CharacterState);
         }
 
         private void Move(float seconds)

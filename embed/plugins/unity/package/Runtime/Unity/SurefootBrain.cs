@@ -66,6 +66,10 @@ namespace Surefoot.Unity
             }
         }
 
+        /// <summary>Casts rays at the layers of the level.</summary>
+        internal void CastRays(ReadOnlySpan<SightRay> cast, Span<SightHit> found) =>
+            rayBatch.Cast(cast, found, Frame, surfaces);
+
         /// <summary>Makes what decisions need, once: agents may be enabled before the brain wakes.</summary>
         private void Prepare()
         {
@@ -142,7 +146,7 @@ namespace Surefoot.Unity
             Span<SightRay> cast = rays.AsSpan(0, count * Agents.RayCount);
             Span<SightHit> found = hits.AsSpan(0, cast.Length);
             Agents.Rays(seen, cast);
-            rayBatch.Cast(cast, found, Frame, surfaces);
+            CastRays(cast, found);
             Agents.Observe(numbers, seen, found);
             Agents.Decide(numbers, actions.AsSpan(0, count), noise);
             for (int idx = 0; idx < count; idx++)

@@ -14,6 +14,8 @@ constexpr std::uint32_t hopeless_after = 300;
 // How far a place is from the goal at most to be near it: in cm, and as a share of the character's distance from the goal.
 constexpr double near_cm = 400.0;
 constexpr double near_share = 0.25;
+// A waypoint within 1 cm of the goal is the goal: places are rounded on their way to the map and back.
+constexpr double same_cm = 1.0;
 
 // Makes a call, which gets an error last, and keeps what it says.
 template <typename Call, typename... Arguments>
@@ -60,6 +62,10 @@ Segment segment_of(const sf_ray& ray, const LevelFrame& frame) {
     const sf_vec3 end{ray.origin.x + ray.direction.x * SF_RAY_RANGE, ray.origin.y + ray.direction.y * SF_RAY_RANGE,
                       ray.origin.z + ray.direction.z * SF_RAY_RANGE};
     return {frame.from_map(ray.origin), frame.from_map(end)};
+}
+
+sf_hit hit_of(const SegmentHit& hit) {
+    return {float(hit.distance / cm_per_metre), 0.0f, hit.surface};
 }
 
 Controls controls_of(const sf_action& action) {
@@ -197,6 +203,36 @@ Error Agents::decide(const std::uint32_t* ids, const Character* characters, std:
     return error;
 }
 
+Result<bool> Agents::has_arrived(const Character& character, const Vector& goal, double radius, RayBatch& rays) {
+    const sf_state state = state_of(character, frame_);
+    const sf_vec3 goal_on_map = frame_.to_map(goal);
+    const float metres = float(radius / cm_per_metre);
+    const auto* agents = static_cast<const sf_agents*>(handle());
+    sf_ray lines[SF_ARRIVAL_RAY_COUNT];
+    std::size_t count = 0;
+    const std::size_t room = SF_ARRIVAL_RAY_COUNT;
+    Error error = error_of(sf_agents_arrival_rays, agents, &state, goal_on_map, metres, lines, room, &count);
+    if (error.is_set()) {
+        return error;
+    }
+    if (count == 0) {
+        return false;
+    }
+    Segment segments[SF_ARRIVAL_RAY_COUNT];
+    SegmentHit segment_hits[SF_ARRIVAL_RAY_COUNT];
+    sf_hit found[SF_ARRIVAL_RAY_COUNT];
+    std::transform(lines, lines + count, segments, [this](const sf_ray& line) { return segment_of(line, frame_); });
+    rays.trace(segments, count, segment_hits);
+    std::transform(segment_hits, segment_hits + count, found, hit_of);
+    const sf_hit* hits = found;
+    std::int32_t arrived = 0;
+    error = error_of(sf_agents_has_arrived, agents, &state, goal_on_map, metres, hits, &arrived);
+    if (error.is_set()) {
+        return error;
+    }
+    return arrived != 0;
+}
+
 void Agents::set_states(const Character* characters, std::size_t count) {
     std::transform(characters, characters + count, states_.data(), [this](const Character& character) { return state_of(character, frame_); });
 }
@@ -206,8 +242,7 @@ void Agents::trace(std::size_t count, RayBatch& rays) {
     std::transform(rays_.data(), rays_.data() + ray_count, segments_.data(), [this](const sf_ray& ray) { return segment_of(ray, frame_); });
     std::fill_n(segment_hits_.data(), ray_count, SegmentHit{});
     rays.trace(segments_.data(), ray_count, segment_hits_.data());
-    std::transform(segment_hits_.data(), segment_hits_.data() + ray_count, hits_.data(),
-                   [](const SegmentHit& hit) { return sf_hit{float(hit.distance / cm_per_metre), 0.0f, hit.surface}; });
+    std::transform(segment_hits_.data(), segment_hits_.data() + ray_count, hits_.data(), hit_of);
 }
 
 // ----------------------------------------------------------------------------------------------------------------- graphs
@@ -306,22 +341,25 @@ Error Attempt::move_goal(const Vector& goal, const Vector& feet) {
     return error;
 }
 
-Error Attempt::note(const Vector& feet) {
+Error Attempt::note(const Character& character, RayBatch& rays) {
     if (state_ != AttemptState::GoesOn) {
         return {};
     }
-    const sf_vec3 feet_on_map = frame_.to_map(feet);
-    std::int32_t reached = 0;
-    const Error error = error_of(sf_agents_note, agents_->handle(), agent_, feet_on_map, &reached);
-    is_at_waypoint_ = is_at_waypoint_ || reached != 0;
-    if (error.is_set() || distance_on_map(feet_on_map, frame_.to_map(goal_)) > SF_REACHED_WITHIN) {
+    const Error error = note_waypoint(character, rays);
+    if (error.is_set()) {
         return error;
+    }
+    const Result<bool> arrived = agents_->has_arrived(character, goal_, radius_, rays);
+    if (!arrived || !*arrived.value) {
+        return arrived.error;
     }
     if (follower_) {
         // The follower notes the end of its last traversal; nothing follows from its answer any more.
         sf_step step{};
         step.struct_size = sizeof step;
-        const Error failure = error_of(sf_follower_advance, follower_.get(), feet_on_map, std::int32_t(is_at_waypoint_), &step);
+        const sf_vec3 feet = frame_.to_map(character.feet);
+        const std::int32_t reached = is_at_waypoint_;
+        const Error failure = error_of(sf_follower_advance, follower_.get(), feet, reached, &step);
         if (failure.is_set()) {
             return failure;
         }
@@ -329,12 +367,13 @@ Error Attempt::note(const Vector& feet) {
     return end(AttemptState::Reached);
 }
 
-Error Attempt::advance(const Vector& feet) {
-    const Error error = note(feet);
+Error Attempt::advance(const Character& character, RayBatch& rays) {
+    const Error error = note(character, rays);
     if (error.is_set() || state_ != AttemptState::GoesOn) {
         return error;
     }
-    return follower_ ? follow(frame_.to_map(feet)) : advance_straight(frame_.to_map(feet));
+    const sf_vec3 feet = frame_.to_map(character.feet);
+    return follower_ ? follow(feet) : advance_straight(feet);
 }
 
 Error Attempt::note_death() {
@@ -343,6 +382,23 @@ Error Attempt::note_death() {
     }
     const Error error = follower_ ? error_of(sf_follower_note_death, follower_.get()) : Error{};
     return error.is_set() ? error : end(AttemptState::GaveUp);
+}
+
+Error Attempt::note_waypoint(const Character& character, RayBatch& rays) {
+    std::int32_t passed = 0;
+    const Error error = error_of(sf_agents_note, agents_->handle(), agent_, frame_.to_map(character.feet), &passed);
+    if (error.is_set() || !is_last_leg_) {
+        is_at_waypoint_ = is_at_waypoint_ || passed != 0;
+        return error;
+    }
+    // Waypoints are passed on the run or in flight, but the last one is a place to stand. If it is the goal itself, the
+    // follower counts the time until the character has arrived there.
+    if (distance(waypoint_, goal_) <= same_cm) {
+        return {};
+    }
+    const Result<bool> arrived = agents_->has_arrived(character, waypoint_, SF_REACHED_WITHIN * cm_per_metre, rays);
+    is_at_waypoint_ = is_at_waypoint_ || (arrived && *arrived.value);
+    return arrived.error;
 }
 
 Error Attempt::head_for(const sf_vec3& feet, const sf_vec3& waypoint) {
@@ -379,6 +435,7 @@ Error Attempt::follow(const sf_vec3& feet) {
     if (error.is_set()) {
         return error;
     }
+    is_last_leg_ = step.leg_count > 0 && step.leg + 1 == step.leg_count;
     switch (step.kind) {
     case SF_STEP_HEAD: return head_for(feet, step.waypoint);
     case SF_STEP_GIVE_UP: return end(AttemptState::GaveUp);

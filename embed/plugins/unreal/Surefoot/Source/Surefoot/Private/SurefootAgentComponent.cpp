@@ -84,7 +84,7 @@ void USurefootAgentComponent::SetUpMovement(const sf_body& Body)
     Movement.SetWalkableFloorAngle(FMath::RadiansToDegrees(Body.max_slope));
 }
 
-void USurefootAgentComponent::GoTo(const FVector& Goal)
+void USurefootAgentComponent::GoTo(const FVector& Goal, float Radius)
 {
     if (!Number)
     {
@@ -93,6 +93,7 @@ void USurefootAgentComponent::GoTo(const FVector& Goal)
     }
     if (Attempt && Attempt->is_near_goal(ToSurefoot(Goal), Feet()))
     {
+        Attempt->set_radius(Radius);
         LogSurefootError(Attempt->move_goal(ToSurefoot(Goal), Feet()), GetPathName());
         return;
     }
@@ -102,6 +103,7 @@ void USurefootAgentComponent::GoTo(const FVector& Goal)
     if (LogSurefootError(Begun.error, GetPathName()))
     {
         Attempt.Emplace(MoveTemp(*Begun.value));
+        Attempt->set_radius(Radius);
     }
 }
 
@@ -129,7 +131,7 @@ void USurefootAgentComponent::TickComponent(float DeltaTime, ELevelTick TickType
     }
     if (Attempt)
     {
-        LogSurefootError(Attempt->note(Feet()), GetPathName());
+        LogSurefootError(Attempt->note(Describe(), Subsystem->GetRays()), GetPathName());
     }
     Character->AddActorWorldRotation(FRotator(0.0, Controls.turn * TurnSpeed * DeltaTime, 0.0));
     const double SideShare = Subsystem->GetBody().side_speed_share;
@@ -141,17 +143,21 @@ void USurefootAgentComponent::TickComponent(float DeltaTime, ELevelTick TickType
 
 bool USurefootAgentComponent::BeginDecision(surefoot::Character& Described)
 {
-    if (!Attempt || !LogSurefootError(Attempt->advance(Feet()), GetPathName()))
-    {
-        return false;
-    }
+    Described = Describe();
+    return Attempt && LogSurefootError(Attempt->advance(Described, Subsystem->GetRays()), GetPathName())
+        && Attempt->state() == surefoot::AttemptState::GoesOn;
+}
+
+surefoot::Character USurefootAgentComponent::Describe() const
+{
     const UCharacterMovementComponent& Movement = *Character->GetCharacterMovement();
+    surefoot::Character Described;
     Described.feet = Feet();
     Described.velocity = ToSurefoot(Movement.Velocity);
     Described.yaw_degrees = Character->GetActorRotation().Yaw;
     Described.is_grounded = Movement.IsMovingOnGround();
     Described.can_jump = Character->CanJump();
-    return Attempt->state() == surefoot::AttemptState::GoesOn;
+    return Described;
 }
 
 void USurefootAgentComponent::Act(const surefoot::Controls& Decided)

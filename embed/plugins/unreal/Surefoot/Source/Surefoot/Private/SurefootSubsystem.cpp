@@ -89,6 +89,7 @@ bool USurefootSubsystem::DoesSupportWorldType(const EWorldType::Type WorldType) 
 void USurefootSubsystem::Initialize(FSubsystemCollectionBase& Collection)
 {
     Super::Initialize(Collection);
+    Rays = MakeUnique<FWorldRays>(*GetWorld());
     const surefoot::Result<sf_body> Default = surefoot::default_body();
     if (!LogSurefootError(Default.error, TEXT("Surefoot")))
     {
@@ -188,8 +189,8 @@ void USurefootSubsystem::Decide()
         }
     }
     Controls.SetNum(Ids.Num());
-    FWorldRays Rays(*GetWorld());
-    const surefoot::Error Error = Agents->decide(Ids.GetData(), Characters.GetData(), std::size_t(Ids.Num()), Rays, Controls.GetData());
+    const std::size_t Count = std::size_t(Ids.Num());
+    const surefoot::Error Error = Agents->decide(Ids.GetData(), Characters.GetData(), Count, *Rays, Controls.GetData());
     if (LogSurefootError(Error, TEXT("Surefoot")))
     {
         for (int32 Index = 0; Index < Deciding.Num(); Index++)

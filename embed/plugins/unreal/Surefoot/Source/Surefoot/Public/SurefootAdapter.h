@@ -164,6 +164,11 @@ public:
     Error decide(const std::uint32_t* ids, const Character* characters, std::size_t count, RayBatch& rays, Controls* controls,
                  float noise_share = SF_DEFAULT_NOISE);
 
+    // Whether a character has arrived at a goal: it stands within `radius` cm, at most 30 m, no higher or lower than
+    // steps and slopes take it, and nothing solid is between. To be asked in every frame; traces two rays, and only if
+    // all else is so.
+    Result<bool> has_arrived(const Character& character, const Vector& goal, double radius, RayBatch& rays);
+
     sf_agents* handle() const { return handle_.get(); }
 
 private:
@@ -206,7 +211,7 @@ private:
 
 enum class AttemptState {
     GoesOn,
-    // The feet came within 1 m of the goal.
+    // The character stood within the radius of its goal, with nothing solid between.
     Reached,
     // No plan led on, the character died, or it came no closer.
     GaveUp,
@@ -226,10 +231,12 @@ public:
     // Moves the goal, as often as its target moves: the attempt goes on, and takes another plan once the goal has drifted far. An attempt that
     // has ended stays ended.
     Error move_goal(const Vector& goal, const Vector& feet);
-    // Tells, every frame, where the feet are, so that no waypoint is missed that is passed between decisions.
-    Error note(const Vector& feet);
+    // Distance from the goal within which the character must stand, cm; 1 m unless it is set.
+    void set_radius(double radius) { radius_ = radius; }
+    // Tells, every frame, where the character is, so that it passes nothing unnoticed between decisions.
+    Error note(const Character& character, RayBatch& rays);
     // Plans, heads for the next waypoint, or ends the attempt: to be called before each decision of the agent.
-    Error advance(const Vector& feet);
+    Error advance(const Character& character, RayBatch& rays);
     // The character died.
     Error note_death();
 
@@ -241,6 +248,7 @@ public:
 private:
     Attempt(Agents& agents, std::uint32_t agent, const Graph* graph, const Vector& goal, float caution);
 
+    Error note_waypoint(const Character& character, RayBatch& rays);
     Error head_for(const sf_vec3& feet, const sf_vec3& waypoint);
     Error advance_straight(const sf_vec3& feet);
     Error follow(const sf_vec3& feet);
@@ -255,6 +263,8 @@ private:
     Vector goal_;
     Vector waypoint_;
     float caution_;
+    double radius_ = SF_REACHED_WITHIN * 100.0;
+    bool is_last_leg_ = false;
     bool is_at_waypoint_ = false;
     bool needs_plan_ = false;
     // Where a character without a plan stood, on the map, and decisions since it was 1 m away from there.

@@ -46,11 +46,12 @@ public:
     FSurefootAttemptEnded OnAttemptEnded;
 
     /**
-     * Goes to a goal on the ground. Near the present goal, the attempt goes on with the new one, so a target that moves may be passed in every
-     * frame. Elsewhere another attempt begins, and the present one ends where it stands.
+     * Goes to a goal on the ground. Near the present goal, the attempt goes on with the new one, so a target that moves
+     * may be passed in every frame. Elsewhere another attempt begins, and the present one ends where it stands. The
+     * goal is reached where the character stands within `Radius`, cm, at most 3000, and nothing solid is between.
      */
     UFUNCTION(BlueprintCallable, Category = "Surefoot")
-    void GoTo(const FVector& Goal);
+    void GoTo(const FVector& Goal, float Radius = 100.0f);
 
     /** Ends the attempt, and lets the character come to a halt. */
     UFUNCTION(BlueprintCallable, Category = "Surefoot")
@@ -69,6 +70,7 @@ private:
 
     /** Plans, and describes the character for a decision; false if it needs none. */
     bool BeginDecision(surefoot::Character& Described);
+    surefoot::Character Describe() const;
     void Act(const surefoot::Controls& Decided);
     /** Once an attempt has ended, halts and broadcasts the event. */
     void ReportEnd();

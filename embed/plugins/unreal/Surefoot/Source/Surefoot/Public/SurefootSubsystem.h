@@ -71,6 +71,8 @@ public:
 
     const sf_body& GetBody() const { return Body; }
     surefoot::Agents* GetAgents() { return Agents.Get(); }
+    /** Traces in the physics of the world, past pawns. */
+    surefoot::RayBatch& GetRays() { return *Rays; }
     /** The graph that was loaded last; null without one. */
     const surefoot::Graph* GetGraph() const { return Graphs.IsEmpty() ? nullptr : Graphs.Last().Get(); }
 
@@ -87,6 +89,7 @@ private:
     TArray<TObjectPtr<USurefootAgentComponent>> Members;
 
     sf_body Body{};
+    TUniquePtr<surefoot::RayBatch> Rays;
     TUniquePtr<surefoot::Agents> Agents;
     /** Graphs outlive the attempts that follow their plans: all that were loaded stay until the world ends. */
     TArray<TUniquePtr<surefoot::Graph>> Graphs;
