@@ -165,7 +165,7 @@ impl WorldTask {
             self.rehearse_straight(&batch, &movers).await?;
         }
         self.show_new_waypoints(&mut batch);
-        answer.actions = self.act(&mut batch).await?;
+        answer.actions = self.act(&batch).await?;
         answer.standings = self.standings(&batch);
         let plans_failed = std::mem::take(&mut self.planning.failed_count);
         Ok(answer.encode(self.world_id, &batch, &mut self.npcs, plans_failed))

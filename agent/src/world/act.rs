@@ -19,19 +19,34 @@ impl WorldTask {
     }
 
     /// Evaluates the policy for the NPCs of a batch on another thread, and returns their actions.
-    pub(super) async fn act(&mut self, batch: &mut Batch) -> Result<Vec<Action>, WorldError> {
+    pub(super) async fn act(&mut self, batch: &Batch) -> Result<Vec<Action>, WorldError> {
         let (mut memory, mut noise, mut styles) = (Vec::new(), Vec::new(), Vec::new());
-        for seen in &batch.sightings {
+        // What an NPC with a memory has seen counts later.
+        let has_memory = self.policy.memory_len() > 0;
+        let needs_policy = |style: Style| has_memory || !style.ignores_policy();
+        let mut observations = Vec::with_capacity(batch.observations.len());
+        let rows = batch.observations.chunks_exact(self.policy.observation_len());
+        for (seen, row) in batch.sightings.iter().zip(rows) {
             let npc = self.npcs.get_mut(&seen.id).expect("seen in this batch");
             // An NPC whose state is unknown moves freely.
             let known = seen.state.as_ref().zip(self.ground.map().zip(self.ground.body()));
             let style = known.map_or(Style::Free, |(state, (map, body))| npc.attempt.style(map, body, &state.body));
-            memory.extend_from_slice(&npc.memory);
-            noise.extend(npc.noise.draw(style));
+            let draw = npc.noise.draw(style);
+            if needs_policy(style) {
+                observations.extend_from_slice(row);
+                memory.extend_from_slice(&npc.memory);
+                noise.extend(draw);
+            }
             styles.push(style);
         }
-        let rows = Rows { observations: std::mem::take(&mut batch.observations), memory, noise };
-        let Decided { mut actions, memory } = self.inference.decide(rows).await.ok_or(WorldError::Inference)?;
+        let Decided { actions, memory } = if observations.is_empty() {
+            Decided::default()
+        } else {
+            self.inference.decide(Rows { observations, memory, noise }).await.ok_or(WorldError::Inference)?
+        };
+        let mut chosen = actions.into_iter();
+        let action = |style: &Style| if needs_policy(*style) { chosen.next() } else { None };
+        let mut actions: Vec<Action> = styles.iter().map(action).map(Option::unwrap_or_default).collect();
         let body = self.ground.body().cloned().unwrap_or_default();
         let shape = |action: Action, style: Style, state: &Option<State>| {
             state.as_ref().map_or(action, |state| style.shape(action, state, &body))

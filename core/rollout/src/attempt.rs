@@ -84,11 +84,8 @@ impl Attempt {
     pub fn style(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Style {
         let style = self.follower.style();
         let is_shown = self.is_forecast() || self.follower.stay().is_some();
-        if is_shown || style == Style::for_leg(Ability::Walk) && self.walks_straight(map, profile, body) {
-            style
-        } else {
-            Style::Free
-        }
+        let walks = matches!(style, Style::Walk(_)) || style == Style::for_leg(Ability::Walk);
+        if is_shown || walks && self.walks_straight(map, profile, body) { style } else { Style::Free }
     }
 
     /// Whether the body could walk straight to a goal nearby at which it must stand.

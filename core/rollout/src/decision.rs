@@ -4,6 +4,7 @@
 use crate::style::Style;
 use rand::rngs::ChaCha8Rng;
 use surefoot_policy::{HiddenStates, Policy, noise};
+use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense;
 use surefoot_world::{Action, DecisionOutcome, NpcSlot, TICKS_PER_DECISION, World};
 
@@ -136,13 +137,43 @@ impl DecisionLoop {
 
     /// The first two phases, and the style of each NPC.
     fn choose(&mut self, batch: &DecisionBatch<'_>, policy: &Policy, noise: Noise<'_>) {
-        self.observe(batch.worlds, batch.npcs);
-        self.act(batch.npcs, policy, noise);
+        // What an NPC with a memory has seen counts later.
+        let has_memory = policy.memory_len() > 0;
+        let needs_policy = |npc: &DecidingNpc| has_memory || !npc.style.ignores_policy();
+        if batch.npcs.iter().all(needs_policy) {
+            self.observe(batch.worlds, batch.npcs);
+            self.act(batch.npcs, policy, noise);
+        } else {
+            self.act_where(needs_policy, batch, policy, noise);
+        }
         for (deciding, action) in batch.npcs.iter().zip(&mut self.actions) {
             let world = &batch.worlds[deciding.world_idx];
             let npc = world.npc(deciding.slot).expect("an NPC that decides");
             *action = deciding.style.shape(*action, npc, world.profile_of(npc));
         }
+    }
+
+    /// The first two phases for some of the NPCs; the actions of the others stay at rest.
+    fn act_where(
+        &mut self,
+        needs_policy: impl Fn(&DecidingNpc) -> bool,
+        batch: &DecisionBatch<'_>,
+        policy: &Policy,
+        noise: Noise<'_>,
+    ) {
+        let some: Vec<DecidingNpc> = batch.npcs.iter().copied().filter(&needs_policy).collect();
+        let noise = match noise {
+            Noise::Shared(share, rng) => Noise::Shared(share, rng),
+            Noise::Rows(rows) => {
+                let rows = batch.npcs.iter().zip(rows.chunks_exact(ACTION_LEN));
+                Noise::Rows(rows.filter(|(npc, _)| needs_policy(npc)).flat_map(|(_, row)| row).copied().collect())
+            }
+        };
+        self.observe(batch.worlds, &some);
+        self.act(&some, policy, noise);
+        let mut chosen = std::mem::take(&mut self.actions).into_iter();
+        let action = |npc| if needs_policy(npc) { chosen.next() } else { None };
+        self.actions = batch.npcs.iter().map(action).map(Option::unwrap_or_default).collect();
     }
 
     /// The first phase: writes the observation of every NPC.

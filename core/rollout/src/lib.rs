@@ -23,6 +23,7 @@ pub mod motion;
 pub mod probe;
 pub mod rehearse;
 pub mod shape;
+pub mod steer;
 pub mod style;
 
 pub use attempt::Attempt;

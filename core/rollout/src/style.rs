@@ -5,6 +5,7 @@
 //! on legs that need it. The [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives;
 //! otherwise it moves freely. docs/adr/0026-composed-motion.md has measurements.
 
+use crate::steer::Course;
 use std::f32::consts::{PI, TAU};
 use surefoot_world::character::{Body, Ride, Support};
 use surefoot_world::float::hypot;
@@ -37,6 +38,8 @@ pub enum Style {
         /// Whether the NPC jumps when the policy does.
         jumps: bool,
     },
+    /// Steered along a course, without the policy.
+    Walk(Course),
     /// Standing still at a place and ignoring the policy, while the NPC waits for a mover or rides on it.
     Stay {
         /// The place, m.
@@ -52,6 +55,11 @@ impl Style {
         Self::Composed { jumps: ability != Ability::Walk }
     }
 
+    /// Whether the NPC acts without its policy.
+    pub fn ignores_policy(self) -> bool {
+        matches!(self, Self::Walk(_) | Self::Stay { .. })
+    }
+
     /// Share of the noise that an NPC keeps, 0 or 1.
     pub fn noise_share(self) -> f32 {
         if self == Self::Free { 1.0 } else { 0.0 }
@@ -61,6 +69,7 @@ impl Style {
     pub fn shape(self, action: Action, npc: &Npc, profile: &CharacterProfile) -> Action {
         let jumps = match self {
             Self::Free => return action,
+            Self::Walk(course) => return course.action(&npc.body, profile),
             Self::Stay { at, within } => return stay(at, within, &npc.body, profile),
             Self::Composed { jumps } => jumps,
         };
@@ -135,7 +144,7 @@ fn stay(at: Vec3, within: f32, body: &Body, profile: &CharacterProfile) -> Actio
 }
 
 /// The greatest turn in one decision, rad.
-fn most_turn(profile: &CharacterProfile) -> f32 {
+pub(crate) fn most_turn(profile: &CharacterProfile) -> f32 {
     profile.turn_speed * DECISION_SECONDS
 }
 

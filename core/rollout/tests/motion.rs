@@ -8,8 +8,12 @@ use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
+use surefoot_rollout::steer::Course;
 use surefoot_rollout::{AttemptResult, Goal, Motion, ProbeContext, Rollout, Style};
 use surefoot_world::character::Body;
+use surefoot_world::map::mover::cuboid;
+use surefoot_world::map::{MapSize, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{
     Ability, Action, CharacterProfile, DECISION_SECONDS, End, Map, MapSpec, TaskConfig, Vec3, World, navigable,
 };
@@ -100,4 +104,47 @@ fn motion_counts_what_is_seen() {
     twice.add(&motion);
     assert_eq!(twice.reversals, 2 * motion.reversals);
     assert_eq!(twice.facing_deg(0.9), motion.facing_deg(0.9));
+}
+
+/// A floor of 60 x 60 m, 2 m above the lowest point of its map.
+fn floor() -> Arc<Map> {
+    let size = MapSize { width: 60, height: 60, depth: 60 };
+    let faces = cuboid(Vec3::new(0.0, 1.0, 0.0), Vec3::new(60.0, 2.0, 60.0));
+    let ground = faces.into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground));
+    Arc::new(Map::from_parts(size, ground.collect(), Placed::default()))
+}
+
+#[test]
+fn a_steered_body_turns_first_faces_where_it_goes_cuts_corners_and_stops() {
+    let profile = CharacterProfile::default();
+    let mut world = World::new(floor(), profile.clone(), TaskConfig::default());
+    let [start, corner, goal] = [[10.0, 10.0], [30.0, 10.5], [30.0, 30.0]].map(|[x, z]| Vec3::new(x, 2.0, z));
+    // It faces away from its way.
+    let slot = world.spawn(start, -PI / 2.0);
+    let mut course = Course { to: corner, then: Some(goal) };
+    let (mut off, mut nearest, mut track) = (Vec::new(), f32::INFINITY, vec![start]);
+    for _ in 0..60 {
+        let body = world.npc(slot).unwrap().body;
+        if course.then.is_some() && body.feet.distance(corner) <= 1.0 {
+            course = Course { to: goal, then: None };
+        }
+        let action = course.action(&body, &profile);
+        assert!(action.to_array().iter().all(|value| (-1.0..=1.0).contains(value)) && action.jump < 0.0, "{action:?}");
+        world.decide(slot, action);
+        world.tick_decision();
+        let body = world.npc(slot).unwrap().body;
+        let speed = body.velocity.with_y(0.0).length();
+        if speed > 2.0 {
+            off.push(body.velocity.with_y(0.0).angle_between(body.facing()).to_degrees());
+        }
+        nearest = nearest.min(body.feet.distance(corner));
+        track.push(body.feet);
+    }
+    let body = world.npc(slot).unwrap().body;
+    assert!(body.feet.distance(goal) <= 0.5 && body.is_at_rest(), "{body:?}");
+    assert!(nearest <= 1.0, "it passed the corner at {nearest} m");
+    let length: f32 = track.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    assert!(length <= 1.03 * (start.distance(corner) + corner.distance(goal)), "{length} m");
+    off.sort_by(f32::total_cmp);
+    assert!(off[off.len() * 9 / 10] <= 25.0, "facing: {off:?}");
 }

@@ -204,8 +204,7 @@ fn block(npc: &mut Npc, map: &Map, profile: &CharacterProfile, away: Vec3, goes_
     }
 }
 
-/// Stops the part of a body's motion that would carry it over a ledge or into lava while it touches others, unless it
-/// heads there itself.
+/// Stops a body's motion over a ledge or into lava while it touches others, except the part that it wants itself.
 fn keep_on_ground(npc: &mut Npc, map: &Map, profile: &CharacterProfile) {
     let flat = Vec3::new(npc.body.velocity.x, 0.0, npc.body.velocity.z);
     let ahead = flat * LOOK_AHEAD_S;
@@ -214,9 +213,7 @@ fn keep_on_ground(npc: &mut Npc, map: &Map, profile: &CharacterProfile) {
     }
     let wish = npc.body.wish(profile, &npc.action).with_y(0.0).normalize_or_zero();
     let along = wish * flat.dot(wish).max(0.0);
-    if wish == Vec3::ZERO || is_safe(map, npc.body.feet, wish * ahead.length(), profile) {
-        (npc.body.velocity.x, npc.body.velocity.z) = (along.x, along.z);
-    }
+    (npc.body.velocity.x, npc.body.velocity.z) = (along.x, along.z);
 }
 
 /// Whether a body at `feet` still stands on safe ground after a push, not over a ledge or in lava.

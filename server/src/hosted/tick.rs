@@ -19,6 +19,8 @@ impl HostedWorld {
     /// missing.
     pub fn is_ready(&mut self) -> bool {
         if self.requested_tick != Some(self.tick()) {
+            // Places at workers are also freed by other worlds.
+            self.assign_workers();
             let needs_time = |record: &NpcRecord| {
                 let is_up = self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_none());
                 record.goal.is_some() || record.turns_to.is_some() || record.rest().is_some() && is_up

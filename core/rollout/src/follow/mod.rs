@@ -2,14 +2,14 @@
 //!
 //! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
 //! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
-//! (legs to avoid) and `detour` (the way back after a push).
+//! (legs to avoid), `manner` (how the NPC moves) and `detour` (the way back after a push).
 
 mod detour;
 mod failures;
+mod manner;
 mod movers;
 pub mod scene;
 
-use crate::style::Style;
 use detour::Detour;
 use failures::Failures;
 use scene::{MoverResponse, MoverWatch};
@@ -142,8 +142,9 @@ pub struct Follower {
     to_waypoint: Approach,
     to_goal: Approach,
     decisions_on_leg: u32,
-    /// The leg of the plan before which the NPC moves freely.
+    /// The legs of the plan before which the NPC moves freely, and before which it is not steered.
     free_until: usize,
+    unsteered_until: usize,
     plans: u32,
     replans: u32,
     failures: Failures,
@@ -166,6 +167,7 @@ impl Follower {
             to_goal: Approach::NONE,
             decisions_on_leg: 0,
             free_until: 0,
+            unsteered_until: 0,
             plans: 0,
             replans: 0,
             failures: Failures::default(),
@@ -224,7 +226,7 @@ impl Follower {
         let first = plan.waypoints[0];
         self.plan = Some(plan);
         self.plans = self.plans.saturating_add(1);
-        self.free_until = 0;
+        (self.free_until, self.unsteered_until) = (0, 0);
         self.start_leg(0);
         first
     }
@@ -365,39 +367,6 @@ impl Follower {
         let former = self.waypoint();
         self.detour.update(map, body, feet, leg);
         self.waypoint().filter(|waypoint| former != Some(*waypoint))
-    }
-
-    /// How the NPC moves on the current leg, if a rehearsal of it has arrived.
-    pub fn style(&self) -> Style {
-        if let Some(stay) = self.stay() {
-            return stay;
-        }
-        self.ability().filter(|_| self.composes(self.leg)).map_or(Style::Free, Style::for_leg)
-    }
-
-    /// How the NPC stays where it is, if it waits for a mover or rides on one. This needs no rehearsal.
-    pub fn stay(&self) -> Option<Style> {
-        match self.movers.response {
-            MoverResponse::Go => None,
-            MoverResponse::Stay { at, within } => Some(Style::Stay { at, within }),
-        }
-    }
-
-    /// Whether the NPC moves composed on a leg of its plan.
-    fn composes(&self, leg: usize) -> bool {
-        self.config.composes && leg >= self.free_until
-    }
-
-    /// Lets the NPC move freely up to the end of the leg `key` of its plan; false if it already did.
-    pub fn move_freely_on(&mut self, key: LegKey) -> bool {
-        let Some(plan) = &self.plan else { return false };
-        let leg = plan.legs.iter().position(|leg| leg.key == key).unwrap_or(self.leg);
-        let composed =
-            (self.leg..=leg).any(|leg| self.composes(leg) && Style::for_leg(plan.legs[leg].ability) != Style::Free);
-        if composed {
-            self.free_until = leg + 1;
-        }
-        composed
     }
 
     /// The lift or platform that the NPC calls, if it waits for one.

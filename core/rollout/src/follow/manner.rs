@@ -1,0 +1,66 @@
+//! How an NPC moves on the legs of its plan: steered, composed or freely.
+
+use super::Follower;
+use super::scene::MoverResponse;
+use crate::steer::Course;
+use crate::style::Style;
+use surefoot_planner::LegKey;
+use surefoot_world::Ability;
+
+impl Follower {
+    /// How the NPC moves on the current leg, if a rehearsal of it has arrived.
+    pub fn style(&self) -> Style {
+        if let Some(stay) = self.stay() {
+            return stay;
+        }
+        let Some(ability) = self.ability().filter(|_| self.composes(self.leg)) else { return Style::Free };
+        self.course().map_or(Style::for_leg(ability), Style::Walk)
+    }
+
+    /// The course of the current leg, if the NPC is steered there.
+    fn course(&self) -> Option<Course> {
+        let plan = self.plan.as_ref().filter(|_| self.steers(self.leg))?;
+        if self.detour.via.is_some() {
+            return None;
+        }
+        let next = self.leg + 1;
+        let then = plan.waypoints.get(next).filter(|_| plan.legs[next].ability == Ability::Walk);
+        Some(Course { to: plan.waypoints[self.leg], then: then.copied() })
+    }
+
+    /// Whether the NPC is steered on a leg of its plan: one that can be walked.
+    fn steers(&self, leg: usize) -> bool {
+        let is_walk = || self.plan.as_ref().is_some_and(|plan| plan.legs[leg].ability == Ability::Walk);
+        self.composes(leg) && leg >= self.unsteered_until && is_walk()
+    }
+
+    /// How the NPC stays where it is, if it waits for a mover or rides on one. This needs no rehearsal.
+    pub fn stay(&self) -> Option<Style> {
+        match self.movers.response {
+            MoverResponse::Go => None,
+            MoverResponse::Stay { at, within } => Some(Style::Stay { at, within }),
+        }
+    }
+
+    /// Whether the NPC moves composed on a leg of its plan.
+    fn composes(&self, leg: usize) -> bool {
+        self.config.composes && leg >= self.free_until
+    }
+
+    /// Lets the policy move the NPC up to the end of the leg `key` of its plan: composed where it was steered, and
+    /// freely where it was composed; false if it already did.
+    pub fn move_freely_on(&mut self, key: LegKey) -> bool {
+        let Some(plan) = &self.plan else { return false };
+        let leg = plan.legs.iter().position(|leg| leg.key == key).unwrap_or(self.leg);
+        if (self.leg..=leg).any(|leg| self.steers(leg)) {
+            self.unsteered_until = leg + 1;
+            return true;
+        }
+        let composed =
+            (self.leg..=leg).any(|leg| self.composes(leg) && Style::for_leg(plan.legs[leg].ability) != Style::Free);
+        if composed {
+            self.free_until = leg + 1;
+        }
+        composed
+    }
+}
