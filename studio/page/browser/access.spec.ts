@@ -55,6 +55,12 @@ for (const colorScheme of ['light', 'dark'] as const) {
     })
     await expect(page.getByRole('group', { name: 'Player' })).toContainText('chases')
     await check('player')
+    await ask(page, ({ state }) => {
+      state.setTool('reach')
+      state.reach.setStart(state.graphs.loaded.value!.vertices[0]!)
+    })
+    await expect(page.getByRole('group', { name: 'Reachable area' })).toContainText('of the vertices')
+    await check('reachable area')
     expect(found).toEqual([])
   })
 }

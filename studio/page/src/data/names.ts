@@ -118,6 +118,11 @@ export function playerNames(at: Place | undefined): Label[] {
   return at === undefined ? [] : [{ text: 'Player', at: raised(at, NPC_M), rank: CHOSEN, colour: MARK_COLOURS.player }]
 }
 
+/** Where the area of the area tool starts. */
+export function reachNames(start: Place | undefined): Label[] {
+  return start === undefined ? [] : [{ text: 'Start', at: raised(start, 1), rank: CHOSEN, colour: MARK_COLOURS.start }]
+}
+
 /** The ends of a plan that was asked for. */
 export function planNames(start: Place | undefined, goal: Place | undefined, nearest: Place | undefined): Label[] {
   const end = (text: string, at: Place | undefined, colour: string): Label[] =>

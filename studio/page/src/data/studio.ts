@@ -10,6 +10,7 @@ import { Graphs } from './graph/graphs'
 import { Probes } from './graph/probes'
 import { legKey } from './plan/alternatives'
 import { Plans } from './plan/plans'
+import { Reach } from './plan/reach'
 import { importAgain } from './reimport'
 import { Tour, type TourFacts } from './tour'
 import type { ViewLink } from './view-link'
@@ -40,6 +41,7 @@ export type Tool =
   | 'force'
   | 'spawn'
   | 'player'
+  | 'reach'
   | 'send'
   | 'teleport'
   | 'mark'
@@ -70,6 +72,7 @@ export class Studio {
   readonly graphs: Graphs
   readonly layers: Layers
   readonly plans: Plans
+  readonly reach: Reach
   readonly builds: Builds
   readonly probes: Probes
   readonly view: ViewSettings
@@ -135,6 +138,7 @@ export class Studio {
     this.layers = new Layers(context, () => void this.graphs.reload())
     this.graphs = new Graphs(context, this.live.npcs, (graph) => this.layers.sync(graph))
     this.plans = new Plans(context, this.movers.given)
+    this.reach = new Reach(context, this.plans.caution, this.movers.given)
     this.builds = new Builds(context, () => void this.graphs.refreshList())
     this.probes = new Probes(context, (track, reached, done) => {
       const viewport = this.viewport.peek()
@@ -191,11 +195,19 @@ export class Studio {
     )
     effect(() => {
       const graphId = this.graphs.loaded.value === undefined ? undefined : this.graphs.id.value
-      untracked(() => this.plans.useGraph(graphId))
+      untracked(() => {
+        this.plans.useGraph(graphId)
+        this.reach.useGraph(graphId)
+      })
     })
     effect(() => {
       void this.movers.givenKey.value
       untracked(() => this.plans.replan())
+    })
+    effect(() => {
+      void this.movers.givenKey.value
+      void this.plans.caution.value
+      untracked(() => this.reach.refresh())
     })
     effect(() => {
       void this.graphs.id.value
@@ -241,6 +253,7 @@ export class Studio {
     batch(() => {
       this.tool.value = tool
       if (tool !== 'player') this.removePlayer()
+      if (tool !== 'reach') this.reach.clear()
       // What is clicked stands still.
       if (tool !== 'select') this.npcs.camera.value = false
       this.forceFrom.value = undefined
@@ -365,6 +378,7 @@ export class Studio {
       this.graphs.forget()
       this.layers.forget()
       this.plans.clear()
+      this.reach.clear()
       this.probes.forget()
       this.builds.clearComparison()
       this.npcs.select(undefined)

@@ -5,7 +5,7 @@ import { useId, useState } from 'preact/hooks'
 import { abilityName } from '../data/abilities'
 import { percent } from '../data/format'
 import type { Ability } from '../gen/surefoot/world/v1/map_pb'
-import { ABILITY_COLOURS, chanceColour, formatColour } from '../view/colours'
+import { ABILITY_COLOURS, chanceColour, formatColour, type Rgb } from '../view/colours'
 import { Icon, type IconName } from './icons'
 
 interface ButtonProps {
@@ -241,6 +241,20 @@ export function ChanceBar({ chance, label = 'Chance of success' }: { chance: num
       </span>
       <span class="number">{percent(chance)}</span>
     </span>
+  )
+}
+
+const STOPS = [0, 0.25, 0.5, 0.75, 1]
+
+/** A legend of colours that run from one value to another. `colour`: that of a share of the way. */
+export function Ramp({ colour, low, high }: { colour: (share: number) => Rgb; low: string; high: string }) {
+  const stops = STOPS.map((share) => formatColour(colour(share))).join(', ')
+  return (
+    <p class="legend-ramp">
+      <span>{low}</span>
+      <span class="ramp" style={{ background: `linear-gradient(90deg, ${stops})` }} />
+      <span>{high}</span>
+    </p>
   )
 }
 

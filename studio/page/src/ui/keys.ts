@@ -29,6 +29,7 @@ export const TOOL_KEYS: readonly { key: string; tool: Tool; name: string }[] = [
   { key: '7', tool: 'force', name: 'Force an edge' },
   { key: '8', tool: 'spawn', name: 'Spawn an NPC' },
   { key: '9', tool: 'player', name: 'Move a player' },
+  { key: '0', tool: 'reach', name: 'Show what is reachable' },
 ]
 
 /** Keys of the player while there is one. */

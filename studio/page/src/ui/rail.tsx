@@ -13,6 +13,7 @@ const ICONS: Record<Tool, IconName> = {
   force: 'force',
   spawn: 'spawn',
   player: 'player',
+  reach: 'reach',
   send: 'send',
   teleport: 'teleport',
   mark: 'add',

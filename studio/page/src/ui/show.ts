@@ -2,7 +2,7 @@
 
 import { computed, effect } from '@preact/signals'
 import { marksOf } from '../data/edit/edits'
-import { moverNames, npcNames, placeNames, planNames, playerNames, topOf } from '../data/names'
+import { moverNames, npcNames, placeNames, planNames, playerNames, reachNames, topOf } from '../data/names'
 import type { Studio } from '../data/studio'
 import { PICKABLE } from './tools'
 import { featuresWith } from '../data/world/marks'
@@ -20,7 +20,7 @@ const LOST_M = 1.2
 
 /** Shows everything, and goes on doing so until what is returned is called. */
 export function show(studio: Studio, viewport: Viewport): () => void {
-  const { graphs, layers, live, npcs, player, plans, builds, view, marks, movers, surveys, replays } = studio
+  const { graphs, layers, live, npcs, player, plans, reach, builds, view, marks, movers, surveys, replays } = studio
   const ends = [
     effect(() => {
       const { tick, npcs } = live.moment.value
@@ -53,6 +53,7 @@ export function show(studio: Studio, viewport: Viewport): () => void {
     effect(() => {
       viewport.setMarkers(plans.start.value, plans.goal.value, plans.nearest.value)
     }),
+    effect(() => viewport.setReachArea(reach.area.value)),
     effect(() => {
       viewport.setEditMarks(
         marksOf(layers.list.value, (layer, index) => layers.unappliedReason(layer, index) !== undefined),
@@ -87,7 +88,7 @@ export function show(studio: Studio, viewport: Viewport): () => void {
 
 /** Names of places, of what moves, and of what is selected. */
 function showNames(studio: Studio, viewport: Viewport): (() => void)[] {
-  const { level, pieces, marks, movers, npcs, plans, player } = studio
+  const { level, pieces, marks, movers, npcs, plans, player, reach } = studio
   const tops = computed(() => movers.list.value.map(topOf))
   return [
     effect(() => {
@@ -101,6 +102,7 @@ function showNames(studio: Studio, viewport: Viewport): (() => void)[] {
       viewport.setLabels('npc', followed?.id === npcs.selectedId.value && followed ? npcNames(followed) : [])
     }),
     effect(() => viewport.setLabels('player', playerNames(player.at.value))),
+    effect(() => viewport.setLabels('reach', reachNames(reach.start.value))),
     effect(() => {
       viewport.setLabels('plan', planNames(plans.start.value, plans.goal.value, plans.nearest.value))
     }),

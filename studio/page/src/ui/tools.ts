@@ -24,6 +24,7 @@ export function hintFor(studio: Studio): string {
     player: studio.player.isThere.value
       ? 'Walk with W A S D or clicks, run with Shift, leave with Esc'
       : 'Click where to put the player',
+    reach: studio.reach.start.value === undefined ? 'Click where to start' : 'Click another start, or leave with Esc',
     send: `Click where to send ${named}`,
     teleport: `Click where to teleport ${named}`,
     mark: markHint(studio),
@@ -65,6 +66,7 @@ export const PICKABLE: Readonly<Record<Tool, ReadonlySet<Hit['kind']> | undefine
   force: new Set(['vertex']),
   spawn: new Set(['ground', 'vertex']),
   player: new Set(['ground', 'npc']),
+  reach: new Set(['ground', 'vertex']),
   send: new Set(['ground', 'vertex']),
   teleport: new Set(['ground', 'vertex']),
   mark: new Set(['ground']),
@@ -113,6 +115,9 @@ const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
     const worldId = studio.worlds.chosenId.peek()
     if (hit?.kind === 'npc') select(studio, hit)
     else if (hit !== undefined && worldId !== undefined) void studio.player.click(worldId, hit.at)
+  },
+  reach: (studio, hit) => {
+    if (hit !== undefined) studio.reach.setStart(hit.at)
   },
   build: (studio, hit) => {
     const worldId = studio.worlds.chosenId.peek()

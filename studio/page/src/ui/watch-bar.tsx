@@ -6,12 +6,14 @@ import { STATE_NAMES } from '../data/abilities'
 import { STATE_COLOURS } from '../view/colours'
 import { AbilityName, Button } from './controls'
 import { PlayerBar } from './player-bar'
+import { ReachBar } from './reach-bar'
 import { ReplayBar } from './replay-bar'
 
-/** What the watched NPC is doing, below the map; in its place, the player or the replay of an attempt. */
+/** What the watched NPC is doing, below the map; in its place, the player, the area tool or the replay of an attempt. */
 export function WatchBar({ studio }: { studio: Studio }) {
   const { npcs, live, player, replays } = studio
   if (player.isThere.value) return <PlayerBar studio={studio} />
+  if (studio.tool.value === 'reach') return <ReachBar studio={studio} />
   if (replays.shown.value !== undefined) return <ReplayBar studio={studio} />
   if (live.npcs.value.size === 0) return null
   const selected = npcs.selectedId.value

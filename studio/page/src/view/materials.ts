@@ -13,6 +13,7 @@ import {
 import { parseColour, type Rgb, STATE_COLOURS } from './colours'
 import {
   ARROW_VERTEX,
+  LAID_VERTEX,
   LINE_FRAGMENT,
   LINE_VERTEX,
   NPC_FRAGMENT,
@@ -94,6 +95,11 @@ export class Materials {
   }
   readonly sprites = this.overlay(SPRITE_VERTEX, SPRITE_FRAGMENT, 0.2)
   readonly arrows = this.overlay(ARROW_VERTEX, PLAIN_FRAGMENT, 0.16)
+  /** Areas on the ground, which shines through. */
+  readonly areas = {
+    plain: this.make(LAID_VERTEX, PLAIN_FRAGMENT, { opacity: 0.6, blended: true, bothSides: true }),
+    behind: this.make(LAID_VERTEX, PLAIN_FRAGMENT, { opacity: 0.14, blended: true, bothSides: true, behind: true }),
+  }
   readonly trails = this.make(TRAIL_VERTEX, PLAIN_FRAGMENT, { blended: true })
 
   setPalette(palette: Palette): void {

@@ -7,6 +7,7 @@ import { MoverView } from './movers'
 import { NpcView } from './npcs'
 import { OutlineView } from './outline'
 import { setSeeThrough } from './overlays'
+import { ReachView } from './reach-view'
 import { MarkerView, MarkView, PathView } from './routes'
 import { SelectionView } from './selection'
 import type { Stage } from './stage'
@@ -25,6 +26,7 @@ export class Scene {
   readonly graph = new GraphView(this.materials, this.palette)
   readonly paths = new PathView(this.materials)
   readonly markers = new MarkerView(this.materials)
+  readonly reach = new ReachView(this.materials, (ray) => this.terrain.cast(ray, undefined)?.distance)
   readonly marks = new MarkView(this.materials)
   readonly outline = new OutlineView(this.materials)
   readonly movers = new MoverView(this.materials)
@@ -36,7 +38,8 @@ export class Scene {
   readonly drag = new VertexDrag(this.materials)
 
   constructor(private readonly stage: Stage) {
-    stage.still.add(this.terrain, this.features, this.graph, this.paths, this.markers, this.marks, this.outline)
+    const { terrain, features, reach, graph, paths, markers, marks, outline } = this
+    stage.still.add(terrain, features, reach, graph, paths, markers, marks, outline)
     stage.moving.add(this.movers, this.trails.lines, this.npcs, this.selection, this.track, this.replay, this.drag)
   }
 
@@ -50,6 +53,7 @@ export class Scene {
     this.graph.select(undefined, undefined)
     this.paths.set([])
     this.markers.set({ start: undefined, goal: undefined, nearest: undefined })
+    this.reach.set(undefined)
     this.marks.setEdits([])
     this.marks.setDifference([], [])
     this.outline.set(undefined)
@@ -95,6 +99,7 @@ export class Scene {
       this.graph,
       this.paths,
       this.markers,
+      this.reach,
       this.marks,
       this.outline,
       this.movers,

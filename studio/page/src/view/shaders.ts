@@ -156,6 +156,21 @@ vec4 raised(vec4 seen) {
 }
 `
 
+/** Flat colours that are laid on the ground. */
+export const LAID_VERTEX = /* glsl */ `
+${SECTION_VARYING}
+${RAISED}
+attribute vec3 tint;
+varying vec4 vColour;
+void main() {
+  vColour = vec4(tint, 1.0);
+#ifdef SECTION
+  vHeight = position.y;
+#endif
+  gl_Position = projectionMatrix * raised(viewMatrix * vec4(position, 1.0));
+}
+`
+
 export const LINE_VERTEX = /* glsl */ `
 ${SECTION_VARYING}
 ${RAISED}

@@ -32,6 +32,7 @@ import type {
   PathLine,
   Place,
   PlayerPose,
+  ReachArea,
   Replay,
   SelectedNpc,
   Theme,
@@ -245,6 +246,11 @@ class View implements Viewport, Show {
 
   setMarkers(start: Place | undefined, goal: Place | undefined, nearest: Place | undefined): void {
     this.scene.markers.set({ start, goal, nearest })
+    this.frames.change()
+  }
+
+  setReachArea(area: ReachArea | undefined): void {
+    this.scene.reach.set(area)
     this.frames.change()
   }
 

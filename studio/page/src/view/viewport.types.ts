@@ -154,7 +154,7 @@ export interface Label {
 }
 
 /** Labels of one source, which replaces all of them at a time. */
-export type LabelGroup = 'places' | 'movers' | 'npc' | 'plan' | 'player'
+export type LabelGroup = 'places' | 'movers' | 'npc' | 'plan' | 'player' | 'reach'
 
 /** Something that an NPC did, to be shown at any of its moments. */
 export interface Replay {
@@ -177,6 +177,23 @@ export interface PathLine {
   abilities: Ability[]
   /** The chosen one is drawn bold. */
   chosen: boolean
+}
+
+/** A level square of ground that an NPC reaches. */
+export interface ReachCell {
+  centre: Place
+  /** Expected time until the NPC gets there. */
+  seconds: number
+}
+
+/** What an NPC reaches from a place. */
+export interface ReachArea {
+  start: Place
+  /** Side of the cells, m. */
+  side: number
+  cells: readonly ReachCell[]
+  /** Cells that take longer are not drawn; colours run from 0 to this, s. */
+  limit: number
 }
 
 /** Changes of the graph that cannot be seen in the graph itself. */
@@ -250,6 +267,7 @@ export interface Viewport {
   setPickable(kinds: ReadonlySet<Hit['kind']> | undefined): void
   setPaths(paths: PathLine[]): void
   setMarkers(start: Place | undefined, goal: Place | undefined, nearest: Place | undefined): void
+  setReachArea(area: ReachArea | undefined): void
   setEditMarks(marks: EditMark[]): void
   /** Places that became unreachable or reachable. */
   setDifference(lost: Place[], gained: Place[]): void

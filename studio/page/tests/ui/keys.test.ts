@@ -18,7 +18,7 @@ describe('commandFor', () => {
     ['2', { kind: 'tool', tool: 'plan' }],
     ['7', { kind: 'tool', tool: 'force' }],
     ['9', { kind: 'tool', tool: 'player' }],
-    ['0', undefined],
+    ['0', { kind: 'tool', tool: 'reach' }],
     ['f', { kind: 'follow' }],
     ['Shift F', { kind: 'follow' }],
     ['t', { kind: 'top' }],

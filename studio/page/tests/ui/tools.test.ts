@@ -14,6 +14,7 @@ describe('tools', () => {
     ['force', ['vertex']],
     ['spawn', ['ground', 'vertex']],
     ['player', ['ground', 'npc']],
+    ['reach', ['ground', 'vertex']],
   ] as const)('%s meets %s', (tool, kinds) => {
     expect(PICKABLE[tool]).toEqual(kinds === undefined ? undefined : new Set(kinds))
   })

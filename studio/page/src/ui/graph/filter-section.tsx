@@ -13,7 +13,7 @@ import {
   secondsColour,
   trafficColour,
 } from '../../view/colours'
-import { AbilityDot, Button, Check, Choice, Section, Slider } from '../controls'
+import { AbilityDot, Button, Check, Choice, Ramp, Section, Slider } from '../controls'
 
 const COLOURS: readonly { value: EdgeColour; name: string }[] = [
   { value: 'chance', name: 'Chance' },
@@ -113,8 +113,6 @@ const RAMPS = {
   traffic: [trafficColour, 'nobody', `${BUSY_NPCS} NPCs`],
 } as const
 
-const STOPS = [0, 0.25, 0.5, 0.75, 1]
-
 function Legend({ colour }: { colour: EdgeColour }) {
   if (colour === 'ability') {
     return (
@@ -138,12 +136,5 @@ function Legend({ colour }: { colour: EdgeColour }) {
     )
   }
   const [ramp, low, high] = RAMPS[colour]
-  const stops = STOPS.map((share) => formatColour(ramp(share))).join(', ')
-  return (
-    <p class="legend-ramp">
-      <span>{low}</span>
-      <span class="ramp" style={{ background: `linear-gradient(90deg, ${stops})` }} />
-      <span>{high}</span>
-    </p>
-  )
+  return <Ramp colour={ramp} low={low} high={high} />
 }

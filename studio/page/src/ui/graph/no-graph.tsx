@@ -4,6 +4,14 @@ import { blockedInWords } from '../../data/net/policy'
 import type { Studio } from '../../data/studio'
 import { Empty, Progress } from '../controls'
 
+/** Says why there is no graph in a sentence. */
+export function noGraphInWords({ graphs, context }: Studio): string {
+  if (context.planner.link.state.value === 'lost') return 'The planner does not answer.'
+  const state = graphs.state.value
+  if (state.kind === 'building') return 'There is no graph yet: it is being built.'
+  return state.kind === 'failed' ? `There is no graph: ${state.why}` : 'There is no graph yet.'
+}
+
 /** Says why there is no graph, and what helps. */
 export function NoGraph({ studio: { graphs, worlds, context } }: { studio: Studio }) {
   const state = graphs.state.value
