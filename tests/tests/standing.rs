@@ -128,3 +128,25 @@ async fn an_npc_says_that_it_awaits_its_graph_and_that_a_door_bars_its_way() {
     planner.stop().await;
     server.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lockstep_world_goes_on_once_another_world_has_left_its_places_at_a_worker() {
+    let server = start_server(ServerConfig::default());
+    let worker = start_worker(&server, None, 1);
+    let mut client = world_client(&server).await;
+    let first = create_world(&mut client, 7, wire::TimeMode::Realtime).await.world_id;
+    let place = ground(&mut client, first, 1).await[0];
+    spawn(&mut client, first, place).await;
+    watch_until(&mut client, first, |snapshot| snapshot.npcs.iter().all(|npc| npc.worker_id != 0)).await;
+
+    let second = create_world(&mut client, 7, wire::TimeMode::Lockstep).await.world_id;
+    let places = ground(&mut client, second, 2).await;
+    let npc_id = spawn(&mut client, second, places[0]).await;
+    set_goal(&mut client, npc_id, places[1]).await;
+    let npc = client.get_npc(wire::GetNpcRequest { npc_id, ..Default::default() }).await.unwrap().into_inner().npc;
+    assert_eq!(npc.unwrap().standing(), Standing::NoWorker, "the only place is taken");
+    client.drop_world(wire::DropWorldRequest { world_id: first }).await.unwrap();
+    watch_until(&mut client, second, |snapshot| snapshot.npcs.iter().any(|npc| npc.worker_id != 0)).await;
+    worker.stop().await;
+    server.stop().await;
+}

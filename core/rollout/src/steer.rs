@@ -30,6 +30,8 @@ pub struct Course {
     pub to: Vec3,
     /// The waypoint after it, m, if the body walks there too.
     pub then: Option<Vec3>,
+    /// Whether the body cuts the corner at the waypoint.
+    pub cuts: bool,
 }
 
 impl Course {
@@ -55,17 +57,17 @@ impl Course {
         Action { forward: forward.clamp(-side, 1.0), strafe: strafe.clamp(-1.0, 1.0), turn: turn / most, ..rest }
     }
 
-    /// Where the body walks to from `feet`: past the waypoint on the inner side of its corner.
+    /// Where the body walks to from `feet`: the waypoint, or past it on the inner side of its corner.
     fn aim(&self, feet: Vec3) -> Vec3 {
-        let Some(then) = self.then else { return self.to };
+        let Some(then) = self.then.filter(|_| self.cuts) else { return self.to };
         let (along, offset) = ((then - feet).with_y(0.0), (self.to - feet).with_y(0.0));
         let share = (offset.dot(along) / along.length_squared().max(f32::EPSILON)).clamp(0.0, 1.0);
         self.to + (along * share - offset).clamp_length_max(CUT_M)
     }
 }
 
-/// The speed of a body, `left` metres from where it walks to, whose way leads `off` its heading, rad, and turns there by
-/// an angle, rad; without a further way it stops there.
+/// The speed of a body, `left` metres from where it walks to. Its way leads `off` its heading, rad, and turns there by
+/// the angle `corner`, rad; without a further way the body stops there.
 fn speed(body: &Body, profile: &CharacterProfile, left: f32, off: f32, corner: Option<f32>) -> f32 {
     let top = profile.forward_speed;
     let around = |turn: f32| top * (0.5 + 0.5 * libm::cosf(turn)).max(SLOWEST);

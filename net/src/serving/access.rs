@@ -37,10 +37,10 @@ const METHODS: &[Methods] = &[
         "surefoot.world.v1.WorldService",
         GAMES,
         "GetServer CreateWorld GetWorld ListWorlds DropWorld SampleGround SurveyMap SpawnNpc BatchSpawnNpcs \
-         DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals SetGroupGoal MoveTargets ClearGoals SetRoutes GetRoutes TeleportNpc \
-         BatchTeleportNpcs GetNpc BatchGetNpcs ListNpcs WatchWorld WatchEvents WatchStats FollowNpc GetMesh \
-         GetFeatures ListMovers SetMover EditMap ListPieces SetZones ListZones SetNpcTags SpawnPlayer \
-         MovePlayers RemovePlayer",
+         DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals SetGroupGoal MoveTargets ClearGoals SetRoutes \
+         GetRoutes TeleportNpc BatchTeleportNpcs GetNpc BatchGetNpcs ListNpcs WatchWorld WatchEvents WatchStats \
+         FollowNpc GetMesh GetFeatures ListMovers SetMover EditMap ListPieces SetZones ListZones SetNpcTags \
+         SpawnPlayer MovePlayers RemovePlayer",
     ),
     ("surefoot.world.v1.WorldService", WORKERS, "Work"),
     ("surefoot.world.v1.DirectoryService", ALL_ROLES, "LocateWorld ListServers"),

@@ -1,9 +1,9 @@
 //! `WorldService`: decode, call, encode.
 //!
-//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `groups` that about groups,
-//! `routes` those about their routes, `living` those about movers, players and pieces, `zones` those about zones and tags, `readers` the streams to
-//! readers, `work` the stream of a worker. `env` implements `EnvService`, `directory` `DirectoryService`. `redirect`
-//! says where worlds run that other servers have, `errors` converts errors to statuses.
+//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `groups` that about groups, `routes`
+//! those about routes, `living` those about movers, players and pieces, `zones` those about zones and tags, `readers`
+//! the streams to readers, `work` the stream of a worker. `env` implements `EnvService`, `directory`
+//! `DirectoryService`. `redirect` says where worlds run that other servers have, `errors` converts errors to statuses.
 
 pub mod directory;
 pub mod env;

@@ -25,7 +25,7 @@ impl Follower {
         }
         let next = self.leg + 1;
         let then = plan.waypoints.get(next).filter(|_| plan.legs[next].ability == Ability::Walk);
-        Some(Course { to: plan.waypoints[self.leg], then: then.copied() })
+        Some(Course { to: plan.waypoints[self.leg], then: then.copied(), cuts: self.leg >= self.exact_until })
     }
 
     /// Whether the NPC is steered on a leg of its plan: one that can be walked.
@@ -47,13 +47,15 @@ impl Follower {
         self.config.composes && leg >= self.free_until
     }
 
-    /// Lets the policy move the NPC up to the end of the leg `key` of its plan: composed where it was steered, and
-    /// freely where it was composed; false if it already did.
+    /// Lets the NPC move in another way up to the end of the leg `key` of its plan: steered without cutting
+    /// corners, then by its policy, composed, and then freely; false if it already did.
     pub fn move_freely_on(&mut self, key: LegKey) -> bool {
         let Some(plan) = &self.plan else { return false };
         let leg = plan.legs.iter().position(|leg| leg.key == key).unwrap_or(self.leg);
         if (self.leg..=leg).any(|leg| self.steers(leg)) {
-            self.unsteered_until = leg + 1;
+            // Cutting a corner may lead into a wall, or down a rim.
+            let cuts = self.exact_until <= leg && leg + 1 < plan.legs.len();
+            *(if cuts { &mut self.exact_until } else { &mut self.unsteered_until }) = leg + 1;
             return true;
         }
         let composed =

@@ -142,9 +142,10 @@ pub struct Follower {
     to_waypoint: Approach,
     to_goal: Approach,
     decisions_on_leg: u32,
-    /// The legs of the plan before which the NPC moves freely, and before which it is not steered.
+    /// The legs of the plan before which the NPC moves freely, is not steered, and is steered without cutting corners.
     free_until: usize,
     unsteered_until: usize,
+    exact_until: usize,
     plans: u32,
     replans: u32,
     failures: Failures,
@@ -168,6 +169,7 @@ impl Follower {
             decisions_on_leg: 0,
             free_until: 0,
             unsteered_until: 0,
+            exact_until: 0,
             plans: 0,
             replans: 0,
             failures: Failures::default(),
@@ -226,7 +228,7 @@ impl Follower {
         let first = plan.waypoints[0];
         self.plan = Some(plan);
         self.plans = self.plans.saturating_add(1);
-        (self.free_until, self.unsteered_until) = (0, 0);
+        (self.free_until, self.unsteered_until, self.exact_until) = (0, 0, 0);
         self.start_leg(0);
         first
     }
