@@ -10,10 +10,11 @@ use surefoot_world::float::{horizontal, hypot};
 use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Vec3};
 
 /// Shares of the acceleration on the ground with which a body speeds up and brakes.
-const SPEED_UP: f32 = 0.2;
-const BRAKE: f32 = 0.25;
-/// Share of the top speed at which a body turns back.
-const SLOWEST: f32 = 0.15;
+const SPEED_UP: f32 = 0.3;
+const BRAKE: f32 = 0.6;
+/// Shares of the top speed of a body that turns back where it is, and at a corner.
+const TURNING: f32 = 0.5;
+const AT_CORNER: f32 = 0.6;
 /// Distance before its goal at which a body stands, m.
 const STOP_M: f32 = 0.3;
 /// Distance from a waypoint, which is passed within 1 m, up to which a body cuts the corner, m.
@@ -70,15 +71,15 @@ impl Course {
 /// the angle `corner`, rad; without a further way the body stops there.
 fn speed(body: &Body, profile: &CharacterProfile, left: f32, off: f32, corner: Option<f32>) -> f32 {
     let top = profile.forward_speed;
-    let around = |turn: f32| top * (0.5 + 0.5 * libm::cosf(turn)).max(SLOWEST);
+    let around = |turn: f32, back: f32| top * (1.0 - 0.5 * (1.0 - back) * (1.0 - libm::cosf(turn)));
     let (brake, change) = (BRAKE * profile.ground_acceleration, SPEED_UP * profile.ground_acceleration);
     let (there, room) = match corner {
-        Some(turn) => (around(turn), (left - CORNER_M).max(0.0)),
+        Some(turn) => (around(turn, AT_CORNER), (left - CORNER_M).max(0.0)),
         None => (0.0, (left - STOP_M).max(0.0)),
     };
     // A decision passes before the next one can brake.
     let delay = brake * DECISION_SECONDS;
     let before = (delay * delay + there * there + 2.0 * brake * room).sqrt() - delay;
     let now = hypot(body.velocity.x, body.velocity.z);
-    around(off).min(before.max(there)).min(now + change * DECISION_SECONDS)
+    around(off, TURNING).min(before.max(there)).min(now + change * DECISION_SECONDS)
 }
