@@ -102,6 +102,7 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         state_version: 1,
         body_idx: 0,
         movers: Vec::new(),
+        touches: vec![false],
     };
     let hello = wire::Hello {
         name: "worker".to_owned(),

@@ -48,10 +48,10 @@ fn gaps(speed: f32, ahead_m: f32) -> Vec<f32> {
     let chase = Chase { rollout: &rollout, policy: &policy, router: &router, radius: 1.5, decisions: 180 };
     let start = Goal { start: runner(-ahead_m), yaw: 0.0, goal: runner(0.0) };
     let mut gaps = Vec::new();
-    let chased = chase.run(&[start], |world, decision, goals| {
-        goals[0] = runner(speed * decision as f32 * DECISION_SECONDS);
+    let chased = chase.run(&[start], |world, decision, errands| {
+        errands[0].goal = runner(speed * decision as f32 * DECISION_SECONDS);
         let npc = world.npc(NpcSlot(0));
-        gaps.extend(npc.map(|npc| npc.body.feet.distance(goals[0])));
+        gaps.extend(npc.map(|npc| npc.body.feet.distance(errands[0].goal)));
     });
     assert_eq!(chased.harm, [None]);
     assert!(chased.decided > 0);
