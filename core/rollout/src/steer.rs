@@ -1,12 +1,11 @@
 //! Steering along legs that can be walked: straight to the waypoint, without the policy.
 //!
-//! A body turns to its way before it runs, slows down before corners and its goal, and changes its speed gently. It
+//! A body turns to its way while it sets out, slows down at corners and before its goal, and starts gently. It
 //! senses nothing: the [rehearsal](crate::rehearse) of a leg shows whether it arrives so, and where it does not, the
 //! policy walks.
 
-use crate::style::{angle, most_turn};
 use surefoot_world::character::Body;
-use surefoot_world::float::{horizontal, hypot};
+use surefoot_world::float::{horizontal, hypot, wrapped};
 use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Vec3};
 
 /// Shares of the acceleration on the ground with which a body speeds up and brakes.
@@ -44,10 +43,10 @@ impl Course {
         let Some(way) = (aim - body.feet).with_y(0.0).try_normalize() else { return rest };
         let heading = libm::atan2f(way.x, way.z);
         let top = profile.forward_speed;
-        let off = angle(heading - body.yaw);
+        let off = wrapped(heading - body.yaw);
         let corner = self.then.map(|then| libm::atan2f(then.x - aim.x, then.z - aim.z) - heading);
         let speed = speed(body, profile, left, off, corner);
-        let most = most_turn(profile);
+        let most = profile.turn_speed * DECISION_SECONDS;
         let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most, most) };
         // The body moves along the way while it turns.
         let (sin, cos) = libm::sincosf(body.yaw + 0.5 * turn);

@@ -144,7 +144,7 @@ fn stay(at: Vec3, within: f32, body: &Body, profile: &CharacterProfile) -> Actio
 }
 
 /// The greatest turn in one decision, rad.
-pub(crate) fn most_turn(profile: &CharacterProfile) -> f32 {
+fn most_turn(profile: &CharacterProfile) -> f32 {
     profile.turn_speed * DECISION_SECONDS
 }
 

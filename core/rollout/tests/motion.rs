@@ -115,7 +115,7 @@ fn floor() -> Arc<Map> {
 }
 
 #[test]
-fn a_steered_body_turns_first_faces_where_it_goes_cuts_corners_and_stops() {
+fn a_steered_body_faces_where_it_goes_cuts_corners_and_stops() {
     let profile = CharacterProfile::default();
     let mut world = World::new(floor(), profile.clone(), TaskConfig::default());
     let [start, corner, goal] = [[10.0, 10.0], [30.0, 10.5], [30.0, 30.0]].map(|[x, z]| Vec3::new(x, 2.0, z));
@@ -146,5 +146,6 @@ fn a_steered_body_turns_first_faces_where_it_goes_cuts_corners_and_stops() {
     let length: f32 = track.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
     assert!(length <= 1.03 * (start.distance(corner) + corner.distance(goal)), "{length} m");
     off.sort_by(f32::total_cmp);
-    assert!(off[off.len() * 9 / 10] <= 25.0, "facing: {off:?}");
+    // It sets out while it turns.
+    assert!(off[off.len() / 2] <= 5.0, "facing: {off:?}");
 }

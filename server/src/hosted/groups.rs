@@ -2,7 +2,7 @@
 
 use super::commands::NpcError;
 use super::gathering::PLACE_RADIUS_M;
-use super::pursuit::{GoalOrder, GoalSet, Pursuit, Rank, Target};
+use super::pursuit::{GoalOrder, GoalSet, Group, Pursuit, Rank, Target};
 use super::world::HostedWorld;
 use crate::ids::NpcId;
 use std::collections::BTreeMap;
@@ -11,14 +11,6 @@ use surefoot_world::{Action, Body, End, NpcSlot, TICKS_PER_DECISION, Vec3};
 
 /// Least gap between bodies of a group, m.
 const GAP_M: f32 = 0.2;
-
-/// A group under way.
-#[derive(Debug)]
-pub(super) struct Group {
-    formation: Formation,
-    /// Where each follower should be, m.
-    places: BTreeMap<NpcId, Vec3>,
-}
 
 impl HostedWorld {
     /// Lets an NPC follow the leader of a group, which is on its way to a goal.

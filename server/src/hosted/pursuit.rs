@@ -2,8 +2,9 @@
 
 use crate::ids::NpcId;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use surefoot_world::arrival::{KEEP_SLACK_M, SNAP_M};
-use surefoot_world::formation::Shape;
+use surefoot_world::formation::{Formation, Shape};
 use surefoot_world::{Arrival, PlayerSlot, TICKS_PER_SECOND, Tick, Vec3};
 
 /// What a goal follows.
@@ -37,6 +38,14 @@ pub struct Rank {
     pub shape: Shape,
     /// Distance between neighbours, m.
     pub spacing: f32,
+}
+
+/// A group under way.
+#[derive(Debug)]
+pub(super) struct Group {
+    pub formation: Formation,
+    /// Where each follower should be, m.
+    pub places: BTreeMap<NpcId, Vec3>,
 }
 
 /// Longest time for which a place moves without news from its client.

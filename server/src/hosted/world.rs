@@ -2,11 +2,10 @@
 
 use super::events::{EventKind, EventLog};
 use super::gathering::{Gatherings, Reserved};
-use super::groups::Group;
 use super::itinerary::Itinerary;
 use super::motion::Motion;
 use super::outbox::Outbox;
-use super::pursuit::{Pursuit, Retry};
+use super::pursuit::{Group, Pursuit, Retry};
 use super::snapshot::{Counters, EndedAttempt, NpcPlan, Standing};
 use super::standing::{Shortage, Stand};
 use crate::ids::WorkerId;

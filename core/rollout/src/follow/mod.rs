@@ -119,9 +119,10 @@ struct Approach {
 impl Approach {
     const NONE: Self = Self { best_m: f32::INFINITY, stalled: 0 };
 
-    fn record(&mut self, distance_m: f32) {
+    /// Records a distance, m, which counts as closer if it is smaller by more than `least`, m.
+    fn record(&mut self, distance_m: f32, least: f32) {
         self.stalled += 1;
-        if distance_m < self.best_m {
+        if distance_m < self.best_m - least {
             *self = Self { best_m: distance_m, stalled: 0 };
         }
     }
@@ -192,6 +193,11 @@ impl Follower {
         copy.start_leg(self.leg);
         copy.to_goal.stalled = 0;
         copy
+    }
+
+    /// By how much a distance must shrink to count as progress, m. A body that is steered into a wall creeps along it.
+    fn least_progress(&self) -> f32 {
+        if self.config.composes { 0.01 } else { 0.0 }
     }
 
     // Planning.
@@ -403,7 +409,7 @@ impl Follower {
         if self.movers.response != MoverResponse::Go {
             return self.stay_on_leg();
         }
-        self.to_goal.record(feet.distance(self.goal));
+        self.to_goal.record(feet.distance(self.goal), self.least_progress());
         let is_back = is_there && self.detour.via.take().is_some();
         if is_there && !is_back {
             if let Some(next) = plan.waypoints.get(self.leg + 1).copied() {
@@ -417,7 +423,7 @@ impl Follower {
             return if self.wait_for_a_way() { Step::Keep } else { Step::End(End::Unreachable) };
         }
         let waypoint = plan.waypoints[self.leg];
-        self.to_waypoint.record(feet.distance(waypoint));
+        self.to_waypoint.record(feet.distance(waypoint), self.least_progress());
         if self.to_goal.stalled >= self.config.patience {
             return self.give_up();
         }
