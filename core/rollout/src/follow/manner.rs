@@ -25,7 +25,11 @@ impl Follower {
         }
         let next = self.leg + 1;
         let then = plan.waypoints.get(next).filter(|_| plan.legs[next].ability == Ability::Walk);
-        Some(Course { to: plan.waypoints[self.leg], then: then.copied(), cuts: self.leg >= self.exact_until })
+        Some(Course {
+            to: plan.waypoints[self.leg],
+            then: then.copied(),
+            cuts: self.leg >= self.exact_until && plan.needs.is_empty(),
+        })
     }
 
     /// Whether the NPC is steered on a leg of its plan: one that can be walked.
@@ -53,8 +57,8 @@ impl Follower {
         let Some(plan) = &self.plan else { return false };
         let leg = plan.legs.iter().position(|leg| leg.key == key).unwrap_or(self.leg);
         if (self.leg..=leg).any(|leg| self.steers(leg)) {
-            // Cutting a corner may lead into a wall, or down a rim.
-            let cuts = self.exact_until <= leg && leg + 1 < plan.legs.len();
+            // Cutting a corner may lead into a wall, down a rim, or off a platform.
+            let cuts = self.exact_until <= leg && leg + 1 < plan.legs.len() && plan.needs.is_empty();
             *(if cuts { &mut self.exact_until } else { &mut self.unsteered_until }) = leg + 1;
             return true;
         }
