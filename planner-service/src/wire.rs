@@ -29,7 +29,7 @@ use surefoot_proto::plans::{MAX_CROWDS, needs_to_wire, settings_to_wire};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1::{self as world, MapSpec};
 use surefoot_world::map::LevelFrame;
-use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
+use surefoot_world::{Arrival, CharacterProfile, DECISION_SECONDS, Vec3};
 use tonic::Status;
 
 /// The inputs of a graph.
@@ -128,6 +128,7 @@ pub fn settings_from_wire(
         seed: settings.seed,
         probing,
         special_moves: !settings.without_special_moves,
+        arrival: if settings.touch { Arrival::Touch } else { defaults.arrival },
     };
     let limit = config.max_vertices.min(MAX_VERTICES);
     if raw.vertices > limit {
@@ -371,7 +372,7 @@ mod tests {
         let (levels, config) = (LevelStore::new(1, MemoryBudget::new(1 << 20)), PlannerConfig::default());
         let spec = MapSpec::with_side(7, 50).unwrap();
         let defaults = BuildSettings::default();
-        let own = wire::BuildSettings { vertices: 77, threshold: 0.3, seed: 5, ..Default::default() };
+        let own = wire::BuildSettings { vertices: 77, threshold: 0.3, seed: 5, touch: true, ..Default::default() };
         let own = settings_from_wire(Some(&own), &config).unwrap();
         for settings in [defaults, own] {
             for body in BODIES.iter().map(|preset| preset.profile()) {

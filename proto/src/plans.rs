@@ -11,7 +11,7 @@ use surefoot_planner::{
     Attach, BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride,
     Stop, Traffic, VertexId, Zones,
 };
-use surefoot_world::{Ability, Chance, MoverId, Seconds, StopIdx, StopSet};
+use surefoot_world::{Ability, Arrival, Chance, MoverId, Seconds, StopIdx, StopSet};
 
 crate::wire_enum!(NoPath = wire::NoPath: StartOffGraph GoalOffGraph DifferentIslands OneWay GoalInZone);
 crate::wire_enum!(RankBy = wire::RankBy: Cost Seconds);
@@ -258,6 +258,7 @@ pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
         seed: settings.seed,
         probing: settings.probing.to_wire().into(),
         without_special_moves: !settings.special_moves,
+        touch: settings.arrival == Arrival::Touch,
     }
 }
 

@@ -170,6 +170,10 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
             Event::TargetReached(wire::TargetReached { attempt, goal: point(goal) })
         }
         EventKind::TargetLost { attempt } => Event::TargetLost(wire::TargetLost { attempt }),
+        EventKind::TargetUnreachable { attempt, no_path } => {
+            Event::TargetUnreachable(wire::TargetUnreachable { attempt, no_path: no_path.as_ref().to_owned() })
+        }
+        EventKind::TargetReachable { attempt } => Event::TargetReachable(wire::TargetReachable { attempt }),
         EventKind::RouteSet { kind } => Event::RouteSet(wire::RouteSet { kind: route_to_wire(kind) }),
         EventKind::StopReached { attempt, stop } => Event::StopReached(wire::StopReached { attempt, stop }),
         EventKind::AttemptEnded { attempt, end, goal, distance_m, seconds, no_path } => {

@@ -53,6 +53,8 @@ fn names(events: &[wire::NpcEvent]) -> Vec<&'static str> {
         Event::Removed(_) => "removed",
         Event::TargetReached(_) => "target_reached",
         Event::TargetLost(_) => "target_lost",
+        Event::TargetUnreachable(_) => "target_unreachable",
+        Event::TargetReachable(_) => "target_reachable",
         Event::RouteSet(_) => "route_set",
         Event::StopReached(_) => "stop_reached",
         Event::Stands(_) => "stands",

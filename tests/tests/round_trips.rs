@@ -24,8 +24,8 @@ use surefoot_world::map::{
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
 use surefoot_world::{
-    Ability, Action, Chance, CharacterProfile, Decisions, Map, MapSpec, MoverId, RawMapSpec, Seconds, StopIdx, StopSet,
-    TaskConfig, Vec3, World, WorldConfig,
+    Ability, Action, Arrival, Chance, CharacterProfile, Decisions, Map, MapSpec, MoverId, RawMapSpec, Seconds, StopIdx,
+    StopSet, TaskConfig, Vec3, World, WorldConfig,
 };
 
 fn config(cases: u32) -> ProptestConfig {
@@ -211,8 +211,8 @@ fn settings() -> impl Strategy<Value = BuildSettings> {
     let placement = prop::sample::select(Placement::ALL.to_vec());
     let probing = prop::sample::select(vec![Probing::Frugal, Probing::Exhaustive]);
     let numbers = (2..2000usize, 1..65usize, 1..33u32, 0.01..1.0f32, any::<u64>());
-    (placement, probing, numbers, any::<bool>()).prop_map(
-        |(placement, probing, (vertices, neighbours, repeats, threshold, seed), special_moves)| {
+    (placement, probing, numbers, any::<(bool, bool)>()).prop_map(
+        |(placement, probing, (vertices, neighbours, repeats, threshold, seed), (special_moves, touches))| {
             let raw = RawBuildSettings {
                 placement,
                 vertices,
@@ -222,6 +222,7 @@ fn settings() -> impl Strategy<Value = BuildSettings> {
                 seed,
                 probing,
                 special_moves,
+                arrival: if touches { Arrival::Touch } else { Arrival::Stand },
             };
             BuildSettings::try_from(raw).unwrap()
         },

@@ -192,3 +192,41 @@ async fn a_batch_of_moves_leads_npcs_that_keep_their_attempts() {
     planner.stop().await;
     server.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_npc_tells_when_there_is_no_way_to_its_target_and_when_there_is_one_again() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
+    let divided =
+        level(&[("floor", [0.0, -1.0, 0.0], [41.0, 0.0, 20.0]), ("wall", [20.0, 0.0, -14.0], [21.0, 12.0, 34.0])]);
+    let mut stage = world_of(&server, divided, wire::TimeMode::Realtime).await;
+    let (world_id, start) = (stage.world_id, stage.at([5.0, 0.0, 10.0]));
+    let (here, beyond) = (stage.at([12.0, 0.0, 10.0]), stage.at([33.0, 0.0, 10.0]));
+    let npc_id = spawn(&mut stage.client, world_id, start).await;
+    let request = wire::WatchEventsRequest { world_id, ..Default::default() };
+    let mut events = stage.client.watch_events(request).await.unwrap().into_inner();
+    let request = wire::SpawnPlayerRequest { world_id, position: Some(beyond), ..Default::default() };
+    let player_id = stage.client.spawn_player(request).await.unwrap().into_inner().player_id;
+
+    let target = Some(Target::TargetPlayerId(player_id));
+    let request = wire::SetGoalRequest { npc_id, target, keep: true, ..Default::default() };
+    stage.client.set_goal(request).await.unwrap();
+    let is_news = |event: &Event| {
+        matches!(event, Event::TargetUnreachable(_) | Event::TargetReachable(_) | Event::TargetReached(_))
+    };
+    let Event::TargetUnreachable(told) = event_until(&mut events, is_news).await else { panic!("there is no way") };
+    assert!(!told.no_path.is_empty());
+    // A further attempt does not tell it again.
+    let began = |event: &Event| is_news(event) || matches!(event, Event::AttemptBegan(it) if it.attempt > told.attempt);
+    assert!(matches!(event_until(&mut events, began).await, Event::AttemptBegan(_)));
+
+    let moves = vec![wire::PlayerMove { player_id, position: Some(here), ..Default::default() }];
+    stage.client.move_players(wire::MovePlayersRequest { world_id, moves, ..Default::default() }).await.unwrap();
+    assert!(matches!(event_until(&mut events, is_news).await, Event::TargetReachable(_)));
+    assert!(matches!(event_until(&mut events, is_news).await, Event::TargetReached(_)));
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}

@@ -19,6 +19,7 @@ use surefoot_planner_service::{self as planner, PlannerConfig, PlannerStores};
 use surefoot_policy::Policy;
 use surefoot_server::ServerConfig;
 use surefoot_studio::{Origin, PlannerAddress, Settings};
+use surefoot_world::Arrival;
 use tracing::info;
 
 /// Run the world server until Ctrl-C or SIGTERM.
@@ -319,6 +320,9 @@ pub struct GraphArgs {
     /// Place no vertices and candidates at devices and ledges, as in the paper
     #[arg(long)]
     pub no_special_moves: bool,
+    /// Let a touch prove an edge, in the air or behind a wall as well, as in the paper
+    #[arg(long)]
+    pub touch: bool,
 }
 
 fn parse_placement(name: &str) -> Result<Placement, String> {
@@ -338,6 +342,7 @@ impl GraphArgs {
             seed: 0,
             probing: if self.exhaustive { Probing::Exhaustive } else { Probing::Frugal },
             special_moves: !self.no_special_moves,
+            arrival: if self.touch { Arrival::Touch } else { Arrival::Stand },
         };
         raw.try_into()
     }

@@ -8,10 +8,10 @@ use std::ops::Deref;
 use std::sync::Arc;
 use strum::{EnumString, IntoStaticStr, VariantArray};
 use surefoot_world::navigable::NoGround;
-use surefoot_world::{CharacterProfile, Map};
+use surefoot_world::{Arrival, CharacterProfile, Map};
 
 /// Version of the builder. It changes whenever the same settings would yield a different graph.
-pub const BUILDER_VERSION: u32 = 12;
+pub const BUILDER_VERSION: u32 = 13;
 
 /// How vertices are placed and candidate edges are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, VariantArray, IntoStaticStr, EnumString)]
@@ -93,13 +93,17 @@ pub struct RawBuildSettings {
     /// Whether vertices and candidate edges also come from devices, ledges and ways of the survey, unlike in the paper.
     /// Default: true.
     pub special_moves: bool,
+    /// What counts as having arrived at the end of an edge. Default: [`Arrival::Stand`]; paper: [`Arrival::Touch`].
+    pub arrival: Arrival,
 }
 
 impl BuildSettings {
-    /// Returns the settings of the paper for a placement: exhaustive probing and no special moves.
+    /// Returns the settings of the paper for a placement: exhaustive probing, no special moves, and edges that a touch
+    /// proves.
     pub fn of_paper(placement: Placement) -> Self {
-        let raw = RawBuildSettings::default();
-        Self(RawBuildSettings { placement, threshold: 0.5, probing: Probing::Exhaustive, special_moves: false, ..raw })
+        let (raw, arrival) = (RawBuildSettings::default(), Arrival::Touch);
+        let probing = Probing::Exhaustive;
+        Self(RawBuildSettings { placement, threshold: 0.5, probing, special_moves: false, arrival, ..raw })
     }
 
     /// Returns these settings with a change applied.
@@ -146,6 +150,7 @@ impl Default for RawBuildSettings {
             seed: 0,
             probing: Probing::Frugal,
             special_moves: true,
+            arrival: Arrival::Stand,
         }
     }
 }

@@ -19,8 +19,8 @@ use surefoot_policy::noise::fill_gaussian;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    Ability, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, TICKS_PER_DECISION, TaskConfig,
-    Vec3, World,
+    Ability, Arrival, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, TICKS_PER_DECISION,
+    TaskConfig, Vec3, World,
 };
 
 /// Most trials of a chunk.
@@ -304,6 +304,7 @@ impl<'a> Probes<'a> {
 struct Running {
     slot: NpcSlot,
     trial_idx: usize,
+    arrival: Arrival,
     probe: RunningProbe,
 }
 
@@ -312,8 +313,8 @@ impl Running {
         let (probe, Goal { start, yaw, goal }) = RunningProbe::begin(trial, seed, wait, &world.config().profiles[0]);
         let probe = RunningProbe { style, ..probe };
         let slot = world.spawn(start, yaw);
-        world.set_waypoint(slot, goal);
-        Self { slot, trial_idx, probe }
+        world.head_for(slot, goal, trial.arrival);
+        Self { slot, trial_idx, arrival: trial.arrival, probe }
     }
 
     /// Records the movers on which the body relies in this tick.
@@ -340,7 +341,7 @@ impl Running {
         match self.probe.record(&report, &world.config().profiles[0]) {
             ProbeStep::Keep => true,
             ProbeStep::HeadFor(goal) => {
-                world.set_waypoint(self.slot, goal);
+                world.head_for(self.slot, goal, self.arrival);
                 true
             }
             ProbeStep::End => false,

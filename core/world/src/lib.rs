@@ -19,6 +19,7 @@ mod crates;
 mod crowd;
 pub mod csr;
 mod editing;
+pub mod fleeing;
 pub mod float;
 pub mod formation;
 pub mod map;

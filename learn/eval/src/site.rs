@@ -165,12 +165,20 @@ fn rules(follow: &FollowConfig) -> String {
     )
 }
 
+/// First version of the builder whose settings say what counts as an arrival. Units of older tables have names without
+/// it.
+const SETTINGS_HAVE_ARRIVAL: u32 = 13;
+
 /// File name of a unit, which depends on everything that determines its result, the version of the builder included.
 fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64, builder: u32) -> String {
     let EvalConfig { goals, method, distance, noise_share, rehearses, follow, price, profile, .. } = config;
     let map = choice.identity();
+    let way = match format!("{method:?}") {
+        text if builder < SETTINGS_HAVE_ARRIVAL => text.replace(", arrival: Stand", "").replace(", arrival: Touch", ""),
+        text => text,
+    };
     let text = format!(
-        "{VERSION} {} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {} {price:?} \
+        "{VERSION} {} {} {map} {seed} {goals} {way} {distance:?} {noise_share} {rehearses} {} {price:?} \
          {:?} {:?}{}",
         policy.weights_hash(),
         policy.senses_transports(),

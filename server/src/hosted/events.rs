@@ -56,6 +56,18 @@ pub enum EventKind {
         /// Number of the attempt.
         attempt: u32,
     },
+    /// An NPC that keeps to its target has no way to it.
+    TargetUnreachable {
+        /// Number of the attempt.
+        attempt: u32,
+        /// Why, for people.
+        no_path: Arc<str>,
+    },
+    /// An NPC that had no way to its target has one again, or is there.
+    TargetReachable {
+        /// Number of the attempt.
+        attempt: u32,
+    },
     /// The route was set, or cleared.
     RouteSet {
         /// Its kind; `None` if it was cleared.

@@ -3,9 +3,10 @@
 use super::commands::NpcError;
 use super::events::EventKind;
 use super::gathering::{NEAR_M, PLACE_RADIUS_M, Reserved, touch};
-use super::pursuit::{GoalOrder, GoalSet, Pursuit, Retry, Target, moved};
+use super::pursuit::{GoalOrder, GoalSet, NoWay, Pursuit, Retry, Target, moved};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
+use std::sync::Arc;
 use surefoot_world::arrival::{NoFooting, RETRY_TICKS, SNAP_M};
 use surefoot_world::{Action, Arrival, End, TICKS_PER_DECISION, Vec3};
 
@@ -41,6 +42,7 @@ impl HostedWorld {
         };
         let attempt = self.continue_attempt(id, goal, pursuit).unwrap_or_else(|| {
             self.log_replaced_attempt(id);
+            self.records.get_mut(&id).expect("an NPC that exists").no_way = None;
             self.begin_attempt(id, goal, pursuit)
         });
         Ok(GoalSet { attempt, goal, moved_by_m: goal.distance(asked) })
@@ -208,6 +210,41 @@ impl HostedWorld {
         self.log_event(id, EventKind::TargetLost { attempt });
     }
 
+    /// Takes note of the path in the latest plan of an NPC: without one it takes no place at the goal from others.
+    pub(super) fn note_path(&mut self, id: NpcId) {
+        let Some(record) = self.records.get_mut(&id) else { return };
+        if !record.has_no_path() {
+            if record.no_way == Some(NoWay::NoPath) {
+                self.tell_way(id);
+            }
+            return;
+        }
+        let no_path = record.why_unreachable(End::Unreachable);
+        if record.reserved.take_if(|reserved| Some(reserved.at) == record.goal).is_some() {
+            self.gatherings.release(id);
+        }
+        self.tell_no_way(id, NoWay::NoPath, no_path);
+    }
+
+    /// Tells clients, once, that an NPC which keeps to its target has no way to it.
+    pub(super) fn tell_no_way(&mut self, id: NpcId, why: NoWay, no_path: Arc<str>) {
+        let Some(record) = self.records.get_mut(&id) else { return };
+        if record.pursuit.keeps && record.pursuit.rank().is_none() && record.no_way.is_none() {
+            record.no_way = Some(why);
+            let attempt = record.attempts;
+            self.log_event(id, EventKind::TargetUnreachable { attempt, no_path });
+        }
+    }
+
+    /// Tells clients that an NPC has a way to its target again, if they heard that it had none.
+    fn tell_way(&mut self, id: NpcId) {
+        let Some(record) = self.records.get_mut(&id) else { return };
+        if record.no_way.take().is_some() {
+            let attempt = record.attempts;
+            self.log_event(id, EventKind::TargetReachable { attempt });
+        }
+    }
+
     /// Lets an NPC that keeps to its target try again later, after an attempt that did not reach it.
     pub(super) fn retry_later(&mut self, id: NpcId, goal: Vec3, pursuit: Pursuit) {
         let at = self.tick() + RETRY_TICKS;
@@ -239,7 +276,8 @@ impl HostedWorld {
         let Self { records, world, gatherings, .. } = self;
         for (&id, record) in records.iter_mut() {
             let is_due = (tick + u64::from(record.slot.0)).0.is_multiple_of(u64::from(TICKS_PER_DECISION));
-            let Some(goal) = record.goal.filter(|_| is_due && !record.pursuit.keeps) else { continue };
+            let shares = is_due && !record.pursuit.keeps && (record.reserved.is_some() || !record.has_no_path());
+            let Some(goal) = record.goal.filter(|_| shares) else { continue };
             let body = world.npc(record.slot).expect("every record has an NPC").body;
             if !body.is_grounded() || body.feet.distance(goal) > NEAR_M && record.reserved.is_none() {
                 continue;
@@ -302,6 +340,7 @@ impl HostedWorld {
             record.awaiting = None;
             self.world.decide(slot, Action::default());
             if !is_in_group {
+                self.tell_way(id);
                 self.log_event(id, EventKind::TargetReached { attempt, goal });
             }
         }

@@ -65,20 +65,18 @@ impl HostedWorld {
         self.records.get(&leader).is_some_and(|record| record.goal.is_some() || record.retry.is_some())
     }
 
+    /// All followers with their places in their groups.
+    fn ranks(&self) -> impl Iterator<Item = (NpcId, Rank)> {
+        self.records.iter().filter_map(|(&id, record)| {
+            let pursuit = record.retry.map_or(record.pursuit, |retry| retry.pursuit);
+            let is_member = record.goal.is_some() || record.retry.is_some();
+            Some((id, pursuit.rank().filter(|_| is_member)?))
+        })
+    }
+
     /// The followers of a leader, the first one first.
     fn followers(&self, leader: NpcId) -> Vec<NpcId> {
-        let mut followers: Vec<(u32, NpcId)> = self
-            .records
-            .iter()
-            .filter_map(|(&id, record)| {
-                let pursuit = record.retry.map_or(record.pursuit, |retry| retry.pursuit);
-                let rank = pursuit.rank().filter(|rank| rank.leader == leader);
-                let is_member = record.goal.is_some() || record.retry.is_some();
-                rank.filter(|_| is_member).map(|rank| (rank.number, id))
-            })
-            .collect();
-        followers.sort_unstable();
-        followers.into_iter().map(|(_, id)| id).collect()
+        in_order(self.ranks().filter(|(_, rank)| rank.leader == leader).collect())
     }
 
     /// Moves the places of all followers, once in each decision, and lets leaders wait for them.
@@ -86,19 +84,20 @@ impl HostedWorld {
         if !self.tick().0.is_multiple_of(u64::from(TICKS_PER_DECISION)) {
             return;
         }
+        let mut members: BTreeMap<NpcId, Vec<(NpcId, Rank)>> = BTreeMap::new();
+        self.ranks().for_each(|(id, rank)| members.entry(rank.leader).or_default().push((id, rank)));
         // Groups are not saved: after a restart they begin again where they are.
-        let ranks = self.records.values().filter(|record| record.goal.is_some());
-        let ranks: BTreeMap<NpcId, Rank> =
-            ranks.filter_map(|record| record.pursuit.rank().map(|rank| (rank.leader, rank))).collect();
-        ranks.into_values().for_each(|rank| self.begin_group(rank));
+        members.values().for_each(|members| self.begin_group(members[0].1));
         let mut groups = std::mem::take(&mut self.groups);
-        groups.retain(|&leader, group| self.lead(leader, group));
+        groups.retain(|leader, group| {
+            let followers = in_order(members.remove(leader).unwrap_or_default());
+            self.lead(*leader, group, followers)
+        });
         self.groups = groups;
     }
 
     /// Moves the places of a group. Returns whether it has followers and a leader under way.
-    fn lead(&mut self, leader: NpcId, group: &mut Group) -> bool {
-        let followers = self.followers(leader);
+    fn lead(&mut self, leader: NpcId, group: &mut Group, followers: Vec<NpcId>) -> bool {
         let slots: Vec<NpcSlot> = followers.iter().map(|id| self.records[id].slot).collect();
         let is_under_way = self.is_under_way(leader);
         let Some(record) = self.records.get_mut(&leader) else { return false };
@@ -192,4 +191,10 @@ impl HostedWorld {
             self.replace_leader(leader, &self.followers(leader), way);
         }
     }
+}
+
+/// The ids of followers, the first one first.
+fn in_order(mut members: Vec<(NpcId, Rank)>) -> Vec<NpcId> {
+    members.sort_unstable_by_key(|(id, rank)| (rank.number, *id));
+    members.into_iter().map(|(id, _)| id).collect()
 }

@@ -228,6 +228,8 @@ impl HostedWorld {
             EventKind::Removed => Change::Removed,
             EventKind::TargetReached { .. }
             | EventKind::TargetLost { .. }
+            | EventKind::TargetUnreachable { .. }
+            | EventKind::TargetReachable { .. }
             | EventKind::StopReached { .. }
             | EventKind::Jumped { .. }
             | EventKind::Landed { .. }

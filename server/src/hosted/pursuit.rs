@@ -40,6 +40,15 @@ pub struct Rank {
     pub spacing: f32,
 }
 
+/// What keeps an NPC from its target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum NoWay {
+    /// The graph has no path.
+    NoPath,
+    /// The graph has paths, but the NPC has failed on them.
+    Failed,
+}
+
 /// A group under way.
 #[derive(Debug)]
 pub(super) struct Group {

@@ -2,6 +2,7 @@
 //! lockstep world requests decisions before it moves, because it waits for the answers.
 
 use super::events::EventKind;
+use super::pursuit::NoWay;
 use super::workers::{ASSIGN_EVERY, hand_over};
 use super::world::{HostedWorld, MISSES_UNTIL_NEUTRAL, NpcRecord};
 use crate::ids::NpcId;
@@ -177,6 +178,7 @@ impl HostedWorld {
         for (id, attempt, plan) in answer.plans {
             if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {
                 record.plan = Some(Arc::new(plan));
+                self.note_path(id);
             }
         }
         for (id, attempt, (position, arrival)) in answer.waypoints {
@@ -239,6 +241,7 @@ impl HostedWorld {
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
         let (outcome, at_goal) = (Some(end), Some(goal));
+        let reason = no_path.clone();
         let ended = EventKind::AttemptEnded { attempt, end: outcome, goal: at_goal, distance_m, seconds, no_path };
         self.log_event(id, ended);
         if let Some(stop) = reached {
@@ -249,6 +252,9 @@ impl HostedWorld {
             _ => self.gatherings.release(id),
         }
         if end.is_truncation() && pursuit.keeps {
+            if end == End::Unreachable {
+                self.tell_no_way(id, NoWay::Failed, reason);
+            }
             self.retry_later(id, goal, pursuit);
         }
         if self.groups.contains_key(&id) {

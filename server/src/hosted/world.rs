@@ -5,7 +5,7 @@ use super::gathering::{Gatherings, Reserved};
 use super::itinerary::Itinerary;
 use super::motion::Motion;
 use super::outbox::Outbox;
-use super::pursuit::{Group, Pursuit, Retry};
+use super::pursuit::{Group, NoWay, Pursuit, Retry};
 use super::snapshot::{Counters, EndedAttempt, NpcPlan, Standing};
 use super::standing::{Shortage, Stand};
 use crate::ids::WorkerId;
@@ -33,6 +33,8 @@ pub(super) struct NpcRecord {
     pub reserved: Option<Reserved>,
     /// Whether an NPC that keeps to its target is there.
     pub is_at_target: bool,
+    /// Why there is no way to the target to which the NPC keeps, if clients have heard of it.
+    pub no_way: Option<NoWay>,
     /// Whether the NPC leads a group and waits for its followers.
     pub awaits_group: bool,
     /// The attempt that follows one that failed, of an NPC that keeps to its target.
@@ -80,6 +82,7 @@ impl NpcRecord {
             pursuit: Pursuit::default(),
             reserved: None,
             is_at_target: false,
+            no_way: None,
             awaits_group: false,
             retry: None,
             itinerary: None,
@@ -163,6 +166,11 @@ impl NpcRecord {
             End::Unreachable => reason.into(),
             _ => Arc::default(),
         }
+    }
+
+    /// Whether the latest plan found no path to where the NPC heads.
+    pub fn has_no_path(&self) -> bool {
+        self.plan.as_ref().is_some_and(|plan| !plan.no_path.is_empty())
     }
 
     /// Clears the goal with the waypoint, the plan and the pending decision; the route stays.

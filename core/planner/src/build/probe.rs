@@ -3,7 +3,7 @@
 use crate::ids::EdgeKey;
 use crate::needs::{Needs, Ride};
 use serde::{Deserialize, Serialize};
-use surefoot_world::{Ability, MoverAt, Vec3};
+use surefoot_world::{Ability, Arrival, MoverAt, Vec3};
 
 /// The input of one probe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -15,6 +15,8 @@ pub struct Trial {
     pub via: Option<Vec3>,
     /// Position that the feet should reach, m.
     pub goal: Vec3,
+    /// What counts as having arrived at each of them.
+    pub arrival: Arrival,
     /// Number of the probe's random stream under the seed of the run.
     pub stream: u64,
     /// Whether the body must not jump: it moves in the style of legs that can be walked.
@@ -28,9 +30,10 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// A free run from `start` to `goal`, m, with the random stream `stream`.
+    /// A free run from `start` to `goal`, m, where the body must stand, with the random stream `stream`.
     pub fn walk(start: Vec3, goal: Vec3, stream: u64) -> Self {
-        Self { start, via: None, goal, stream, on_foot: false, keep_track: false, held: None, ride: None }
+        let arrival = Arrival::Stand;
+        Self { start, via: None, goal, arrival, stream, on_foot: false, keep_track: false, held: None, ride: None }
     }
 }
 

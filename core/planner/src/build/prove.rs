@@ -131,7 +131,8 @@ impl Prover<'_> {
                 let start = before.map_or(candidate.from, |before| self.candidates[before as usize].from);
                 let [start, at, goal] = [start, candidate.from, candidate.to].map(|vertex| self.position(vertex));
                 let trial = Trial::walk(start, goal, EdgeRun::RunUp(run).stream(candidate));
-                Trial { via: before.map(|_| at), held: self.held(candidate), ..trial }
+                let (held, arrival) = (self.held(candidate), self.builder.settings.arrival);
+                Trial { via: before.map(|_| at), held, arrival, ..trial }
             };
             let outcomes = self.run_trials(&runs.iter().map(trial).collect::<Vec<_>>(), self.progress())?;
             for ((idx, before), outcome) in runs.into_iter().zip(&outcomes) {
@@ -305,6 +306,7 @@ impl Prover<'_> {
         let (start, goal) = (self.position(candidate.from), self.position(candidate.to));
         Trial {
             on_foot: run == EdgeRun::OnFoot,
+            arrival: self.builder.settings.arrival,
             held: self.held(candidate),
             ride: ends.and_then(|(from, to)| Ride::between(from, to)),
             ..Trial::walk(start, goal, run.stream(candidate))

@@ -12,6 +12,7 @@ use surefoot_rollout::Rollout;
 use surefoot_rollout::attempts::{Chase, Chased, Errand};
 use surefoot_rollout::goals::{Goal, random_yaw};
 use surefoot_world::arrival::KEEP_SLACK_M;
+use surefoot_world::fleeing::Danger;
 use surefoot_world::float::distance_to_segment;
 use surefoot_world::formation::{Formation, Shape};
 use surefoot_world::{
@@ -39,6 +40,13 @@ const LIFT_DWELL: u32 = 30;
 const CUT_OFF_SPEED: f32 = 12.0;
 /// Distances of its chasers behind it on its way at first, m: the second one is nearer if it goes to meet it.
 const BEHIND_M: [f32; 2] = [8.0, 90.0];
+/// Distance from a hunter that an NPC keeps, and within which it is in danger, m.
+const FLEE_M: f32 = 8.0;
+const DANGER_M: f32 = 5.0;
+/// Distance of the hunter from the NPC at first, m.
+const HUNTER_AT_M: f32 = 4.0;
+/// Decisions from one look at the hunter to the next: 0.5 s.
+const LOOK: u32 = 3;
 /// Distance from a door within which the player opens it, m, and time after which it shuts behind him, decisions.
 const DOOR_M: f32 = 3.0;
 const DOOR_OPEN: u32 = 12;
@@ -289,6 +297,38 @@ impl Suite<'_> {
         }
         let about = "a player that rides a lift up and down, with 5 s at each end".to_owned();
         Ok(contact.report(about, "no deaths", None))
+    }
+
+    /// One NPC that flees from a hunter, which goes after it round a block.
+    pub(super) fn flight(&self, hides: bool) -> Result<SceneReport, EvalError> {
+        let level = self.level(scenes::block())?;
+        let way = scenes::round_the_block();
+        let mut contact = Contact::default();
+        for seed in 0..self.config.runs {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let begin = rng.random_range(0.0..100.0);
+            let place = way.at(begin + HUNTER_AT_M);
+            let start = Goal { start: place, yaw: random_yaw(&mut rng), goal: place };
+            let rollout = self.rollout(&level, seed, false);
+            let mut hunter = begin;
+            let watched = (&[start][..], CHASE);
+            self.watch(&mut contact, (&level, &rollout), watched, |world, decision, errands| {
+                let feet = feet(world, 0).unwrap_or(place);
+                hunter += way.towards(hunter, feet).clamp(-1.0, 1.0) * RUNNER_SPEED * DECISION_SECONDS;
+                let danger = Danger { at: way.at(hunter), distance: FLEE_M, hides };
+                let is_safe = |place: Vec3| danger.spares(world.map(), place);
+                if decision > 0 && decision % LOOK == 0 && !is_safe(feet) && !is_safe(errands[0].goal) {
+                    errands[0].goal = danger.refuge(world, NpcSlot(0), &mut rng).unwrap_or(errands[0].goal);
+                }
+                let near = Danger { distance: DANGER_M, ..danger };
+                // Safety is contact with itself, and danger is far from it.
+                vec![if near.spares(world.map(), feet) { feet } else { Vec3::INFINITY }]
+            });
+        }
+        let sight = if hides { " and out of its sight" } else { "" };
+        let about = format!("an NPC that keeps {FLEE_M} m from a hunter at {RUNNER_SPEED} m/s round a block{sight}");
+        let target = if hides { "no deaths" } else { "farther than 5 m for 95 %" };
+        Ok(contact.report(about, target, None))
     }
 
     /// Two chasers of a runner that is faster than they are and goes round a block.

@@ -1,7 +1,8 @@
 //! The living suite: crowds, doors, lifts, platforms, floors that vanish, players, and chases.
 //!
 //! Every NPC that does not arrive counts as a failure. In chases, every decision in which an NPC is not with its target
-//! counts as one. The levels are made for the suite, and nothing was trained on them; their graphs are built as usual.
+//! counts as one, and of NPCs that flee, every decision in danger. The levels are made for the suite, and nothing was
+//! trained on them; their graphs are built as usual.
 
 mod chases;
 mod scenes;
@@ -34,7 +35,7 @@ const CROWD: usize = 1024;
 const DOOR_DECISIONS: std::ops::Range<u32> = 18..48;
 
 /// Names of all scenes.
-pub const SCENES: [&str; 20] = [
+pub const SCENES: [&str; 22] = [
     "door",
     "corridor",
     "crowd",
@@ -55,6 +56,8 @@ pub const SCENES: [&str; 20] = [
     "column",
     "wedge",
     "cut off",
+    "flee",
+    "flee out of sight",
 ];
 
 /// Settings of a run.
@@ -92,7 +95,8 @@ pub struct SceneReport {
     pub target: String,
     /// Runs, each with another seed.
     pub runs: u64,
-    /// NPCs that arrived; in chases, decisions within 3 m of the target, of those since the first contact.
+    /// NPCs that arrived; in chases, decisions within 3 m of the target, of those since the first contact; of NPCs that
+    /// flee, decisions in safety, of those since they were first safe.
     pub success: Rate,
     /// Number of attempts by their end; in chases, NPCs that had contact and NPCs that died.
     pub ends: BTreeMap<String, u64>,
@@ -141,6 +145,8 @@ pub fn run(policy: &Policy, config: &LivingConfig, mut begun: impl FnMut(&str)) 
         Suite::column,
         Suite::wedge,
         Suite::cut_off,
+        |suite| suite.flight(false),
+        |suite| suite.flight(true),
     ];
     let is_wanted = |name: &str| config.scenes.is_empty() || config.scenes.iter().any(|wanted| wanted == name);
     for (name, scene) in SCENES.into_iter().zip(all).filter(|(name, _)| is_wanted(name)) {

@@ -21,7 +21,7 @@ pub struct Way(pub Vec<Vec3>);
 impl Way {
     /// The place after `run` metres.
     pub fn at(&self, run: f32) -> Vec3 {
-        let mut left = run.rem_euclid(self.legs().map(|(from, to)| from.distance(to)).sum());
+        let mut left = run.rem_euclid(self.length());
         for (from, to) in self.legs() {
             let length = from.distance(to);
             if left <= length {
@@ -30,6 +30,22 @@ impl Way {
             left -= length;
         }
         self.0[0]
+    }
+
+    /// Length of the shorter part of the way from the place after `run` metres to the place nearest to `target`, m;
+    /// negative backwards.
+    pub fn towards(&self, run: f32, target: Vec3) -> f32 {
+        /// m.
+        const STEP: f32 = 0.5;
+        let half = 0.5 * self.length();
+        let steps = (half / STEP) as i32;
+        let ahead = (-steps..=steps).map(|step| step as f32 * STEP);
+        let gap = |ahead: f32| self.at(run + ahead).distance(target);
+        ahead.min_by(|one, other| gap(*one).total_cmp(&gap(*other))).expect("a way has places")
+    }
+
+    fn length(&self) -> f32 {
+        self.legs().map(|(from, to)| from.distance(to)).sum()
     }
 
     fn legs(&self) -> impl Iterator<Item = (Vec3, Vec3)> {

@@ -258,6 +258,7 @@ impl Rules {
         let paper = BuildSettings::of_paper(settings.placement);
         settings.with(|it| {
             (it.probing, it.special_moves, it.threshold) = (paper.probing, paper.special_moves, paper.threshold);
+            it.arrival = paper.arrival;
         })
     }
 }

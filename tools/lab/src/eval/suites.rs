@@ -12,7 +12,7 @@ use surefoot_eval::variants::{self, Variant};
 use surefoot_eval::{EvalConfig, EvalMap, Method};
 use surefoot_planner::{Placement, Probing};
 use surefoot_policy::Policy;
-use surefoot_world::MapSpec;
+use surefoot_world::{Arrival, MapSpec};
 
 /// The rows of the paper's table for which `--models` has weights.
 fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
@@ -54,7 +54,7 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
     for (name, placement) in rows {
         let settings = args.rules.graph(args.graph.settings()?)?.with(|it| {
             it.probing = Probing::Exhaustive;
-            it.special_moves = false;
+            (it.special_moves, it.arrival) = (false, Arrival::Touch);
             it.placement = placement;
         })?;
         push(name, Method::Graph(settings), on_all(follower.clone()));

@@ -47,7 +47,8 @@ pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaC
         }
         let trials = flood.trials(&goals, episodes, rng);
         episodes += trials.len() as u64;
-        let runs: Vec<Trial> = trials.iter().map(|(_, trial)| *trial).collect();
+        let run = |(_, trial): &(u32, Trial)| Trial { arrival: settings.arrival, ..*trial };
+        let runs: Vec<Trial> = trials.iter().map(run).collect();
         let outcomes = executor.run(&runs, settings.seed, *progress).ok_or(BuildError::Cancelled)?;
         flood.front.clear();
         let arrived = trials.iter().zip(&outcomes).filter(|(_, outcome)| outcome.reached);

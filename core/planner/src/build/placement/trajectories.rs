@@ -54,7 +54,7 @@ pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Dra
                     .collect();
                 let goal = pool[*goals.get(rng.random_range(0..goals.len().max(1)))? as usize];
                 let stream = round * ROUND as u64 + idx;
-                Some(Trial { keep_track: true, ..Trial::walk(start, goal, stream) })
+                Some(Trial { keep_track: true, arrival: settings.arrival, ..Trial::walk(start, goal, stream) })
             })
             .collect();
         let before = merger.vertices.points().len();
