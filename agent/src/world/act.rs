@@ -21,9 +21,6 @@ impl WorldTask {
     /// Evaluates the policy for the NPCs of a batch on another thread, and returns their actions.
     pub(super) async fn act(&mut self, batch: &Batch) -> Result<Vec<Action>, WorldError> {
         let (mut memory, mut noise, mut styles) = (Vec::new(), Vec::new(), Vec::new());
-        // What an NPC with a memory has seen counts later.
-        let has_memory = self.policy.memory_len() > 0;
-        let needs_policy = |style: Style| has_memory || !style.ignores_policy();
         let mut observations = Vec::with_capacity(batch.observations.len());
         let rows = batch.observations.chunks_exact(self.policy.observation_len());
         for (seen, row) in batch.sightings.iter().zip(rows) {
@@ -32,7 +29,7 @@ impl WorldTask {
             let known = seen.state.as_ref().zip(self.ground.map().zip(self.ground.body()));
             let style = known.map_or(Style::Free, |(state, (map, body))| npc.attempt.style(map, body, &state.body));
             let draw = npc.noise.draw(style);
-            if needs_policy(style) {
+            if style.needs(&self.policy) {
                 observations.extend_from_slice(row);
                 memory.extend_from_slice(&npc.memory);
                 noise.extend(draw);
@@ -45,7 +42,7 @@ impl WorldTask {
             self.inference.decide(Rows { observations, memory, noise }).await.ok_or(WorldError::Inference)?
         };
         let mut chosen = actions.into_iter();
-        let action = |style: &Style| if needs_policy(*style) { chosen.next() } else { None };
+        let action = |style: &Style| if style.needs(&self.policy) { chosen.next() } else { None };
         let mut actions: Vec<Action> = styles.iter().map(action).map(Option::unwrap_or_default).collect();
         let body = self.ground.body().cloned().unwrap_or_default();
         let shape = |action: Action, style: Style, state: &Option<State>| {

@@ -137,9 +137,7 @@ impl DecisionLoop {
 
     /// The first two phases, and the style of each NPC.
     fn choose(&mut self, batch: &DecisionBatch<'_>, policy: &Policy, noise: Noise<'_>) {
-        // What an NPC with a memory has seen counts later.
-        let has_memory = policy.memory_len() > 0;
-        let needs_policy = |npc: &DecidingNpc| has_memory || !npc.style.ignores_policy();
+        let needs_policy = |npc: &DecidingNpc| npc.style.needs(policy);
         if batch.npcs.iter().all(needs_policy) {
             self.observe(batch.worlds, batch.npcs);
             self.act(batch.npcs, policy, noise);

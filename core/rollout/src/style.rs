@@ -7,6 +7,7 @@
 
 use crate::steer::Course;
 use std::f32::consts::{PI, TAU};
+use surefoot_policy::Policy;
 use surefoot_world::character::{Body, Ride, Support};
 use surefoot_world::float::hypot;
 use surefoot_world::sense::{FIELDS, LastDecision, STATE_BEGIN, field_idx};
@@ -55,9 +56,10 @@ impl Style {
         Self::Composed { jumps: ability != Ability::Walk }
     }
 
-    /// Whether the NPC acts without its policy.
-    pub fn ignores_policy(self) -> bool {
-        matches!(self, Self::Walk(_) | Self::Stay { .. })
+    /// Whether an NPC that moves so must observe, and evaluate its policy: one with a memory always, since what it has
+    /// seen counts later.
+    pub fn needs(self, policy: &Policy) -> bool {
+        policy.memory_len() > 0 || !matches!(self, Self::Walk(_) | Self::Stay { .. })
     }
 
     /// Share of the noise that an NPC keeps, 0 or 1.

@@ -292,6 +292,46 @@ fn characters_that_cannot_use_zip_lines_walk_past() {
     assert!(walking.npc(NPC).unwrap().body.ride.is_none());
 }
 
+/// Steps of 0.3 x 0.3 m from z = 32 m on, up to 3 m.
+fn stairs() -> Vec<Triangle> {
+    let mut heights = vec![(0.0, GROUND)];
+    for step in 0..10u8 {
+        let (z, y) = (32.0 + 0.3 * f32::from(step), GROUND + 0.3 * f32::from(step));
+        heights.extend([(z, y), (z, y + 0.3)]);
+    }
+    heights.push((60.0, GROUND + 3.0));
+    profile_along_z(&heights)
+}
+
+#[test]
+fn stairs_are_walked_at_any_speed_by_bodies_that_step_high_enough() {
+    let climb = |step_height: f32, radius: f32, forward: f32| {
+        let change = |it: &mut RawCharacterProfile| (it.step_height, it.radius) = (step_height, radius);
+        let profile = CharacterProfile::default().with(change).unwrap();
+        let map = Map::from_parts(SIZE, stairs(), Placed::default());
+        let mut world = World::new(Arc::new(map), profile, TaskConfig::default());
+        world.spawn(MIDDLE, 0.0);
+        run(&mut world, &[STAND; 2]);
+        let mut in_air = 0;
+        for _ in 0..((6.0 / forward) as u32).max(6) {
+            world.decide(NPC, Action { forward, ..Action::default() });
+            for _ in 0..10 {
+                world.tick();
+                in_air += u32::from(!world.npc(NPC).unwrap().body.is_grounded());
+            }
+        }
+        (feet(&world).y - GROUND, in_air)
+    };
+    for (radius, forward) in [(0.2, 1.0), (0.3, 1.0), (0.3, 0.3), (0.3, 0.05), (0.4, 0.5)] {
+        let (rise, in_air) = climb(0.35, radius, forward);
+        assert!((rise - 3.0).abs() < 0.02, "radius {radius}, forward {forward}: {rise} m");
+        assert_eq!(in_air, 0, "radius {radius}, forward {forward}");
+    }
+    for step_height in [0.1, 0.25] {
+        assert!(climb(step_height, 0.3, 1.0).0 < 0.1);
+    }
+}
+
 #[test]
 fn a_one_way_teleporter_leads_there_and_a_two_way_one_back_after_stepping_off() {
     let there = Vec3::new(10.0, GROUND, 50.0);

@@ -232,7 +232,7 @@ typedef struct sf_body {
     float gravity;
     /* Steepest walkable slope, rad (0 to 1.4). */
     float max_slope;
-    /* Highest step without a jump, m (0 to the radius). */
+    /* Highest step without a jump, m (0 to half of the height). */
     float step_height;
     /* Horizontal acceleration on the ground, m/s2 (1 to 1000). */
     float ground_acceleration;

@@ -315,14 +315,15 @@ impl HostedWorld {
         !record.pursuit.stops || npc.body.velocity.length() <= REST_SPEED
     }
 
-    /// Lets an NPC that must stop at its goal come to rest while it `is_there`.
-    pub(super) fn brake(&mut self, id: NpcId, is_there: bool) {
-        let Some(record) = self.records.get_mut(&id) else { return };
-        let was_there = std::mem::replace(&mut record.is_at_target, is_there);
-        if is_there && !was_there {
+    /// Lets an NPC that must stop at its goal come to rest while it `is_there`. Returns whether it has just come there.
+    pub(super) fn brake(&mut self, id: NpcId, is_there: bool) -> bool {
+        let Some(record) = self.records.get_mut(&id) else { return false };
+        let comes = is_there && !std::mem::replace(&mut record.is_at_target, is_there);
+        if comes {
             record.awaiting = None;
             self.world.decide(record.slot, Action::default());
         }
+        comes
     }
 
     /// Lets an NPC that keeps to its goal stand while it is there.
@@ -331,18 +332,13 @@ impl HostedWorld {
         let (Some(goal), Pursuit { radius, facing, .. }) = (record.goal, record.pursuit) else { return };
         let slack = if record.is_at_target { record.pursuit.slack } else { 0.0 };
         let is_there = self.world.has_arrived(record.slot, goal, radius + slack, record.pursuit.arrival);
-        let was_there = std::mem::replace(&mut record.is_at_target, is_there);
-        let (slot, attempt, is_in_group) = (record.slot, record.attempts, record.pursuit.rank().is_some());
-        if is_there != was_there {
+        let (attempt, is_in_group) = (record.attempts, record.pursuit.rank().is_some());
+        if is_there != record.is_at_target {
             record.turns_to = facing.filter(|_| is_there && !is_in_group);
         }
-        if is_there && !was_there {
-            record.awaiting = None;
-            self.world.decide(slot, Action::default());
-            if !is_in_group {
-                self.tell_way(id);
-                self.log_event(id, EventKind::TargetReached { attempt, goal });
-            }
+        if self.brake(id, is_there) && !is_in_group {
+            self.tell_way(id);
+            self.log_event(id, EventKind::TargetReached { attempt, goal });
         }
     }
 }

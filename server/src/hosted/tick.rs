@@ -215,7 +215,7 @@ impl HostedWorld {
             }
         }
         keeping.into_iter().for_each(|id| self.keep_still(id));
-        braking.into_iter().for_each(|(id, is_there)| self.brake(id, is_there));
+        braking.into_iter().for_each(|(id, is_there)| _ = self.brake(id, is_there));
         for (id, end) in ended {
             self.end_attempt(id, end);
         }

@@ -13,6 +13,16 @@ const SUBSTEP_M: f32 = 0.22;
 const SUBSTEP_RADIUS_M: f32 = 0.3;
 /// Contact passes after each move.
 const MAX_PUSHES: usize = 6;
+/// Share of the radius up to which the round sole of a capsule slides onto steps by itself.
+const SOLE_SHARE: f32 = 0.5;
+/// Least move of a body onto a higher step, in radii: its sole must find level ground there.
+const TOE_RADII: f32 = 0.5;
+/// Share of its speed that a body must lose in a tick before it tries to climb, and its least speed, m/s.
+const LOST_SHARE: f32 = 0.3;
+const CLIMB_SPEED: f32 = 0.3;
+/// Depth of a contact that does not block a body which climbs, m, and longest move down between two contact passes, m.
+const CLIMB_SLOP_M: f32 = 0.02;
+const DESCENT_M: f32 = 0.05;
 /// Speed below which a body wedged between steep faces counts as standing, m/s.
 const WEDGED_SPEED: f32 = 0.6;
 
@@ -20,7 +30,8 @@ impl Body {
     pub(super) fn move_and_collide(&mut self, mesh: &Mesh, profile: &CharacterProfile, scratch: &mut MoveScratch) {
         let was_grounded = self.is_grounded();
         let slope = scratch.slope(profile);
-        let start = self.feet;
+        let before = *self;
+        let start = before.feet;
         let delta = self.velocity * TICK_SECONDS;
         let snap = if was_grounded {
             profile.step_height + Vec3::new(delta.x, 0.0, delta.z).length() * slope.tan
@@ -39,6 +50,9 @@ impl Body {
         for _ in 0..substep_count as u32 {
             self.feet += self.velocity * (TICK_SECONDS / substep_count);
             self.push_out(profile, slope, scratch, was_grounded);
+        }
+        if was_grounded && self.velocity.y <= 0.0 && profile.step_height > SOLE_SHARE * profile.radius {
+            self.climb(mesh, profile, scratch, before);
         }
         if was_grounded && self.support != Support::Ground && self.velocity.y <= 0.0 {
             self.snap_down(profile, slope, scratch, snap);
@@ -97,6 +111,42 @@ impl Body {
         let slope = scratch.slope(profile);
         self.push_out(profile, slope, scratch, support == Support::Ground);
         self.support = support;
+    }
+
+    /// Takes a walking body onto a step that blocks it and is too high for its sole: up, ahead, and down to the ground.
+    /// `before` is the body before its move.
+    fn climb(&mut self, mesh: &Mesh, profile: &CharacterProfile, scratch: &mut MoveScratch, before: Self) {
+        let wish = Vec3::new(before.velocity.x, 0.0, before.velocity.z);
+        let (speed, along) = (wish.length(), wish.normalize_or_zero());
+        if speed < CLIMB_SPEED || self.velocity.dot(along) > (1.0 - LOST_SHARE) * speed {
+            return;
+        }
+        // From where the step has stopped the body.
+        let here = self.feet.with_y(before.feet.y);
+        let left = speed * TICK_SECONDS - (here - before.feet).dot(along);
+        let there = here + along * left.max(TOE_RADII * profile.radius);
+        let raised = Vec3::Y * profile.step_height;
+        let reach = Vec3::splat(profile.radius + 0.05);
+        let (low, high) = (here.min(there) - reach, here.max(there) + reach + raised);
+        scratch.select(mesh, low, high + Vec3::Y * profile.height, wish);
+        let slope = scratch.slope(profile);
+        let is_free =
+            |feet: Vec3| scratch.deepest_contact(profile, feet).is_none_or(|contact| contact.depth <= CLIMB_SLOP_M);
+        if ![here, here.midpoint(there), there].into_iter().all(|feet| is_free(feet + raised)) {
+            return;
+        }
+        let passes = (profile.step_height / DESCENT_M).ceil();
+        let mut contacts = (1..=passes as u32).filter_map(|pass| {
+            let feet = there + raised * (1.0 - pass as f32 / passes);
+            scratch.deepest_contact(profile, feet).map(|contact| (feet, contact))
+        });
+        if let Some((feet, contact)) = contacts.next()
+            && is_walkable(profile, slope, &contact, feet)
+        {
+            self.feet = feet + Vec3::Y * (contact.depth / contact.normal.y);
+            self.velocity = wish;
+            self.support = Support::Ground;
+        }
     }
 
     /// Keeps a walking body on ground that falls away; leaves the body in the air over a ledge.

@@ -152,7 +152,7 @@ impl RawCharacterProfile {
             ("jump_speed", self.jump_speed, 0.0, 30.0),
             ("gravity", self.gravity, 1.0, 100.0),
             ("max_slope", self.max_slope, 0.0, 1.4),
-            ("step_height", self.step_height, 0.0, self.radius),
+            ("step_height", self.step_height, 0.0, 0.5 * self.height),
             ("ground_acceleration", self.ground_acceleration, 1.0, 1000.0),
             ("air_acceleration", self.air_acceleration, 0.0, 1000.0),
             ("coyote_ticks", self.coyote_ticks.into(), 0.0, f32::from(MAX_COYOTE_TICKS)),

@@ -137,7 +137,7 @@ namespace Surefoot
         public float Gravity;
         /// <summary>Steepest walkable slope, rad, 0 to 1.4.</summary>
         public float MaxSlope;
-        /// <summary>Highest step that is climbed without a jump, m, 0 to the radius.</summary>
+        /// <summary>Highest step that is climbed without a jump, m, 0 to half of the height.</summary>
         public float StepHeight;
         /// <summary>Horizontal acceleration on the ground, m/s2, 1 to 1000.</summary>
         public float GroundAcceleration;
