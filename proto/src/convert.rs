@@ -2,13 +2,14 @@
 
 use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
+use std::ops::RangeInclusive;
 use surefoot_planner::zones::ZoneError;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
 use surefoot_world::character::{ProfileError, RawCharacterProfile};
 use surefoot_world::formation::Shape;
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind};
 use surefoot_world::mesh::Surface;
-use surefoot_world::{Ability, CharacterProfile, End, MapSpec, PlayerContact, RawMapSpec, SpecError, Vec3};
+use surefoot_world::{Ability, CharacterProfile, End, Gait, MapSpec, PlayerContact, RawMapSpec, SpecError, Vec3};
 use tonic_types::{ErrorDetails, StatusExt};
 
 /// Why a field of a message is invalid.
@@ -75,6 +76,23 @@ pub fn point(value: Option<&wire::Vec3>, field: &'static str) -> Result<Vec3, Fi
     let &wire::Vec3 { x, y, z } = value.ok_or(FieldError::Missing(field))?;
     let point = Vec3::new(x, y, z);
     if point.is_finite() { Ok(point) } else { Err(FieldError::NotFinite(field)) }
+}
+
+/// Converts a gait from the wire; values of 0 become the defaults.
+pub fn gait(value: &wire::Gait) -> Result<Gait, FieldError> {
+    let usual = Gait::default();
+    let or = |value: f32, usual: f32| if value == 0.0 { usual } else { value };
+    let gait = Gait { speed: or(value.speed, usual.speed), acceleration: or(value.acceleration, usual.acceleration) };
+    let ends = |range: RangeInclusive<f32>| (f64::from(*range.start()), f64::from(*range.end()));
+    let ((low, high), (least, most)) = (ends(Gait::SPEEDS), ends(Gait::ACCELERATIONS));
+    in_range(f64::from(gait.speed), low, high, "gait.speed")?;
+    in_range(f64::from(gait.acceleration), least, most, "gait.acceleration")?;
+    Ok(gait)
+}
+
+/// Converts a gait to the wire.
+pub fn gait_to_wire(Gait { speed, acceleration }: Gait) -> wire::Gait {
+    wire::Gait { speed, acceleration }
 }
 
 /// Converts a point to the wire.

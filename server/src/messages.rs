@@ -6,7 +6,7 @@ use crate::ids::{NpcId, WorldId};
 use serde::{Deserialize, Serialize};
 use surefoot_planner::{Tags, Zone};
 use surefoot_world::map::Piece;
-use surefoot_world::{Action, Arrival, CharacterProfile, End, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Vec3};
+use surefoot_world::{Action, Arrival, CharacterProfile, End, Gait, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Vec3};
 
 /// How a world's time passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,6 +102,8 @@ pub struct ObservationBatch {
     pub goals: Vec<Vec3>,
     /// Whether each NPC may arrive in flight.
     pub touches: Vec<bool>,
+    /// How fast each NPC goes; empty if all go as fast as they can.
+    pub gaits: Vec<Gait>,
     /// Number of each NPC's attempt.
     pub attempts: Vec<u32>,
     /// Whether each NPC has reached its waypoint.
@@ -129,6 +131,7 @@ impl ObservationBatch {
             positions: Vec::new(),
             goals: Vec::new(),
             touches: Vec::new(),
+            gaits: Vec::new(),
             attempts: Vec::new(),
             waypoint_reached: Vec::new(),
             grounded: Vec::new(),

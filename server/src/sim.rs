@@ -405,6 +405,7 @@ mod tests {
             goal: None,
             body: None,
             tags: Default::default(),
+            gait: Default::default(),
         };
         sim.call(move |state| state.world.spawn_to(order, 8, ticket)).await.unwrap().unwrap();
         assert_eq!(registry.load()[0].npc_count, 1);

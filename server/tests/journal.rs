@@ -10,7 +10,7 @@ use surefoot_server::hosted::{
 use surefoot_server::ids::NpcId;
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
-use surefoot_world::{CharacterProfile, MapSpec, Seed, Vec3};
+use surefoot_world::{CharacterProfile, Gait, MapSpec, Seed, Vec3};
 
 /// A world whose NPCs stand on its ground, and further places there.
 fn world() -> (HostedWorld, Arc<Quota>, Vec<Vec3>) {
@@ -27,7 +27,7 @@ fn world() -> (HostedWorld, Arc<Quota>, Vec<Vec3>) {
 }
 
 fn spawn(world: &mut HostedWorld, quota: &Arc<Quota>, position: Vec3, goal: Option<Vec3>) -> NpcId {
-    let order = SpawnOrder { position, yaw: 0.5, goal, body: None, tags: Default::default() };
+    let order = SpawnOrder { position, yaw: 0.5, goal, body: None, tags: Default::default(), gait: Gait::default() };
     world.spawn_to(order, 64, quota.grant("game")).expect("there is room")
 }
 
@@ -91,7 +91,7 @@ fn spawn_id(mut world: HostedWorld, quota: &Arc<Quota>, position: Vec3) -> NpcId
 }
 
 #[test]
-fn zones_and_tags_are_known_to_the_next_server() {
+fn zones_tags_and_gaits_are_known_to_the_next_server() {
     let (mut world, quota, places) = world();
     let tags = |tag: &str| Tags::from([tag.to_owned()]);
     let shape = Shape::Cylinder { bottom: places[3], radius: 2.0, height: 3.0 };
@@ -99,13 +99,16 @@ fn zones_and_tags_are_known_to_the_next_server() {
     world.set_zones(ZonesEdit { put: vec![zone.clone()], ..ZonesEdit::default() }).unwrap();
     let first = world.npcs().next().unwrap().id;
     world.set_tags(first, tags("key")).unwrap();
+    let [walk, jog] = [0.15, 0.5].map(|speed| Gait::default().at_most(speed));
+    world.set_gait(first, walk).unwrap();
     let saved = kept(&world);
     world.confirm(saved.log.written());
-    let order = SpawnOrder { position: places[5], yaw: 0.5, goal: None, body: None, tags: tags("red") };
+    let order = SpawnOrder { position: places[5], yaw: 0.5, goal: None, body: None, tags: tags("red"), gait: jog };
     let new = world.spawn_to(order, 64, quota.grant("game")).unwrap();
     let next = restored(saved, vec![journal(&world)], &quota);
     assert_eq!(next.zones().collect::<Vec<_>>(), [&zone]);
     assert_eq!([first, new].map(|npc| next.tags(npc).unwrap().clone()), [tags("key"), tags("red")]);
+    assert_eq!([first, new].map(|npc| next.npc(npc).unwrap().gait), [walk, jog]);
 }
 
 #[test]

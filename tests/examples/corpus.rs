@@ -103,6 +103,7 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         body_idx: 0,
         movers: Vec::new(),
         touches: vec![false],
+        gaits: Vec::new(),
     };
     let hello = wire::Hello {
         name: "worker".to_owned(),

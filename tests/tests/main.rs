@@ -15,6 +15,7 @@ mod edits;
 mod elsewhere;
 mod events;
 mod formations;
+mod gaits;
 mod games;
 mod golden;
 mod imports;

@@ -8,7 +8,7 @@ use surefoot_proto::convert::{self, WireEnum};
 use surefoot_proto::plans::npc_plan_to_wire;
 use surefoot_proto::wire_enum;
 use surefoot_proto::world::v1 as wire;
-use surefoot_world::{Action, Arrival, End, MoverAt, Npc as State, Vec3};
+use surefoot_world::{Action, Arrival, End, Gait, MoverAt, Npc as State, Vec3};
 
 /// Largest answer in one message, bytes; servers accept 1 MiB unless configured.
 pub(super) const MAX_ANSWER_BYTES: usize = 512 * 1024;
@@ -34,6 +34,8 @@ pub(super) struct Sighting {
     pub goal: Vec3,
     /// What counts as having arrived there.
     pub arrival: Arrival,
+    /// How fast it goes.
+    pub gait: Gait,
     /// Whether it reached its waypoint since its last decision.
     pub has_reached: bool,
     pub is_grounded: bool,
@@ -69,6 +71,7 @@ impl Batch {
             feet: positions[idx],
             goal: goals[idx],
             arrival: if batch.touches.get(idx) == Some(&true) { Arrival::Pass } else { Arrival::Stand },
+            gait: batch.gaits.get(idx).map(convert::gait).transpose().map_err(malformed)?.unwrap_or_default(),
             has_reached: batch.waypoint_reached.get(idx).copied().unwrap_or(false),
             is_grounded: batch.grounded.get(idx).copied().unwrap_or(true),
             state: None,

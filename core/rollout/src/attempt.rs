@@ -14,7 +14,7 @@ use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
 use surefoot_world::character::Body;
-use surefoot_world::{Ability, Arrival, CharacterProfile, Map, Npc, Vec3, arrival};
+use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Vec3, arrival};
 
 /// Rehearsals that end in harm, with other noise each time, before the NPC takes another way.
 const HARM_DRAWS: u32 = 3;
@@ -77,6 +77,13 @@ impl Attempt {
             self.forget_forecast();
         }
         waypoint
+    }
+
+    /// Changes how fast the NPC goes, and rehearses its way again if that differs from before.
+    pub fn set_gait(&mut self, gait: Gait) {
+        if self.follower.set_gait(gait) && self.follower.waypoint().is_some() {
+            self.forget_forecast();
+        }
     }
 
     /// How the NPC moves in the next decision: composed only where a rehearsal has shown that it arrives so, or where

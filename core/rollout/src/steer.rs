@@ -6,10 +6,9 @@
 
 use surefoot_world::character::Body;
 use surefoot_world::float::{horizontal, hypot, wrapped};
-use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Vec3};
+use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Gait, Vec3};
 
-/// Shares of the acceleration on the ground with which a body speeds up and brakes.
-const SPEED_UP: f32 = 0.3;
+/// Share of the acceleration on the ground with which a body brakes.
 const BRAKE: f32 = 0.6;
 /// Shares of the top speed of a body that turns back where it is, and at a corner.
 const TURNING: f32 = 0.5;
@@ -32,6 +31,8 @@ pub struct Course {
     pub then: Option<Vec3>,
     /// Whether the body cuts the corner at the waypoint.
     pub cuts: bool,
+    /// How fast the body goes.
+    pub gait: Gait,
 }
 
 impl Course {
@@ -45,7 +46,7 @@ impl Course {
         let top = profile.forward_speed;
         let off = wrapped(heading - body.yaw);
         let corner = self.then.map(|then| libm::atan2f(then.x - aim.x, then.z - aim.z) - heading);
-        let speed = speed(body, profile, left, off, corner);
+        let speed = speed(body, profile, self.gait, left, (off, corner));
         let most = profile.turn_speed * DECISION_SECONDS;
         let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most, most) };
         // The body moves along the way while it turns.
@@ -68,10 +69,10 @@ impl Course {
 
 /// The speed of a body, `left` metres from where it walks to. Its way leads `off` its heading, rad, and turns there by
 /// the angle `corner`, rad; without a further way the body stops there.
-fn speed(body: &Body, profile: &CharacterProfile, left: f32, off: f32, corner: Option<f32>) -> f32 {
-    let top = profile.forward_speed;
+fn speed(body: &Body, profile: &CharacterProfile, gait: Gait, left: f32, (off, corner): (f32, Option<f32>)) -> f32 {
+    let top = gait.speed * profile.forward_speed;
     let around = |turn: f32, back: f32| top * (1.0 - 0.5 * (1.0 - back) * (1.0 - libm::cosf(turn)));
-    let (brake, change) = (BRAKE * profile.ground_acceleration, SPEED_UP * profile.ground_acceleration);
+    let (brake, change) = (BRAKE * profile.ground_acceleration, gait.acceleration * profile.ground_acceleration);
     let (there, room) = match corner {
         Some(turn) => (around(turn, AT_CORNER), (left - CORNER_M).max(0.0)),
         None => (0.0, (left - STOP_M).max(0.0)),

@@ -15,7 +15,7 @@ use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{
-    Ability, Action, CharacterProfile, DECISION_SECONDS, End, Map, MapSpec, TaskConfig, Vec3, World, navigable,
+    Ability, Action, CharacterProfile, DECISION_SECONDS, End, Gait, Map, MapSpec, TaskConfig, Vec3, World, navigable,
 };
 
 fn map(side: u32) -> Arc<Map> {
@@ -121,12 +121,12 @@ fn a_steered_body_faces_where_it_goes_cuts_corners_and_stops() {
     let [start, corner, goal] = [[10.0, 10.0], [30.0, 10.5], [30.0, 30.0]].map(|[x, z]| Vec3::new(x, 2.0, z));
     // It faces away from its way.
     let slot = world.spawn(start, -PI / 2.0);
-    let mut course = Course { to: corner, then: Some(goal), cuts: true };
+    let mut course = Course { to: corner, then: Some(goal), cuts: true, gait: Gait::default() };
     let (mut off, mut nearest, mut track) = (Vec::new(), f32::INFINITY, vec![start]);
     for _ in 0..60 {
         let body = world.npc(slot).unwrap().body;
         if course.then.is_some() && body.feet.distance(corner) <= 1.0 {
-            course = Course { to: goal, then: None, cuts: true };
+            course = Course { to: goal, then: None, cuts: true, gait: Gait::default() };
         }
         let action = course.action(&body, &profile);
         assert!(action.to_array().iter().all(|value| (-1.0..=1.0).contains(value)) && action.jump < 0.0, "{action:?}");

@@ -25,6 +25,8 @@ const GOES_ON_AT: (f32, f32) = (0.5, 0.5);
 /// stop the group.
 const LONGEST_WAIT: u32 = 30;
 const LEAST_WALK: u32 = 6;
+/// Greatest speed of a leader, as a share of its body's: its followers must be able to catch up.
+pub const LEADER_SPEED: f32 = 0.8;
 /// Time in which a leader comes to rest, s.
 const BRAKING_S: f32 = 0.4;
 

@@ -153,6 +153,7 @@ world_service! {
     zones::set_zones(wire::SetZonesRequest) -> wire::SetZonesResponse;
     zones::list_zones(wire::ListZonesRequest) -> wire::ListZonesResponse;
     zones::set_npc_tags(wire::SetNpcTagsRequest) -> wire::SetNpcTagsResponse;
+    npcs::set_gaits(wire::SetGaitsRequest) -> wire::SetGaitsResponse;
     living::spawn_player(wire::SpawnPlayerRequest) -> wire::SpawnPlayerResponse;
     living::move_players(wire::MovePlayersRequest) -> wire::MovePlayersResponse;
     living::remove_player(wire::RemovePlayerRequest) -> wire::RemovePlayerResponse;

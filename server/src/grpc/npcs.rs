@@ -5,6 +5,7 @@ use crate::hosted::{GoalOrder, GoalSet, HostedWorld, NpcError, NpcState, Pursuit
 use crate::ids::{NpcId, WorldId};
 use crate::wire::{finite, no_worker_to_wire, npc_to_wire, region as convert_region};
 use crate::worlds::{NpcAccess, WorldsError};
+use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 use surefoot_net::idempotency::Repeatable;
 use surefoot_net::paging::{PageSize, page_by_id};
@@ -45,8 +46,8 @@ pub async fn spawn_npc(api: &WorldApi, call: Call<wire::SpawnNpcRequest>) -> Rep
     let (caller, request) = call;
     let world = WorldId(request.world_id);
     let frame = frame_on(&api.worlds.handle(world)?, request.coordinates)?;
-    let wire::SpawnNpcRequest { position, yaw, body, tags, .. } = frame.to_map(request.clone());
-    let order = spawn_order(&wire::Spawn { position, yaw, goal: None, body, tags })?;
+    let wire::SpawnNpcRequest { position, yaw, body, tags, gait, .. } = frame.to_map(request.clone());
+    let order = spawn_order(&wire::Spawn { position, yaw, goal: None, body, tags, gait })?;
     let (worlds, owner) = (api.worlds.clone(), caller.clone());
     let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
     let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes: 0 };
@@ -186,12 +187,29 @@ pub async fn batch_teleport_npcs(
     Ok(wire::BatchTeleportNpcsResponse { results: results.into_iter().map(item_result).collect() })
 }
 
+pub async fn set_gaits(api: &WorldApi, call: Call<wire::SetGaitsRequest>) -> Reply<wire::SetGaitsResponse> {
+    let (caller, wire::SetGaitsRequest { npcs }) = call;
+    check_count(npcs.len(), "npcs")?;
+    let worlds: BTreeSet<WorldId> = npcs.iter().map(|npc| NpcId(npc.npc_id).world()).collect();
+    let item = |npc: &wire::NpcGait| -> Result<_, WorldsError> {
+        Ok((NpcId(npc.npc_id), npc.gait.as_ref().map(convert::gait).transpose()?.unwrap_or_default()))
+    };
+    let items = npcs.iter().map(item).collect();
+    let set = |world: &mut HostedWorld, npc, gait| world.set_gait(npc, gait);
+    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, set).await;
+    for world in worlds {
+        api.worlds.save_in_fleet(world).await?;
+    }
+    Ok(wire::SetGaitsResponse { results: results.into_iter().map(item_result).collect() })
+}
+
 pub async fn get_npc(api: &WorldApi, call: Call<wire::GetNpcRequest>) -> Reply<wire::GetNpcResponse> {
     let (caller, wire::GetNpcRequest { npc_id, coordinates }) = call;
     let (npc, coordinates) = (NpcId(npc_id), Coordinates::read(coordinates)?);
     let get = move |world: &mut HostedWorld| npc_on(world, npc, ());
     let (state, frame) = api.worlds.with_npc(&caller, NpcAccess::Read, npc, get).await?;
-    Ok(coordinates.on(&frame).to_level(wire::GetNpcResponse { npc: Some(npc_to_wire(&state)) }))
+    let (npc, gait) = (Some(npc_to_wire(&state)), Some(convert::gait_to_wire(state.gait)));
+    Ok(coordinates.on(&frame).to_level(wire::GetNpcResponse { npc, gait }))
 }
 
 pub async fn batch_get_npcs(
@@ -246,13 +264,14 @@ pub(super) fn ids(field: &str, ids: Vec<u64>) -> Result<Vec<IdItem>, Status> {
 }
 
 fn spawn_order(spawn: &wire::Spawn) -> Result<SpawnOrder, FieldError> {
-    let wire::Spawn { position, yaw, goal, body, tags } = spawn;
+    let wire::Spawn { position, yaw, goal, body, tags, gait } = spawn;
     Ok(SpawnOrder {
         position: convert::point(position.as_ref(), "position")?,
         yaw: finite(*yaw, "yaw")?,
         goal: goal.map(|goal| convert::point(Some(&goal), "goal")).transpose()?,
         body: body.as_ref().map(|body| convert::body(Some(body))).transpose()?,
         tags: zones::tags(tags, "tags")?,
+        gait: gait.as_ref().map(convert::gait).transpose()?.unwrap_or_default(),
     })
 }
 

@@ -15,7 +15,7 @@ use surefoot_world::arrival::{NoFooting, SNAP_M};
 use surefoot_world::character::{self, Body};
 use surefoot_world::map::Liquid;
 use surefoot_world::sense::Sight;
-use surefoot_world::{CharacterProfile, Map, ProfileIdx, Seed, Vec3, navigable};
+use surefoot_world::{CharacterProfile, Gait, Map, ProfileIdx, Seed, Vec3, navigable};
 
 /// Why a world cannot carry out a request about an NPC.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -92,6 +92,8 @@ pub struct SpawnOrder {
     pub body: Option<CharacterProfile>,
     /// Its tags, for zones that ask for them.
     pub tags: Tags,
+    /// How fast it goes.
+    pub gait: Gait,
 }
 
 impl HostedWorld {
@@ -108,6 +110,7 @@ impl HostedWorld {
         if !order.tags.is_empty() {
             self.set_tags(id, order.tags)?;
         }
+        self.set_gait(id, order.gait)?;
         if let Some(goal) = order.goal
             && let Err(error) = self.set_goal(id, goal)
         {
@@ -115,6 +118,12 @@ impl HostedWorld {
             return Err(error);
         }
         Ok(id)
+    }
+
+    /// Changes how fast an NPC goes, from its next decision on.
+    pub fn set_gait(&mut self, id: NpcId, gait: Gait) -> Result<(), NpcError> {
+        self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?.gait = gait;
+        Ok(())
     }
 
     /// Adds an NPC with the default body for the client of `ticket`, and returns its id.
@@ -298,6 +307,7 @@ impl HostedWorld {
             standing: record.standing(npc, self.tick()),
             route: record.itinerary.as_ref().map(|itinerary| itinerary.route.kind()),
             route_stop: record.itinerary.as_ref().map_or(0, |itinerary| itinerary.stop),
+            gait: record.gait,
         }
     }
 }

@@ -318,12 +318,12 @@ impl HostedWorld {
     /// Lets an NPC that must stop at its goal come to rest while it `is_there`. Returns whether it has just come there.
     pub(super) fn brake(&mut self, id: NpcId, is_there: bool) -> bool {
         let Some(record) = self.records.get_mut(&id) else { return false };
-        let comes = is_there && !std::mem::replace(&mut record.is_at_target, is_there);
-        if comes {
+        let was_there = std::mem::replace(&mut record.is_at_target, is_there);
+        if is_there && !was_there {
             record.awaiting = None;
             self.world.decide(record.slot, Action::default());
         }
-        comes
+        is_there && !was_there
     }
 
     /// Lets an NPC that keeps to its goal stand while it is there.

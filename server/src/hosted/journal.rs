@@ -18,11 +18,11 @@ use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_planner::Tags;
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{CharacterProfile, End, Seconds, Tick, Vec3};
+use surefoot_world::{CharacterProfile, End, Gait, Seconds, Tick, Vec3};
 
 const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
 /// Changed whenever [`FleetSave`] or anything inside it is.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// Most events that are saved with a world, so that readers can resume on the server that takes it over.
 const SAVED_EVENTS: usize = 4096;
 
@@ -99,6 +99,7 @@ struct Newcomer {
     body: CharacterProfile,
     owner: String,
     tags: Tags,
+    gait: Gait,
 }
 
 impl FleetSave {
@@ -211,6 +212,7 @@ impl HostedWorld {
                     body: self.world.profile_of(npc).clone(),
                     owner: record.ticket.client().to_owned(),
                     tags: record.tags.clone(),
+                    gait: record.gait,
                 });
                 Change::Spawned { position, newcomer }
             }
@@ -268,6 +270,7 @@ impl HostedWorld {
                 let slot = self.world.spawn_as(body, *position, newcomer.yaw);
                 let mut record = NpcRecord::new(slot, npc_quota.grant(&newcomer.owner));
                 record.tags = newcomer.tags.clone();
+                record.gait = newcomer.gait;
                 self.add_record(entry.npc, record);
             }
             return;

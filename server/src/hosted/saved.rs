@@ -20,7 +20,7 @@ use surefoot_planner::zones::{MAX_ZONES, check_tags};
 use surefoot_planner::{Tags, Zone};
 use surefoot_world::map::{Piece, PieceError};
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
+use surefoot_world::{CharacterProfile, End, Gait, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
 use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
@@ -31,7 +31,7 @@ const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// in [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A
 /// server of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a
 /// server that was upgraded takes them over.
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -98,6 +98,7 @@ struct SavedNpc {
     attempts: u32,
     attempts_ended: u32,
     tags: Tags,
+    gait: Gait,
 }
 
 /// Why a world cannot be saved or restored.
@@ -207,6 +208,7 @@ impl WorldSave {
                 && npc.pursuit.is_sound()
                 && npc.retry.is_none_or(|retry| retry.pursuit.is_sound())
                 && npc.turns_to.is_none_or(f32::is_finite)
+                && npc.gait.is_allowed()
         };
         self.npcs.iter().all(is_ours)
             && self.zones.len() <= MAX_ZONES
@@ -295,6 +297,7 @@ impl HostedWorld {
             attempts: record.attempts,
             attempts_ended: record.attempts_ended,
             tags: record.tags.clone(),
+            gait: record.gait,
         });
         WorldSave {
             id: self.id,
@@ -330,6 +333,7 @@ impl HostedWorld {
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = saved.state.tick();
             record.tags = npc.tags.clone();
+            record.gait = npc.gait;
             world.add_record(npc.id, record);
             if let Some(goal) = npc.goal {
                 // The world's state may have a waypoint of a plan that was not saved.

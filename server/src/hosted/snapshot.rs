@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_world::map::MoverStop;
-use surefoot_world::{Ability, Chance, End, MoverState, Player, PlayerSlot, ProfileIdx, Seconds, Tick, Vec3};
+use surefoot_world::{Ability, Chance, End, Gait, MoverState, Player, PlayerSlot, ProfileIdx, Seconds, Tick, Vec3};
 
 /// Status of an NPC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -148,6 +148,8 @@ pub struct NpcState {
     pub route: Option<RouteKind>,
     /// Of a patrol: index of the stop to which it goes, or goes after its rest.
     pub route_stop: u32,
+    /// How fast it goes.
+    pub gait: Gait,
 }
 
 /// All NPCs of a world at one moment.

@@ -11,6 +11,7 @@ use crate::messages::TimeMode;
 use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
+use surefoot_world::formation::LEADER_SPEED;
 use surefoot_world::{Action, Arrival, End, MoverState, Npc, NpcSlot, ProfileIdx, TICKS_PER_DECISION, Vec3, World};
 use tracing::warn;
 
@@ -131,6 +132,8 @@ impl HostedWorld {
             batch.positions.push(npc.body.feet);
             batch.goals.push(goal);
             batch.touches.push(record.pursuit.arrival == Arrival::Pass);
+            let leads = self.groups.contains_key(&id);
+            batch.gaits.push(if leads { record.gait.at_most(LEADER_SPEED) } else { record.gait });
             batch.attempts.push(record.attempts);
             let touched = npc.episode.and_then(|episode| episode.end) == Some(End::Reached);
             batch.waypoint_reached.push(touched);

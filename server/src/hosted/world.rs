@@ -19,7 +19,8 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_planner::{Tags, Zone};
 use surefoot_world::{
-    CharacterProfile, End, Map, Npc, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World, WorldConfig,
+    CharacterProfile, End, Gait, Map, Npc, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World,
+    WorldConfig,
 };
 
 /// The server's data about an NPC, in addition to the world's state.
@@ -67,6 +68,8 @@ pub(super) struct NpcRecord {
     pub ticket: Ticket,
     /// Its tags, for zones that ask for them.
     pub tags: Tags,
+    /// How fast it goes.
+    pub gait: Gait,
 }
 
 /// Misses in a row after which an NPC takes the neutral action instead of repeating its last one.
@@ -102,6 +105,7 @@ impl NpcRecord {
             began: Tick(0),
             ticket,
             tags: Tags::new(),
+            gait: Gait::default(),
         }
     }
 

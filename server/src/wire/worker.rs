@@ -14,8 +14,8 @@ use surefoot_proto::zones;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use surefoot_world::{
-    Action, Arrival, Chance, End, MoverAt, MoverId, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN,
-    Seconds, StopIdx, Tick, Vec3,
+    Action, Arrival, Chance, End, Gait, MoverAt, MoverId, NPC_STATE_VERSION, OBSERVATION_LEN,
+    OBSERVATION_WITH_OTHERS_LEN, Seconds, StopIdx, Tick, Vec3,
 };
 use tonic::Status;
 
@@ -176,6 +176,8 @@ fn assignment_to_wire(assignment: &Assignment) -> wire::Assignment {
 
 fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
     let pack_points = |points: &[Vec3]| convert::pack(points.iter().flat_map(|point| point.to_array()));
+    let are_usual = batch.gaits.iter().all(|gait| *gait == Gait::default());
+    let gaits = batch.gaits.into_iter().filter(|_| !are_usual);
     wire::ObservationBatch {
         world_id: batch.world.0,
         tick: batch.tick.0,
@@ -184,6 +186,7 @@ fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
         positions: pack_points(&batch.positions),
         goals: pack_points(&batch.goals),
         touches: batch.touches,
+        gaits: gaits.map(convert::gait_to_wire).collect(),
         attempts: batch.attempts,
         waypoint_reached: batch.waypoint_reached,
         grounded: batch.grounded,

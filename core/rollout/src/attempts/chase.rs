@@ -9,7 +9,7 @@ use crate::motion::Motion;
 use surefoot_planner::Router;
 use surefoot_policy::Policy;
 use surefoot_world::arrival::{KEEP_SLACK_M, RETRY_TICKS};
-use surefoot_world::{Action, Arrival, End, TICKS_PER_DECISION, Vec3, World};
+use surefoot_world::{Action, Arrival, End, Gait, TICKS_PER_DECISION, Vec3, World};
 
 /// Decisions from an attempt that did not reach the goal to the next one.
 const RETRY_DECISIONS: u32 = RETRY_TICKS as u32 / TICKS_PER_DECISION;
@@ -45,6 +45,8 @@ pub struct Errand {
     pub goal: Vec3,
     /// Whether it stands where it is.
     pub waits: bool,
+    /// How fast it goes.
+    pub gait: Gait,
 }
 
 impl Chase<'_> {
@@ -52,7 +54,8 @@ impl Chase<'_> {
     /// which it may change; slots of NPCs are in the order of `starts`.
     pub fn run(&self, starts: &[Goal], mut before_each_decision: impl FnMut(&mut World, u32, &mut [Errand])) -> Chased {
         let mut run = Run::prepare(self.rollout, self.policy);
-        let mut errands: Vec<Errand> = starts.iter().map(|start| Errand { goal: start.goal, waits: false }).collect();
+        let mut errands: Vec<Errand> =
+            starts.iter().map(|start| Errand { goal: start.goal, waits: false, gait: Gait::default() }).collect();
         before_each_decision(&mut run.worlds[0], 0, &mut errands);
         let mut search_us = Vec::new();
         run.begin(Some(self.router), starts, &mut search_us);
@@ -79,7 +82,7 @@ impl Chase<'_> {
     }
 
     /// Lets an NPC follow its goal, or stand if it is there or waits. While the target is in the air, the goal stays.
-    fn follow(&self, run: &mut Run<'_>, idx: usize, Errand { goal: place, waits }: Errand) {
+    fn follow(&self, run: &mut Run<'_>, idx: usize, Errand { goal: place, waits, gait }: Errand) {
         let Run { worlds: [world], walkers, guide, .. } = run;
         let (walker, guide) = (&mut walkers[idx], guide.as_mut().expect("NPCs of a chase follow plans"));
         let slot = walker.deciding.slot;
@@ -89,6 +92,7 @@ impl Chase<'_> {
             walker.attempt = Some(Attempt::new(Follower::new(goal, self.rollout.follow)));
             guide.begin(world, walker);
         }
+        walker.attempt.as_mut().expect("an attempt by plan").set_gait(gait);
         let slack = if walker.rests { KEEP_SLACK_M } else { 0.0 };
         let rests = waits || world.has_arrived(slot, goal, self.radius + slack, Arrival::Stand);
         let rested = std::mem::replace(&mut walker.rests, rests);

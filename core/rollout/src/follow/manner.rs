@@ -5,7 +5,7 @@ use super::scene::MoverResponse;
 use crate::steer::Course;
 use crate::style::Style;
 use surefoot_planner::LegKey;
-use surefoot_world::Ability;
+use surefoot_world::{Ability, Gait};
 
 impl Follower {
     /// How the NPC moves on the current leg, if a rehearsal of it has arrived.
@@ -29,6 +29,7 @@ impl Follower {
             to: plan.waypoints[self.leg],
             then: then.copied(),
             cuts: self.leg >= self.exact_until && plan.needs.is_empty(),
+            gait: self.gait,
         })
     }
 
@@ -36,6 +37,11 @@ impl Follower {
     fn steers(&self, leg: usize) -> bool {
         let is_walk = || self.plan.as_ref().is_some_and(|plan| plan.legs[leg].ability == Ability::Walk);
         self.composes(leg) && leg >= self.unsteered_until && is_walk()
+    }
+
+    /// Changes how fast the NPC goes; returns whether that differs from before.
+    pub fn set_gait(&mut self, gait: Gait) -> bool {
+        std::mem::replace(&mut self.gait, gait) != gait
     }
 
     /// How the NPC stays where it is, if it waits for a mover or rides on one. This needs no rehearsal.

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{Attach, LegKey, Plan, Query, Traffic};
-use surefoot_world::{Ability, Arrival, CharacterProfile, End, Map, MoverAt, Vec3};
+use surefoot_world::{Ability, Arrival, CharacterProfile, End, Gait, Map, MoverAt, Vec3};
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
@@ -147,6 +147,7 @@ pub struct Follower {
     free_until: usize,
     unsteered_until: usize,
     exact_until: usize,
+    gait: Gait,
     plans: u32,
     replans: u32,
     failures: Failures,
@@ -171,6 +172,7 @@ impl Follower {
             free_until: 0,
             unsteered_until: 0,
             exact_until: 0,
+            gait: Gait::default(),
             plans: 0,
             replans: 0,
             failures: Failures::default(),
@@ -448,7 +450,9 @@ impl Follower {
 
     fn end_leg(&mut self, end: TryEnd) {
         let Some(plan) = &self.plan else { return };
-        if let Some(edge) = plan.legs[self.leg].key.edge() {
+        // An NPC that takes its time says nothing about that of others.
+        let is_usual = self.gait == Gait::default();
+        if let Some(edge) = plan.legs[self.leg].key.edge().filter(|_| is_usual) {
             self.traversals.push(Traversal { edge, end, decisions: self.decisions_on_leg });
         }
     }

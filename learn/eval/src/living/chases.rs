@@ -14,9 +14,9 @@ use surefoot_rollout::goals::{Goal, random_yaw};
 use surefoot_world::arrival::KEEP_SLACK_M;
 use surefoot_world::fleeing::Danger;
 use surefoot_world::float::distance_to_segment;
-use surefoot_world::formation::{Formation, Shape};
+use surefoot_world::formation::{Formation, LEADER_SPEED, Shape};
 use surefoot_world::{
-    Arrival, CharacterProfile, DECISION_SECONDS, MoverId, MoverOrder, NpcSlot, StopIdx, TaskConfig, Vec3, World,
+    Arrival, CharacterProfile, DECISION_SECONDS, Gait, MoverId, MoverOrder, NpcSlot, StopIdx, TaskConfig, Vec3, World,
 };
 
 /// Length of a chase, decisions: one minute.
@@ -238,6 +238,7 @@ impl Suite<'_> {
                 if world.npc(NpcSlot(WEDGE as u32 - 1)).is_some() {
                     let orders = formation.update(world, NpcSlot(0), &slots);
                     errands[0].waits = orders.leader_waits;
+                    errands[0].gait = Gait::default().at_most(LEADER_SPEED);
                     for (errand, place) in errands[1..].iter_mut().zip(orders.places) {
                         errand.goal = place.unwrap_or(errand.goal);
                     }
