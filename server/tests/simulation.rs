@@ -202,8 +202,14 @@ impl Simulation {
         let pick = |rng: &mut ChaCha8Rng| (!npcs.is_empty()).then(|| npcs[rng.random_range(0..npcs.len())]);
         match self.rng.random_range(0..40) {
             0 | 1 if npcs.len() < MAX_NPCS => {
-                let order =
-                    SpawnOrder { position: place, yaw: 0.0, goal: Some(goal), body: None, tags: Default::default() };
+                let order = SpawnOrder {
+                    position: place,
+                    yaw: 0.0,
+                    goal: Some(goal),
+                    body: None,
+                    tags: Default::default(),
+                    gait: Default::default(),
+                };
                 world.spawn_to(order, MAX_NPCS, self.quota.grant("client")).expect("there is room");
             }
             2 | 3 => {

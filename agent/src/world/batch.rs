@@ -65,13 +65,14 @@ impl Batch {
         let goals = convert::unpack_points(&batch.goals, count, "goals").map_err(malformed)?;
         let observations =
             convert::unpack(&batch.observations, count * observation_len, "observations").map_err(malformed)?;
+        let gaits: Vec<Gait> = batch.gaits.iter().map(convert::gait).collect::<Result<_, _>>().map_err(malformed)?;
         let sighting = |(idx, &id)| Sighting {
             id,
             attempt: batch.attempts.get(idx).copied().unwrap_or(0),
             feet: positions[idx],
             goal: goals[idx],
             arrival: if batch.touches.get(idx) == Some(&true) { Arrival::Pass } else { Arrival::Stand },
-            gait: batch.gaits.get(idx).map(convert::gait).transpose().map_err(malformed)?.unwrap_or_default(),
+            gait: gaits.get(idx).copied().unwrap_or_default(),
             has_reached: batch.waypoint_reached.get(idx).copied().unwrap_or(false),
             is_grounded: batch.grounded.get(idx).copied().unwrap_or(true),
             state: None,
