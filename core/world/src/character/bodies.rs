@@ -26,7 +26,7 @@ pub const BODIES: [NamedBody; 7] = [
             (it.height, it.radius) = (1.76, 0.34);
             (it.forward_speed, it.side_speed_share, it.turn_speed) = (6.0, 1.0, 360.0f32.to_radians());
             (it.jump_speed, it.gravity, it.extra_jumps) = (4.2, 9.8, 0);
-            (it.max_slope, it.step_height) = (44.765f32.to_radians(), 0.45);
+            (it.max_slope, it.step_height) = (44.765f32.to_radians(), 0.339);
             (it.ground_acceleration, it.air_acceleration) = (20.48, 1.0);
             (it.uses_zip_lines, it.uses_jetpacks) = (false, false);
         },
