@@ -58,7 +58,8 @@ namespace Surefoot.Tests
                     agents.Observe(default(ReadOnlySpan<uint>), states, hits);
                     agents.Decide(default(ReadOnlySpan<uint>), actions);
                     world.Decide(npc, actions[0]);
-                    for (int tick = 0; tick < World.TicksPerDecision; tick++)
+                    // An attempt may end at any tick; where the NPC goes afterwards is not part of it.
+                    for (int tick = 0; tick < World.TicksPerDecision && attempt.State == AttemptState.GoesOn; tick++)
                     {
                         world.Tick();
                         attempt.Note(State);
