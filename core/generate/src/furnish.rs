@@ -67,7 +67,7 @@ pub(crate) fn movers(map: &Map, spec: &MapSpec) -> Vec<Mover> {
     rng.set_stream(4);
     let mut furnisher = Furnisher {
         map,
-        profile: CharacterProfile::default(),
+        profile: CharacterProfile::of_paper(),
         rng,
         scratch: MoveScratch::default(),
         taken: map.placed().devices().flat_map(Device::ends).collect(),

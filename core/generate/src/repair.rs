@@ -44,7 +44,8 @@ pub(crate) fn connect(
     thread_count: usize,
     progress: &mut impl FnMut(Stage),
 ) -> CollisionMap {
-    let profile = CharacterProfile::default();
+    // What a seed generates does not depend on the default body.
+    let profile = CharacterProfile::of_paper();
     let mut map = bare;
     let wanted = &spec.features;
     if !spec.repair && wanted.zip_lines == 0.0 && wanted.teleporters == 0.0 {

@@ -212,8 +212,8 @@ typedef struct sf_device {
     sf_vec3 to;
 } sf_device;
 
-/* The body of a character. Policies were trained with the default body; general-reactive observes these values and
- * adapts to other bodies. sf_body_default fills it; ranges are in parentheses. */
+/* The body of a character. Policies were trained mostly with the paper's body, the default with steps of 0.1 m;
+ * general-reactive observes these values and adapts to other bodies. sf_body_default fills it; ranges are in parentheses. */
 typedef struct sf_body {
     uint32_t struct_size;
     /* m (2 radii to 4). */

@@ -30,16 +30,21 @@ pub struct Source {
 /// The body of the characters.
 #[derive(clap::Args, Clone)]
 pub struct BodyArg {
-    /// Body of the characters: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields
-    /// of a profile
-    #[arg(long, default_value = "surefoot", value_name = "NAME|FILE")]
-    body: String,
+    /// Body of the characters: surefoot, paper, unreal, godot, unity, heavy, small or climber, or a .toml file with the
+    /// fields of a profile; default: surefoot
+    #[arg(long, value_name = "NAME|FILE")]
+    body: Option<String>,
 }
 
 impl BodyArg {
     /// The profile of that body.
     pub fn profile(&self) -> anyhow::Result<CharacterProfile> {
-        load_body(&self.body)
+        self.body.as_deref().map_or_else(|| Ok(CharacterProfile::default()), load_body)
+    }
+
+    /// The paper's body if the command names none.
+    pub fn or_paper(&self) -> Self {
+        Self { body: self.body.clone().or_else(|| Some("paper".to_owned())) }
     }
 }
 

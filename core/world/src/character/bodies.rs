@@ -13,11 +13,16 @@ pub struct NamedBody {
 }
 
 /// All named bodies.
-pub const BODIES: [NamedBody; 7] = [
+pub const BODIES: [NamedBody; 8] = [
     NamedBody {
         name: "surefoot",
-        about: "the default, after the environment that the paper's authors released",
+        about: "the default: the paper's body, with steps as high as stairs have",
         change: |_| {},
+    },
+    NamedBody {
+        name: "paper",
+        about: "the body of the environment that the paper's authors released, with steps of 0.1 m",
+        change: |it| *it = RawCharacterProfile::of_paper(),
     },
     NamedBody {
         name: "unreal",
@@ -81,8 +86,9 @@ pub const BODIES: [NamedBody; 7] = [
     },
     NamedBody {
         name: "climber",
-        about: "three jumps in a row",
+        about: "the paper's body, with three jumps in a row",
         change: |it| {
+            *it = RawCharacterProfile::of_paper();
             (it.forward_speed, it.extra_jumps) = (8.0, 2);
             it.max_slope = 45.0f32.to_radians();
         },

@@ -6,6 +6,8 @@ use std::ops::Deref;
 
 /// Largest `coyote_ticks`. After a jump, a body counts as 255 ticks in the air, which must exceed any `coyote_ticks`.
 const MAX_COYOTE_TICKS: u8 = u8::MAX - 1;
+/// `step_height` of the default body, m: the stairs of buildings rise by up to 0.2 m, those of games by more.
+const STEP_M: f32 = 0.35;
 
 /// Size and motion of a kind of character. All values are in range: a profile is a checked [`RawCharacterProfile`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -14,7 +16,8 @@ pub struct CharacterProfile(RawCharacterProfile);
 
 /// The values of a [`CharacterProfile`] before they are checked.
 ///
-/// Defaults follow the environment that the paper's authors released. In files, missing fields have the default.
+/// The default is the paper's body, [`of_paper`](Self::of_paper), with steps as high as stairs have. In files, missing
+/// fields have the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RawCharacterProfile {
@@ -56,8 +59,9 @@ pub struct RawCharacterProfile {
     pub jetpack_climb_speed: f32,
 }
 
-impl Default for RawCharacterProfile {
-    fn default() -> Self {
+impl RawCharacterProfile {
+    /// The body of the environment that the paper's authors released.
+    pub fn of_paper() -> Self {
         Self {
             height: 1.8,
             radius: 0.3,
@@ -81,6 +85,12 @@ impl Default for RawCharacterProfile {
     }
 }
 
+impl Default for RawCharacterProfile {
+    fn default() -> Self {
+        Self { step_height: STEP_M, ..Self::of_paper() }
+    }
+}
+
 /// A field of a [`RawCharacterProfile`] is outside its range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("body.{field} is {value}, but must be {min} to {max}")]
@@ -96,6 +106,11 @@ pub struct ProfileError {
 }
 
 impl CharacterProfile {
+    /// The body of the environment that the paper's authors released. It cannot climb stairs.
+    pub fn of_paper() -> Self {
+        Self(RawCharacterProfile::of_paper())
+    }
+
     /// Returns a copy of this profile with a change.
     ///
     /// # Errors

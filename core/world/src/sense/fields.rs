@@ -46,7 +46,7 @@ const SPEED: f32 = 12.0;
 const USUAL_SLOPE: f32 = 35.0_f32.to_radians();
 
 /// The state vector. Vectors are in the body's frame: x to the right, y up, z ahead. The values from `body_height` on
-/// compare the body with the default body, for which they are all 0.
+/// compare the body with the paper's, for which they are all 0.
 pub const FIELDS: [Field; 49] = [
     field("goal_distance", "distance to the goal, m", 50.0, |it| it.goal.length()).within(4.0),
     field("goal_x", "unit direction to the goal", 1.0, |it| it.goal_direction.x).flipped(),
@@ -139,7 +139,7 @@ struct Senses<'a> {
     body: &'a Body,
     episode: &'a Episode,
     last: &'a LastDecision,
-    usual: RawCharacterProfile,
+    of_paper: RawCharacterProfile,
     /// The goal from the feet, m.
     goal: Vec3,
     goal_direction: Vec3,
@@ -177,7 +177,7 @@ impl<'a> Senses<'a> {
             body,
             episode,
             last,
-            usual: RawCharacterProfile::default(),
+            of_paper: RawCharacterProfile::of_paper(),
             goal,
             goal_direction: goal / goal.length().max(1.0e-3),
             velocity: body.to_local(body.velocity),
@@ -193,14 +193,14 @@ impl<'a> Senses<'a> {
         self.last.ticks_in_water as f32 / self.context.task.drown_ticks as f32
     }
 
-    /// Logarithm of the ratio of a quantity between this body and the default body.
+    /// Logarithm of the ratio of a quantity between this body and the paper's.
     fn ratio(&self, of: fn(&RawCharacterProfile) -> f32) -> f32 {
-        libm::logf(of(self.context.profile) / of(&self.usual))
+        libm::logf(of(self.context.profile) / of(&self.of_paper))
     }
 
-    /// Difference of a quantity between this body and the default body.
+    /// Difference of a quantity between this body and the paper's.
     fn difference(&self, of: fn(&RawCharacterProfile) -> f32) -> f32 {
-        of(self.context.profile) - of(&self.usual)
+        of(self.context.profile) - of(&self.of_paper)
     }
 }
 

@@ -142,7 +142,7 @@ impl GoalSet {
         let goals = part.map(|(_, goals)| count(goals, GOALS)).transpose()?;
         specs.truncate(part.map(|(maps, _)| count(maps, specs.len())).transpose()?.unwrap_or(specs.len()));
         let maps = specs.into_iter().map(|spec| (EvalMap::from(spec), None)).collect();
-        let mut set = Self::draw(name, maps, CharacterProfile::default(), GOALS, SEED)?;
+        let mut set = Self::draw(name, maps, CharacterProfile::of_paper(), GOALS, SEED)?;
         if let Some(goals) = goals {
             for map in &mut set.maps {
                 map.goals = (0..goals).map(|idx| map.goals[idx * GOALS / goals]).collect();

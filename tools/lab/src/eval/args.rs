@@ -130,11 +130,11 @@ pub struct Args {
 /// A table of several evaluations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Suite {
-    /// The rows of the paper's table for which --models has weights
+    /// The rows of the paper's table for which --models has weights, with the body paper
     Paper,
     /// What each of our choices adds to the paper's method, and to our other choices
     Ablation,
-    /// Graphs of growing size on the validation maps
+    /// Graphs of growing size on the validation maps, with the body paper
     Sweep,
     /// The 1 km map with and without graphs
     BigMap,
@@ -190,7 +190,7 @@ pub(super) struct Rules {
     /// Follow the paper. Start and goal snap to the nearest vertex, edges cost their steps, failed legs are not
     /// remembered, and re-plans have no limit. Nothing is rehearsed or composed, NPCs do not sense zip lines and
     /// teleporters, devices get no vertices or candidates, and all probes are run. NPCs arrive as with --arrive paper.
-    /// The default model is general-lstm. --patience and --replan-after still apply
+    /// The default model is general-lstm, and the default body paper. --patience and --replan-after still apply
     #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "arrive", "no_transports"])]
     pub(super) faithful: bool,
     /// Decisions without progress that end an attempt
@@ -299,7 +299,7 @@ impl Args {
             maps: self.maps()?,
             goals: self.goals,
             seeds: parse_seeds(&self.seed).context("--seed")?,
-            profile: self.body.profile()?,
+            profile: if is_of_paper { self.body.or_paper().profile()? } else { self.body.profile()? },
             method,
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,

@@ -65,6 +65,9 @@ fn first_recorded_builder() -> u32 {
     11
 }
 
+/// First version of the builder with which the default body steps higher than the paper's.
+const BODY_CLIMBS_STAIRS: u32 = 13;
+
 /// The state of the machine and the checkout before a table is made.
 pub struct Start {
     load_before: Option<f64>,
@@ -171,7 +174,9 @@ pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
     let stored = Stored::try_parse_from(&provenance.command)
         .context("this version does not accept the command that made the table")?;
     let maps = if is_part { args.maps.clone() } else { stored.args.maps };
-    let made = Args { out: None, maps, threads: Some(args.threads.unwrap_or_else(core_count)), ..stored.args };
+    let body = if attempts.builder < BODY_CLIMBS_STAIRS { stored.args.body.or_paper() } else { stored.args.body };
+    let threads = Some(args.threads.unwrap_or_else(core_count));
+    let made = Args { out: None, maps, body, threads, ..stored.args };
     let record = Arc::new(record);
     let results = measure(&made, Some(record.clone()))?;
     if is_part {

@@ -32,8 +32,8 @@ export interface Body {
   usesJetpacks: boolean
 }
 
-/** The body that policies were trained with most: 1.8 m tall, 11 m/s, a double jump. */
-export const DEFAULT_BODY: Readonly<Body> = {
+/** The body that policies were trained with most: 1.8 m tall, 11 m/s, a double jump, steps of 0.1 m. */
+const PAPER_BODY: Readonly<Body> = {
   height: 1.8,
   radius: 0.3,
   forwardSpeed: 11,
@@ -49,6 +49,9 @@ export const DEFAULT_BODY: Readonly<Body> = {
   usesZipLines: true,
   usesJetpacks: true,
 }
+
+/** The body of characters unless a game says otherwise: the paper's, with steps as high as stairs have. */
+export const DEFAULT_BODY: Readonly<Body> = { ...PAPER_BODY, stepHeight: 0.35 }
 
 /** Features of jumps and of control in the air are at most this, as in training. */
 const MOST_TOLD = 4
@@ -70,7 +73,7 @@ export function bodyOf(given: Partial<Body> = {}): Body {
     ['jumpSpeed', 0, 30],
     ['gravity', 1, 100],
     ['maxSlope', 0, 1.4],
-    ['stepHeight', 0, body.radius],
+    ['stepHeight', 0, body.height / 2],
     ['groundAcceleration', 1, 1000],
     ['airAcceleration', 0, 1000],
   ]
@@ -79,9 +82,9 @@ export function bodyOf(given: Partial<Body> = {}): Body {
   return body
 }
 
-/** Tells what body a character has, relative to the default one, whose features are all 0. */
+/** Tells what body a character has, relative to the paper's, whose features are all 0. */
 export function bodyFeatures(body: Body): number[] {
-  const usual = DEFAULT_BODY
+  const usual = PAPER_BODY
   const ratio = (field: 'height' | 'radius' | 'forwardSpeed' | 'turnSpeed' | 'gravity' | 'groundAcceleration') =>
     Math.log(body[field] / usual[field])
   const jumpM = ({ jumpSpeed, gravity }: Body) => (0.5 * jumpSpeed * jumpSpeed) / gravity

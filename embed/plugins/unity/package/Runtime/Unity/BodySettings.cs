@@ -15,7 +15,7 @@ namespace Surefoot.Unity
         [Tooltip("Upward speed of a jump, m/s"), Range(0, 30)] public float jumpSpeed = 10;
         [Tooltip("m/s2"), Range(1, 100)] public float gravity = 20;
         [Tooltip("Steepest walkable slope, degrees"), Range(0, 80)] public float maxSlope = 35;
-        [Tooltip("Highest step that is climbed without a jump, m; at most half of the height"), Range(0, 2)] public float stepHeight = 0.1f;
+        [Tooltip("Highest step that is climbed without a jump, m; at most half of the height"), Range(0, 2)] public float stepHeight = 0.35f;
         [Tooltip("m/s2"), Range(1, 1000)] public float groundAcceleration = 60;
         [Tooltip("m/s2"), Range(0, 1000)] public float airAcceleration = 25;
         [Tooltip("Jumps in the air before the character must land"), Range(0, 255)] public int extraJumps = 1;
