@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use surefoot_rollout::rehearse::NoiseStream;
 use surefoot_rollout::{Attempt, Follower};
-use surefoot_world::Vec3;
+use surefoot_world::{Npc as State, Vec3};
 
 /// NPCs by id.
 pub(super) type Npcs = BTreeMap<u64, Npc>;
@@ -88,6 +88,14 @@ impl Npc {
             self.news.waypoint = Some(waypoint);
         }
         self.planning.is_outdated |= self.attempt.follower.has_goal_drifted(self.feet);
+    }
+
+    /// Lets the server know the waypoint if it is another one after rehearsals than that of the NPC's state.
+    pub fn note_waypoint(&mut self, state: &State) {
+        let waypoint = self.attempt.follower.waypoint();
+        if waypoint.is_some() && waypoint != state.episode.map(|episode| episode.goal) {
+            self.news.waypoint = waypoint;
+        }
     }
 
     /// Whether the NPC has a waypoint to rehearse and act for.

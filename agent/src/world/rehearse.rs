@@ -35,6 +35,7 @@ impl WorldTask {
         }
         self.check_forecasts(batch);
         let mut due = self.choose_due(batch);
+        let rehearsed = due.clone();
         while !due.is_empty() {
             let starts: Vec<RehearsalStart> = due
                 .iter()
@@ -64,6 +65,11 @@ impl WorldTask {
             self.planning.request(&requests, &mut self.npcs, true).await;
             due.retain(|seen| self.npcs.get(&seen.id).is_some_and(|npc| npc.has_waypoint()));
         }
+        for seen in rehearsed {
+            if let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) {
+                npc.note_waypoint(&state);
+            }
+        }
         Ok(())
     }
 
@@ -88,6 +94,8 @@ impl WorldTask {
         if let Some((map, profile)) = self.ground.map().zip(self.ground.body()) {
             for seen in &batch.sightings {
                 if let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) {
+                    let rules = &self.planning.rules;
+                    npc.attempt.straighten(map, profile, &state.body, |from, to| rules.are_far_from(from, to));
                     npc.attempt.skip_plain_rehearsal(map, profile, &state.body);
                 }
             }

@@ -37,6 +37,11 @@ impl ZoneRules {
         !self.zones.is_empty() && self.zones.bars(&self.tags_of(npc), way)
     }
 
+    /// Whether no zone is on the way between two places, m, whomever it concerns.
+    pub fn are_far_from(&self, from: Vec3, to: Vec3) -> bool {
+        self.zones.iter().all(|zone| zone.shape.length_inside(from, to).is_none())
+    }
+
     /// Whether a zone bars an NPC at `feet`, m, from any leg of its plan ahead.
     pub fn bar_plan(&self, id: u64, feet: Vec3, npc: &Npc) -> bool {
         let ends = npc.attempt.follower.waypoints_ahead();

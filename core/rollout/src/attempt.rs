@@ -2,9 +2,10 @@
 //!
 //! An [`Attempt`] is a state machine without a world. For each decision its driver
 //! 1. shows it the movers ([`Follower::watch_movers`]),
-//! 2. rehearses: [`is_due`](Attempt::is_due), [`begin_rehearsals`](Attempt::begin_rehearsals), then
-//!    [`rehearsal`](Attempt::rehearsal) and [`record_rehearsal`](Attempt::record_rehearsal) until one ends well or the
-//!    attempt ends,
+//! 2. rehearses: [`straighten`](Attempt::straighten), [`is_due`](Attempt::is_due),
+//!    [`begin_rehearsals`](Attempt::begin_rehearsals), then [`rehearsal`](Attempt::rehearsal) and
+//!    [`record_rehearsal`](Attempt::record_rehearsal) until one ends well or the attempt ends; the waypoint may be another
+//!    one then,
 //! 3. acts in the attempt's [`style`](Attempt::style),
 //! 4. compares the body with the [`forecast`](Attempt::check_forecast) and records the decision
 //!    ([`Follower::record_decision`]), which says where to head, when to plan and when to end.
@@ -104,6 +105,22 @@ impl Attempt {
     fn near_goal(&self, body: &Body) -> Option<Vec3> {
         let goal = self.follower.waypoint().filter(|_| self.follower.arrival() == Arrival::Stand)?;
         (body.is_grounded() && goal.distance(body.feet) <= STRAIGHT_M).then_some(goal)
+    }
+
+    /// Looks for shortcuts in a new plan, for ways between two places, m, that `may_cross` allows. Returns the waypoint,
+    /// m, if it has changed.
+    pub fn straighten(
+        &mut self,
+        map: &Map,
+        profile: &CharacterProfile,
+        body: &Body,
+        may_cross: impl Fn(Vec3, Vec3) -> bool,
+    ) -> Option<Vec3> {
+        if !self.is_due() || !body.is_grounded() {
+            return None;
+        }
+        let is_lane = |from, to| may_cross(from, to) && arrival::is_lane(map, profile, from, to);
+        self.follower.straighten(body.feet, is_lane)
     }
 
     /// Lets the NPC act without a rehearsal where it must stand at a goal nearby, and the way there and both sides of

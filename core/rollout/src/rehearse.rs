@@ -193,7 +193,7 @@ impl Rehearsal {
         let mut all_hidden = Vec::new();
         let mut running = Vec::with_capacity(starts.len());
         for (idx, RehearsalStart { npc, follower, hidden, noise, forecast }) in starts.into_iter().enumerate() {
-            let until = follower.leg_idx() + LEGS;
+            let until = follower.leg_after(LEGS);
             // The states of movers are those of now, not those at the end of the last rehearsal.
             let forecast = forecast.filter(|_| movers.is_empty()).unwrap_or_else(|| {
                 let follower = follower.rehearsing(STALLED_AFTER);

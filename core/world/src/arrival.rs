@@ -1,5 +1,6 @@
 //! When a body has arrived at a place.
 
+use crate::aabb::Aabb;
 use crate::character::{Body, CharacterProfile, MoveScratch, is_clear};
 use crate::float::horizontal;
 use crate::map::{Liquid, Map};
@@ -119,6 +120,20 @@ pub fn is_plain(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> 
     place.is_open(from, to) && place.has_ground_within(from, to, profile.step_height)
 }
 
+/// Whether a body could walk straight from one place on a map to another, m, with room on both sides, over dry ground
+/// without devices, and out of the reach of movers.
+pub fn is_lane(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
+    let place = Place { map, movers: &Movers::default(), profile };
+    let ahead = (to - from).with_y(0.0).normalize_or_zero() * (RIM_RADII * profile.radius);
+    let sides = [Vec3::ZERO, Vec3::new(-ahead.z, 0.0, ahead.x), Vec3::new(ahead.z, 0.0, -ahead.x)];
+    let is_usual = |feet: Vec3| map.liquid_at(feet, 0.0).is_none() && map.device_at(feet).is_none();
+    let walk = Aabb::at(from).union(Aabb::at(to)).widened(profile.height);
+    sides.into_iter().all(|side| {
+        let (from, to) = (from + side, to + side);
+        place.is_open(from, to) && place.has_usual_ground(from, to, place.rise(from, to), is_usual)
+    }) && !map.movers().iter().any(|mover| mover.reach().touches(walk))
+}
+
 /// Number of strides of a walk.
 fn stride_count(from: Vec3, to: Vec3) -> f32 {
     (horizontal(to - from) / STRIDE_M).ceil().max(1.0)
@@ -214,12 +229,23 @@ impl Place<'_> {
 
     /// Whether the ground on the straight way between two places is nowhere too steep, and is continuous.
     fn has_ground(self, from: Vec3, to: Vec3) -> bool {
+        self.has_ground_within(from, to, self.rise(from, to))
+    }
+
+    /// The most that ground which is not too steep rises in a stride between two places, m.
+    fn rise(self, from: Vec3, to: Vec3) -> f32 {
         let slope = horizontal(to - from) / stride_count(from, to) * libm::tanf(self.profile.max_slope);
-        self.has_ground_within(from, to, self.profile.step_height + slope + SLACK_M)
+        self.profile.step_height + slope + SLACK_M
     }
 
     /// Whether the ground on the straight way between two places rises or drops by at most `rise` metres in a stride.
     fn has_ground_within(self, from: Vec3, to: Vec3, rise: f32) -> bool {
+        self.has_usual_ground(from, to, rise, |_| true)
+    }
+
+    /// Like [`has_ground_within`](Self::has_ground_within), where the ground at the end of each stride also
+    /// `is_usual`.
+    fn has_usual_ground(self, from: Vec3, to: Vec3, rise: f32, is_usual: impl Fn(Vec3) -> bool) -> bool {
         let offset = to - from;
         let stride_count = stride_count(from, to);
         let mut height = from.y;
@@ -227,6 +253,9 @@ impl Place<'_> {
             let above = (from + offset * (stride as f32 / stride_count)).with_y(height + rise);
             let Some(depth) = self.ground_below(above, 2.0 * rise) else { return false };
             height = above.y - depth;
+            if !is_usual(above.with_y(height)) {
+                return false;
+            }
         }
         (to.y - height).abs() <= rise
     }

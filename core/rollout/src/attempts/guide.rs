@@ -138,11 +138,15 @@ impl Guide<'_> {
         let hidden_len = self.policy.memory_len();
         for walker in walkers.iter_mut().filter(|walker| walker.acts()) {
             let npc = world.npc(walker.deciding.slot).expect("a running NPC");
-            attempt_of(&mut walker.attempt).skip_plain_rehearsal(world.map(), world.profile_of(npc), &npc.body);
+            let (map, profile) = (world.map(), world.profile_of(npc));
+            let attempt = attempt_of(&mut walker.attempt);
+            attempt.straighten(map, profile, &npc.body, |_, _| true);
+            attempt.skip_plain_rehearsal(map, profile, &npc.body);
         }
         let is_due = |walker: &Walker| walker.acts() && walker.attempt.as_ref().is_some_and(Attempt::is_due);
         let mut due: Vec<usize> = (0..walkers.len()).filter(|idx| is_due(&walkers[*idx])).collect();
         due.iter().for_each(|idx| attempt_of(&mut walkers[*idx].attempt).begin_rehearsals());
+        let rehearsed = due.clone();
         while !due.is_empty() {
             let starts = due.iter().map(|idx| {
                 let Walker { deciding, attempt, noise, .. } = &mut walkers[*idx];
@@ -170,6 +174,20 @@ impl Guide<'_> {
                 }
             });
         }
+        for idx in rehearsed {
+            head_for_waypoint(world, &walkers[idx]);
+        }
+    }
+}
+
+/// Lets an NPC head for its waypoint if that is another one after rehearsals.
+fn head_for_waypoint(world: &mut World, walker: &Walker) {
+    let slot = walker.deciding.slot;
+    let Some(follower) = walker.follower() else { return };
+    let Some(waypoint) = follower.waypoint() else { return };
+    let episode = world.npc(slot).expect("a running NPC").episode;
+    if episode.is_none_or(|episode| episode.goal != waypoint) {
+        world.head_for(slot, waypoint, follower.arrival());
     }
 }
 

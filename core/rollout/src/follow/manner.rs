@@ -23,7 +23,7 @@ impl Follower {
         if self.detour.via.is_some() {
             return None;
         }
-        let next = self.leg + 1;
+        let next = self.shortcuts.end(self.leg + 1);
         let then = plan.waypoints.get(next).filter(|_| plan.legs[next].ability == Ability::Walk);
         Some(Course {
             to: plan.waypoints[self.leg],
@@ -57,11 +57,15 @@ impl Follower {
         self.config.composes && leg >= self.free_until
     }
 
-    /// Lets the NPC move in another way up to the end of the leg `key` of its plan: steered without cutting
-    /// corners, then by its policy, composed, and then freely; false if it already did.
+    /// Lets the NPC move in another way up to the end of the leg `key` of its plan: without shortcuts, steered without
+    /// cutting corners, then by its policy, composed, and then freely; false if it already did.
     pub fn move_freely_on(&mut self, key: LegKey) -> bool {
         let Some(plan) = &self.plan else { return false };
         let leg = plan.legs.iter().position(|leg| leg.key == key).unwrap_or(self.leg);
+        if self.remove_shortcut(leg) {
+            return true;
+        }
+        let Some(plan) = &self.plan else { return false };
         if (self.leg..=leg).any(|leg| self.steers(leg)) {
             // Cutting a corner may lead into a wall, down a rim, or off a platform.
             let cuts = self.exact_until <= leg && leg + 1 < plan.legs.len() && plan.needs.is_empty();

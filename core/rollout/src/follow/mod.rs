@@ -2,18 +2,21 @@
 //!
 //! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
 //! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
-//! (legs to avoid), `manner` (how the NPC moves) and `detour` (the way back after a push).
+//! (legs to avoid), `manner` (how the NPC moves), `shortcuts` (legs that are walked as one) and `detour` (the way back
+//! after a push).
 
 mod detour;
 mod failures;
 mod manner;
 mod movers;
 pub mod scene;
+mod shortcuts;
 
 use detour::Detour;
 use failures::Failures;
 use scene::{MoverResponse, MoverWatch};
 use serde::{Deserialize, Serialize};
+use shortcuts::Shortcuts;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{Attach, LegKey, Plan, Query, Traffic};
@@ -138,8 +141,11 @@ pub struct Follower {
     /// Where the NPC was when its goal moved and it had moved itself, m.
     moved_from: Vec3,
     plan: Option<Plan>,
-    /// Index of the current leg in the plan.
+    /// Index of the current leg in the plan: on a shortcut, that of its last leg.
     leg: usize,
+    shortcuts: Shortcuts,
+    /// Where the NPC was last, m.
+    feet: Vec3,
     to_waypoint: Approach,
     to_goal: Approach,
     decisions_on_leg: u32,
@@ -166,6 +172,8 @@ impl Follower {
             moved_from: goal,
             plan: None,
             leg: 0,
+            shortcuts: Shortcuts::default(),
+            feet: goal,
             to_waypoint: Approach::NONE,
             to_goal: Approach::NONE,
             decisions_on_leg: 0,
@@ -237,6 +245,7 @@ impl Follower {
         self.plan = Some(plan);
         self.plans = self.plans.saturating_add(1);
         (self.free_until, self.unsteered_until, self.exact_until) = (0, 0, 0);
+        self.shortcuts = Shortcuts::default();
         self.start_leg(0);
         first
     }
@@ -393,6 +402,7 @@ impl Follower {
 
     /// Records one decision: the position of the feet, m, and how the way to the waypoint ended, if it did.
     pub fn record_decision(&mut self, feet: Vec3, leg_end: Option<End>) -> Step {
+        self.feet = feet;
         if let Some(harm) = leg_end.filter(|end| end.is_harm()) {
             self.record_harm();
             return Step::End(harm);
@@ -414,7 +424,8 @@ impl Follower {
         self.to_goal.record(feet.distance(self.goal), self.least_progress());
         let is_back = is_there && self.detour.via.take().is_some();
         if is_there && !is_back {
-            if let Some(next) = plan.waypoints.get(self.leg + 1).copied() {
+            if self.leg + 1 < plan.waypoints.len() {
+                let next = plan.waypoints[self.shortcuts.end(self.leg + 1)];
                 self.end_leg(TryEnd::Arrived);
                 self.start_leg(self.leg + 1);
                 self.to_goal.stalled = 0;
@@ -441,7 +452,7 @@ impl Follower {
     }
 
     fn start_leg(&mut self, leg: usize) {
-        self.leg = leg;
+        self.leg = self.shortcuts.end(leg);
         self.to_waypoint = Approach::NONE;
         self.decisions_on_leg = 0;
         self.detour.end();
@@ -450,8 +461,8 @@ impl Follower {
 
     fn end_leg(&mut self, end: TryEnd) {
         let Some(plan) = &self.plan else { return };
-        // An NPC that takes its time says nothing about that of others.
-        let is_usual = self.gait == Gait::default();
+        // An NPC that takes its time, or another way, says nothing about an edge.
+        let is_usual = self.gait == Gait::default() && !self.shortcuts.contain(self.leg);
         if let Some(edge) = plan.legs[self.leg].key.edge().filter(|_| is_usual) {
             self.traversals.push(Traversal { edge, end, decisions: self.decisions_on_leg });
         }

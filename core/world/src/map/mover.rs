@@ -3,6 +3,7 @@
 //! A mover is a rigid piece of geometry that stands at stops and travels between neighbouring ones; a crate goes where
 //! it is pushed. What it does at the moment is part of a world, see [`MoverState`](crate::MoverState).
 
+use crate::aabb::Aabb;
 use crate::float::turned;
 use crate::mesh::{Surface, Triangle};
 use crate::{StopIdx, StopSet, TICKS_PER_SECOND, Vec3};
@@ -157,6 +158,12 @@ impl Mover {
     pub fn bounds_at(&self, stop: usize) -> (Vec3, Vec3) {
         let placed = self.triangles.iter().flatten().map(|corner| self.placed(self.stops[stop], *corner));
         placed.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), corner| (low.min(corner), high.max(corner)))
+    }
+
+    /// The box around all its stops.
+    pub fn reach(&self) -> Aabb {
+        let boxes = (0..self.stops.len()).map(|stop| Aabb::from(self.bounds_at(stop)));
+        boxes.reduce(Aabb::union).unwrap_or(Aabb::at(Vec3::ZERO))
     }
 
     /// Triangles at one stop.

@@ -1,0 +1,101 @@
+//! Shortcuts: walk legs in a row are walked as one where the body could walk straight, so that NPCs do not zigzag from
+//! vertex to vertex.
+//!
+//! No proof covers a shortcut. Its rehearsal shows whether the NPC arrives, and where it does not, the NPC takes the
+//! legs of the plan.
+
+use super::Follower;
+use std::ops::RangeInclusive;
+use surefoot_planner::Plan;
+use surefoot_world::{Ability, Vec3};
+
+/// Most legs of a shortcut.
+const MAX_LEGS: usize = 8;
+/// Longest shortcut, m.
+const MAX_LENGTH_M: f32 = 24.0;
+
+/// The shortcuts of a plan: ranges of legs, in ascending order.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Shortcuts {
+    ranges: Vec<RangeInclusive<usize>>,
+    /// Whether they have been looked for.
+    are_known: bool,
+}
+
+impl Shortcuts {
+    /// Looks for shortcuts in a new plan from `feet`, m, to be walked where `is_lane` says that a body could walk from
+    /// one place to another.
+    fn find(plan: &Plan, feet: Vec3, is_lane: impl Fn(Vec3, Vec3) -> bool) -> Self {
+        let mut ranges = Vec::new();
+        let walks = |leg: &usize| plan.legs[*leg].ability == Ability::Walk;
+        let (mut from, mut leg) = (feet, 0);
+        while leg < plan.legs.len() {
+            let last = (leg..plan.legs.len()).take(MAX_LEGS).take_while(walks).last().unwrap_or(leg);
+            let is_good = |end: &usize| {
+                let to = plan.waypoints[*end];
+                from.distance(to) <= MAX_LENGTH_M && is_lane(from, to)
+            };
+            let end = (leg + 1..=last).rev().find(is_good).unwrap_or(leg);
+            if end > leg {
+                ranges.push(leg..=end);
+            }
+            (from, leg) = (plan.waypoints[end], end + 1);
+        }
+        Self { ranges, are_known: true }
+    }
+
+    /// The last leg of the shortcut that contains `leg`; `leg` itself if there is none.
+    pub fn end(&self, leg: usize) -> usize {
+        self.containing(leg).map_or(leg, |at| *self.ranges[at].end())
+    }
+
+    /// Whether a leg is part of a shortcut.
+    pub fn contain(&self, leg: usize) -> bool {
+        self.containing(leg).is_some()
+    }
+
+    fn containing(&self, leg: usize) -> Option<usize> {
+        self.ranges.iter().position(|range| range.contains(&leg))
+    }
+
+    /// Removes the shortcut that contains `leg`, and returns its legs.
+    fn remove(&mut self, leg: usize) -> Option<RangeInclusive<usize>> {
+        self.containing(leg).map(|at| self.ranges.remove(at))
+    }
+}
+
+impl Follower {
+    /// Looks for shortcuts in a new plan of an NPC with the feet at `feet`, m, as [`Shortcuts::find`] does. Plans with
+    /// movers have none. Returns the waypoint, m, if it has changed.
+    pub fn straighten(&mut self, feet: Vec3, is_lane: impl Fn(Vec3, Vec3) -> bool) -> Option<Vec3> {
+        let plan = self.plan.as_ref().filter(|plan| !self.shortcuts.are_known && plan.needs.is_empty())?;
+        if !self.config.composes || self.leg > 0 {
+            return None;
+        }
+        self.feet = feet;
+        self.shortcuts = Shortcuts::find(plan, feet, is_lane);
+        let end = self.shortcuts.end(0);
+        let waypoint = plan.waypoints[end];
+        (end > 0).then(|| {
+            self.start_leg(0);
+            waypoint
+        })
+    }
+
+    /// The leg after the next `count` legs, shortcuts counted as one leg each.
+    pub fn leg_after(&self, count: usize) -> usize {
+        (0..count).fold(self.leg, |leg, _| self.shortcuts.end(leg) + 1)
+    }
+
+    /// Removes a shortcut that contains one of the legs up to `leg`; returns whether there was one. An NPC on it goes
+    /// on with the leg whose end is nearest to where it was last.
+    pub(super) fn remove_shortcut(&mut self, leg: usize) -> bool {
+        let Some(range) = (self.leg..=leg).find_map(|leg| self.shortcuts.remove(leg)) else { return false };
+        if let Some(plan) = self.plan.as_ref().filter(|_| range.contains(&self.leg)) {
+            let distance = |leg: &usize| plan.waypoints[*leg].distance(self.feet);
+            let nearest = range.clone().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            self.start_leg(nearest.unwrap_or(*range.start()));
+        }
+        true
+    }
+}
