@@ -11,7 +11,7 @@ use surefoot_world::{Action, CharacterProfile, MapSpec, NpcSlot, OBSERVATION_LEN
 /// A world on a map of 120 m with 16 NPCs that act at random, after 3,600 ticks: one minute.
 fn after_a_minute() -> World {
     let map = Arc::new(surefoot_generate::generate(&MapSpec::with_side(77, 120).unwrap()));
-    let profile = CharacterProfile::default();
+    let profile = CharacterProfile::of_paper();
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let points = navigable::sample_many(&map, &profile, 32, &mut rng).unwrap();
     let mut world = World::new(map, profile, TaskConfig::default());

@@ -157,7 +157,7 @@ async fn more_is_reached_in_more_time() {
         coordinates: LEVEL,
     };
     let mut before: Option<wire::FindReachableResponse> = None;
-    for seconds in [1.0, 4.0, 9.0, 600.0] {
+    for seconds in [1.0, 3.0, 6.0, 600.0] {
         let reach = client.find_reachable(request(seconds)).await.unwrap().into_inner();
         let times = reach.vertices.iter().map(|it| it.seconds).chain(reach.cells.iter().map(|it| it.seconds));
         assert!(times.into_iter().all(|time| time <= seconds) && reach.revision > 0);

@@ -116,7 +116,7 @@ impl Attempt {
         body: &Body,
         may_cross: impl Fn(Vec3, Vec3) -> bool,
     ) -> Option<Vec3> {
-        if !self.is_due() || !body.is_grounded() {
+        if !self.is_due() {
             return None;
         }
         let is_lane = |from, to| may_cross(from, to) && arrival::is_lane(map, profile, from, to);

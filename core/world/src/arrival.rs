@@ -11,9 +11,13 @@ use serde::{Deserialize, Serialize};
 
 /// Distance between two points of a walk at which the ground is searched, m.
 const STRIDE_M: f32 = 0.25;
-/// Height above a step up to which a body still stands on the ground, m: the lowest point of a capsule on a slope is
-/// not above the ground that it touches.
+/// Height up to which a body still stands on the ground, m: the lowest point of a capsule on a slope is not above the
+/// ground that it touches.
 const SLACK_M: f32 = 0.25;
+/// Rise of level ground within a stride that counts as continuous for bodies with low steps, m, and what it is higher
+/// than the steps of others.
+const LEAST_RISE_M: f32 = 0.35;
+const RISE_SLACK_M: f32 = 0.05;
 /// Heights above the feet at which nothing solid may lie between a body and a place, as shares of the body's height.
 const OPEN_AT: [f32; 2] = [0.25, 0.75];
 /// Number of lines that must be open between a body and a place.
@@ -96,9 +100,14 @@ impl Arrival {
 /// `goal`, m, or steps and slopes would not take it to the goal's height.
 pub fn lines_to_goal(profile: &CharacterProfile, body: &Body, goal: Vec3, radius: f32) -> Option<[Line; LINE_COUNT]> {
     let offset = goal - body.feet;
-    let rise = profile.step_height + horizontal(offset) * libm::tanf(profile.max_slope) + SLACK_M;
+    let rise = step(profile) + horizontal(offset) * libm::tanf(profile.max_slope);
     let is_near = offset.length() <= radius && offset.y.abs() <= rise.max(LIFT_M);
     (is_near && body.is_grounded()).then(|| lines(profile, body.feet, goal))
+}
+
+/// The most that continuous ground rises in a stride besides its slope, m.
+fn step(profile: &CharacterProfile) -> f32 {
+    (profile.step_height + RISE_SLACK_M).max(LEAST_RISE_M)
 }
 
 /// The lines between bodies at two places.
@@ -235,7 +244,7 @@ impl Place<'_> {
     /// The most that ground which is not too steep rises in a stride between two places, m.
     fn rise(self, from: Vec3, to: Vec3) -> f32 {
         let slope = horizontal(to - from) / stride_count(from, to) * libm::tanf(self.profile.max_slope);
-        self.profile.step_height + slope + SLACK_M
+        step(self.profile) + slope
     }
 
     /// Whether the ground on the straight way between two places rises or drops by at most `rise` metres in a stride.

@@ -9,8 +9,9 @@ import { type CastRays, checkHits, RAY_RANGE_M, Surface } from './rays.ts'
 
 /** Heights of the rays to a goal, as shares of the body's height. */
 const RAY_HEIGHTS = [0.25, 0.75]
-/** Height above a step up to which a body still stands on the ground, m. */
-const SLACK_M = 0.25
+/** What continuous ground rises at most besides its slope: at least, and more than steps, m. */
+const LEAST_RISE_M = 0.35
+const RISE_SLACK_M = 0.05
 /** Difference in height between the feet and a goal that always passes, m. */
 const LIFT_M = 0.6
 
@@ -43,7 +44,8 @@ export function hasArrived(body: Body, { feet, isGrounded }: Footing, arrival: A
   const { goal, radius } = checkArrival(arrival)
   const offset = subtract(goal, feet)
   const far = distance(goal, feet)
-  const rise = body.stepHeight + Math.hypot(offset.x, offset.z) * Math.tan(body.maxSlope) + SLACK_M
+  const step = Math.max(body.stepHeight + RISE_SLACK_M, LEAST_RISE_M)
+  const rise = step + Math.hypot(offset.x, offset.z) * Math.tan(body.maxSlope)
   if (!isGrounded || far > radius || Math.abs(offset.y) > Math.max(rise, LIFT_M)) return false
   if (far === 0) return true
   const direction = scale(offset, 1 / far)
