@@ -4,21 +4,26 @@
 //! senses nothing: the [rehearsal](crate::rehearse) of a leg shows whether it arrives so, and where it does not, the
 //! policy walks.
 
+use std::f32::consts::FRAC_PI_2;
 use surefoot_world::character::Body;
 use surefoot_world::float::{horizontal, hypot, wrapped};
 use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Gait, Vec3};
 
 /// Share of the acceleration on the ground with which a body brakes.
 const BRAKE: f32 = 0.6;
-/// Shares of the top speed of a body that turns back where it is, and at a corner.
-const TURNING: f32 = 0.5;
-const AT_CORNER: f32 = 0.6;
+/// Angle to the side at which a body moves, at most, rad.
+const ASIDE: f32 = 0.35;
+/// Distance over which a body turns to its way on an arc, and that over which it takes a corner, m.
+const ARC_M: f32 = 2.0;
+const BEND_M: f32 = 1.2;
 /// Distance before its goal at which a body stands, m.
 const STOP_M: f32 = 0.3;
 /// Distance from a waypoint, which is passed within 1 m, up to which a body cuts the corner, m.
 const CUT_M: f32 = 0.6;
 /// Distance before a waypoint at which its corner begins, m.
 const CORNER_M: f32 = 0.8;
+/// Least speed at corners, m/s.
+const CREEP: f32 = 1.0;
 /// Angle between facing and motion up to which a body does not turn, rad.
 const SLACK: f32 = 0.05;
 
@@ -43,19 +48,18 @@ impl Course {
         let left = horizontal(aim - body.feet);
         let Some(way) = (aim - body.feet).with_y(0.0).try_normalize() else { return rest };
         let heading = libm::atan2f(way.x, way.z);
-        let top = profile.forward_speed;
         let off = wrapped(heading - body.yaw);
-        let corner = self.then.map(|then| libm::atan2f(then.x - aim.x, then.z - aim.z) - heading);
-        let speed = speed(body, profile, self.gait, left, (off, corner));
         let most = profile.turn_speed * DECISION_SECONDS;
         let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most, most) };
-        // The body moves along the way while it turns.
-        let (sin, cos) = libm::sincosf(body.yaw + 0.5 * turn);
-        let (x, z) = (way.x * speed / top, way.z * speed / top);
-        let (forward, right) = (x * sin + z * cos, z * sin - x * cos);
+        // The body goes where it faces in the middle of the decision, or a little to the side.
+        let off = wrapped(off - 0.5 * turn);
+        let aside = off.clamp(-ASIDE, ASIDE);
+        let corner = self.then.map(|then| libm::atan2f(then.x - aim.x, then.z - aim.z) - heading);
+        let speed = speed(body, profile, self.gait, left, (off - aside, corner)) / profile.forward_speed;
+        let (sin, cos) = libm::sincosf(aside);
         let side = profile.side_speed_share;
-        let strafe = if side > 0.0 { right / side } else { 0.0 };
-        Action { forward: forward.clamp(-side, 1.0), strafe: strafe.clamp(-1.0, 1.0), turn: turn / most, ..rest }
+        let strafe = if side > 0.0 { -sin * speed / side } else { 0.0 };
+        Action { forward: cos * speed, strafe: strafe.clamp(-1.0, 1.0), turn: turn / most, ..rest }
     }
 
     /// Where the body walks to from `feet`: the waypoint, or past it on the inner side of its corner.
@@ -67,19 +71,23 @@ impl Course {
     }
 }
 
-/// The speed of a body, `left` metres from where it walks to. Its way leads `off` its heading, rad, and turns there by
+/// The speed of a body, `left` metres from where it walks to. Its way leads `off` its motion, rad, and turns there by
 /// the angle `corner`, rad; without a further way the body stops there.
 fn speed(body: &Body, profile: &CharacterProfile, gait: Gait, left: f32, (off, corner): (f32, Option<f32>)) -> f32 {
     let top = gait.speed * profile.forward_speed;
-    let around = |turn: f32, back: f32| top * (1.0 - 0.5 * (1.0 - back) * (1.0 - libm::cosf(turn)));
+    // On an arc that turns by `angle` over a distance, a body turns at its turning speed.
+    let arc = |angle: f32, over_m: f32| {
+        let (sin, cos) = libm::sincosf(angle.abs().min(FRAC_PI_2));
+        (profile.turn_speed * over_m * cos.max(0.0) / sin.max(f32::EPSILON)).min(top)
+    };
     let (brake, change) = (BRAKE * profile.ground_acceleration, gait.acceleration * profile.ground_acceleration);
     let (there, room) = match corner {
-        Some(turn) => (around(turn, AT_CORNER), (left - CORNER_M).max(0.0)),
+        Some(turn) => (arc(0.5 * wrapped(turn), BEND_M).max(CREEP), (left - CORNER_M).max(0.0)),
         None => (0.0, (left - STOP_M).max(0.0)),
     };
     // A decision passes before the next one can brake.
     let delay = brake * DECISION_SECONDS;
     let before = (delay * delay + there * there + 2.0 * brake * room).sqrt() - delay;
     let now = hypot(body.velocity.x, body.velocity.z);
-    around(off, TURNING).min(before.max(there)).min(now + change * DECISION_SECONDS)
+    arc(off, 0.5 * left.min(ARC_M)).min(before.max(there)).min(now + change * DECISION_SECONDS)
 }
