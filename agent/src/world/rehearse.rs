@@ -7,6 +7,7 @@ use super::{WorldError, WorldTask};
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use surefoot_rollout::attempt::AfterRehearsal;
+use surefoot_rollout::follow::Reviewed;
 use surefoot_rollout::rehearse::RehearsalStart;
 use surefoot_world::{End, MoverState, Npc as State};
 
@@ -35,7 +36,8 @@ impl WorldTask {
         }
         self.check_forecasts(batch);
         let mut due = self.choose_due(batch);
-        let rehearsed = due.clone();
+        let chosen = due.clone();
+        self.review(&due).await;
         while !due.is_empty() {
             let starts: Vec<RehearsalStart> = due
                 .iter()
@@ -45,7 +47,7 @@ impl WorldTask {
                 })
                 .collect();
             let mut results = self.ground.run(starts, movers).await?.into_iter();
-            let mut requests = Vec::new();
+            let (mut requests, mut replanned) = (Vec::new(), Vec::new());
             due.retain(|seen| {
                 let npc = self.npcs.get_mut(&seen.id).expect("seen in this batch");
                 let result = results.next().expect("a result for each rehearsal");
@@ -54,6 +56,7 @@ impl WorldTask {
                     AfterRehearsal::Rehearse => true,
                     AfterRehearsal::Plan => {
                         requests.push(PlanRequest { npc_id: seen.id, attempt: npc.number, feet: seen.feet });
+                        replanned.push(*seen);
                         true
                     }
                     AfterRehearsal::End => {
@@ -63,14 +66,35 @@ impl WorldTask {
                 }
             });
             self.planning.request(&requests, &mut self.npcs, true).await;
+            self.review(&replanned).await;
             due.retain(|seen| self.npcs.get(&seen.id).is_some_and(|npc| npc.has_waypoint()));
         }
-        for seen in rehearsed {
+        for seen in chosen {
             if let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) {
                 npc.note_waypoint(&state);
             }
         }
         Ok(())
+    }
+
+    /// Reviews the new plans of NPCs, and requests the further ones that the reviews ask for.
+    async fn review(&mut self, new: &[&Sighting]) {
+        let mut new = new.to_vec();
+        while !new.is_empty() {
+            let Some((map, body)) = self.ground.map().zip(self.ground.body()) else { return };
+            let rules = &self.planning.rules;
+            let mut requests = Vec::new();
+            new.retain(|seen| {
+                let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) else { return false };
+                let may_cross = |from, to| rules.are_far_from(from, to);
+                let asks = npc.attempt.review(map, body, &state.body, may_cross) == Reviewed::Plan;
+                if asks {
+                    requests.push(PlanRequest { npc_id: seen.id, attempt: npc.number, feet: seen.feet });
+                }
+                asks
+            });
+            self.planning.request(&requests, &mut self.npcs, true).await;
+        }
     }
 
     /// Compares the NPCs with their forecasts. An NPC off its forecast returns to its way, and rehearses again.
@@ -94,8 +118,6 @@ impl WorldTask {
         if let Some((map, profile)) = self.ground.map().zip(self.ground.body()) {
             for seen in &batch.sightings {
                 if let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) {
-                    let rules = &self.planning.rules;
-                    npc.attempt.straighten(map, profile, &state.body, |from, to| rules.are_far_from(from, to));
                     npc.attempt.skip_plain_rehearsal(map, profile, &state.body);
                 }
             }

@@ -2,7 +2,7 @@
 //!
 //! An [`Attempt`] is a state machine without a world. For each decision its driver
 //! 1. shows it the movers ([`Follower::watch_movers`]),
-//! 2. rehearses: [`straighten`](Attempt::straighten), [`is_due`](Attempt::is_due),
+//! 2. rehearses: [`review`](Attempt::review), [`is_due`](Attempt::is_due),
 //!    [`begin_rehearsals`](Attempt::begin_rehearsals), then [`rehearsal`](Attempt::rehearsal) and
 //!    [`record_rehearsal`](Attempt::record_rehearsal) until one ends well or the attempt ends; the waypoint may be another
 //!    one then,
@@ -10,7 +10,7 @@
 //! 4. compares the body with the [`forecast`](Attempt::check_forecast) and records the decision
 //!    ([`Follower::record_decision`]), which says where to head, when to plan and when to end.
 
-use crate::follow::{Follower, Step};
+use crate::follow::{Follower, Ground, Reviewed, Step};
 use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
@@ -107,20 +107,15 @@ impl Attempt {
         (body.is_grounded() && goal.distance(body.feet) <= STRAIGHT_M).then_some(goal)
     }
 
-    /// Looks for shortcuts in a new plan, for ways between two places, m, that `may_cross` allows. Returns the waypoint,
-    /// m, if it has changed.
-    pub fn straighten(
+    /// Reviews a new plan on the map, for ways between two places, m, that `may_cross` allows.
+    pub fn review(
         &mut self,
         map: &Map,
         profile: &CharacterProfile,
         body: &Body,
         may_cross: impl Fn(Vec3, Vec3) -> bool,
-    ) -> Option<Vec3> {
-        if !self.is_due() {
-            return None;
-        }
-        let is_lane = |from, to| may_cross(from, to) && arrival::is_lane(map, profile, from, to);
-        self.follower.straighten(body.feet, is_lane)
+    ) -> Reviewed {
+        self.follower.review(body.feet, &OnMap { map, profile, may_cross })
     }
 
     /// Lets the NPC act without a rehearsal where it must stand at a goal nearby, and the way there and both sides of
@@ -206,6 +201,23 @@ impl Attempt {
             Recovery::Avoid(_) | Recovery::Stop if self.follower.wait_for_a_way() => AfterRehearsal::Act,
             Recovery::Avoid(_) | Recovery::Stop => AfterRehearsal::End,
         }
+    }
+}
+
+/// The ground of a map for a body, which may leave its legs where `may_cross` allows.
+struct OnMap<'a, F> {
+    map: &'a Map,
+    profile: &'a CharacterProfile,
+    may_cross: F,
+}
+
+impl<F: Fn(Vec3, Vec3) -> bool> Ground for OnMap<'_, F> {
+    fn is_walk(&self, from: Vec3, to: Vec3) -> bool {
+        arrival::walks_straight(self.map, self.profile, from, to)
+    }
+
+    fn is_lane(&self, from: Vec3, to: Vec3) -> bool {
+        (self.may_cross)(from, to) && arrival::is_lane(self.map, self.profile, from, to)
     }
 }
 

@@ -4,7 +4,7 @@ use super::walker::Walker;
 use crate::attempt::{AfterRehearsal, Attempt};
 use crate::decision::DecisionLoop;
 use crate::follow::scene::Scene;
-use crate::follow::{Follower, Step};
+use crate::follow::{Follower, Reviewed, Step};
 use crate::rehearse::Rehearsal;
 use std::time::Instant;
 use surefoot_planner::{EdgeCosts, Router, Traffic};
@@ -108,6 +108,18 @@ impl Guide<'_> {
         world.head_for(walker.deciding.slot, waypoint, arrival);
     }
 
+    /// Reviews a new plan of an NPC, and makes the further ones that the review asks for.
+    fn review(&mut self, world: &mut World, walker: &mut Walker) {
+        loop {
+            let npc = world.npc(walker.deciding.slot).expect("a running NPC");
+            let (feet, attempt) = (npc.body.feet, attempt_of(&mut walker.attempt));
+            if attempt.review(world.map(), world.profile_of(npc), &npc.body, |_, _| true) != Reviewed::Plan {
+                return;
+            }
+            self.plan(world, walker, feet);
+        }
+    }
+
     /// Lets an NPC watch the movers, call those that it needs, and plan again if they bar its plan.
     fn watch_movers(&mut self, world: &mut World, walker: &mut Walker) {
         if !walker.acts() {
@@ -137,11 +149,9 @@ impl Guide<'_> {
     fn rehearse(&mut self, world: &mut World, walkers: &mut [Walker], decisions: &DecisionLoop) {
         let hidden_len = self.policy.memory_len();
         for walker in walkers.iter_mut().filter(|walker| walker.acts()) {
+            self.review(world, walker);
             let npc = world.npc(walker.deciding.slot).expect("a running NPC");
-            let (map, profile) = (world.map(), world.profile_of(npc));
-            let attempt = attempt_of(&mut walker.attempt);
-            attempt.straighten(map, profile, &npc.body, |_, _| true);
-            attempt.skip_plain_rehearsal(map, profile, &npc.body);
+            attempt_of(&mut walker.attempt).skip_plain_rehearsal(world.map(), world.profile_of(npc), &npc.body);
         }
         let is_due = |walker: &Walker| walker.acts() && walker.attempt.as_ref().is_some_and(Attempt::is_due);
         let mut due: Vec<usize> = (0..walkers.len()).filter(|idx| is_due(&walkers[*idx])).collect();
@@ -165,6 +175,7 @@ impl Guide<'_> {
                     AfterRehearsal::Plan => {
                         let feet = world.npc(walker.deciding.slot).expect("a running NPC").body.feet;
                         self.plan(world, walker, feet);
+                        self.review(world, walker);
                         true
                     }
                     AfterRehearsal::End => {

@@ -2,18 +2,21 @@
 //!
 //! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
 //! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
-//! (legs to avoid), `manner` (how the NPC moves), `shortcuts` (legs that are walked as one) and `detour` (the way back
-//! after a push).
+//! (legs to avoid), `manner` (how the NPC moves), `review` and `shortcuts` (what is changed in
+//! a new plan) and `detour` (the way back after a push).
 
 mod detour;
 mod failures;
 mod manner;
 mod movers;
+mod review;
 pub mod scene;
 mod shortcuts;
 
 use detour::Detour;
 use failures::Failures;
+use review::Review;
+pub use review::{Ground, Reviewed};
 use scene::{MoverResponse, MoverWatch};
 use serde::{Deserialize, Serialize};
 use shortcuts::Shortcuts;
@@ -144,6 +147,7 @@ pub struct Follower {
     /// Index of the current leg in the plan: on a shortcut, that of its last leg.
     leg: usize,
     shortcuts: Shortcuts,
+    review: Review,
     /// Where the NPC was last, m.
     feet: Vec3,
     to_waypoint: Approach,
@@ -173,6 +177,7 @@ impl Follower {
             plan: None,
             leg: 0,
             shortcuts: Shortcuts::default(),
+            review: Review::default(),
             feet: goal,
             to_waypoint: Approach::NONE,
             to_goal: Approach::NONE,
@@ -215,14 +220,15 @@ impl Follower {
     /// The query for a plan from `feet`, m, that avoids the failed legs.
     pub fn query(&mut self, feet: Vec3) -> Query {
         self.planned_goal = self.goal;
-        let (avoid, stops) = (self.failures.keys(), self.movers.stops.clone());
+        let avoid = [self.failures.keys(), self.review.leaps.clone()].concat();
+        let stops = self.movers.stops.clone();
         Query { avoid, stops, attach: self.config.attach, ..Query::new(feet, self.goal) }
     }
 
     /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs without progress
     /// get another chance, since other noise may help.
     pub fn reconsiders(&mut self, plan: &Plan) -> bool {
-        plan.no_path.is_some() && self.failures.give_another_chance()
+        plan.no_path.is_some() && !self.review.is_under_way() && self.failures.give_another_chance()
     }
 
     /// Plans from `feet`, m, with `search`, starts to follow the plan, and returns its first waypoint, m.
@@ -243,7 +249,10 @@ impl Follower {
         }
         let first = plan.waypoints[0];
         self.plan = Some(plan);
-        self.plans = self.plans.saturating_add(1);
+        if !self.review.is_under_way() {
+            self.plans = self.plans.saturating_add(1);
+            self.review = Review::default();
+        }
         (self.free_until, self.unsteered_until, self.exact_until) = (0, 0, 0);
         self.shortcuts = Shortcuts::default();
         self.start_leg(0);

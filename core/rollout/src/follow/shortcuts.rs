@@ -12,20 +12,18 @@ use surefoot_world::{Ability, Vec3};
 /// Most legs of a shortcut.
 const MAX_LEGS: usize = 8;
 /// Longest shortcut, m.
-const MAX_LENGTH_M: f32 = 24.0;
+const MAX_LENGTH_M: f32 = 40.0;
 
 /// The shortcuts of a plan: ranges of legs, in ascending order.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Shortcuts {
     ranges: Vec<RangeInclusive<usize>>,
-    /// Whether they have been looked for.
-    are_known: bool,
 }
 
 impl Shortcuts {
     /// Looks for shortcuts in a new plan from `feet`, m, to be walked where `is_lane` says that a body could walk from
     /// one place to another.
-    fn find(plan: &Plan, feet: Vec3, is_lane: impl Fn(Vec3, Vec3) -> bool) -> Self {
+    pub fn find(plan: &Plan, feet: Vec3, is_lane: impl Fn(Vec3, Vec3) -> bool) -> Self {
         let mut ranges = Vec::new();
         let walks = |leg: &usize| plan.legs[*leg].ability == Ability::Walk;
         let (mut from, mut leg) = (feet, 0);
@@ -41,7 +39,7 @@ impl Shortcuts {
             }
             (from, leg) = (plan.waypoints[end], end + 1);
         }
-        Self { ranges, are_known: true }
+        Self { ranges }
     }
 
     /// The last leg of the shortcut that contains `leg`; `leg` itself if there is none.
@@ -65,23 +63,6 @@ impl Shortcuts {
 }
 
 impl Follower {
-    /// Looks for shortcuts in a new plan of an NPC with the feet at `feet`, m, as [`Shortcuts::find`] does. Plans with
-    /// movers have none. Returns the waypoint, m, if it has changed.
-    pub fn straighten(&mut self, feet: Vec3, is_lane: impl Fn(Vec3, Vec3) -> bool) -> Option<Vec3> {
-        let plan = self.plan.as_ref().filter(|plan| !self.shortcuts.are_known && plan.needs.is_empty())?;
-        if !self.config.composes || self.leg > 0 {
-            return None;
-        }
-        self.feet = feet;
-        self.shortcuts = Shortcuts::find(plan, feet, is_lane);
-        let end = self.shortcuts.end(0);
-        let waypoint = plan.waypoints[end];
-        (end > 0).then(|| {
-            self.start_leg(0);
-            waypoint
-        })
-    }
-
     /// The leg after the next `count` legs, shortcuts counted as one leg each.
     pub fn leg_after(&self, count: usize) -> usize {
         (0..count).fold(self.leg, |leg, _| self.shortcuts.end(leg) + 1)
