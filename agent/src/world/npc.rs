@@ -90,7 +90,7 @@ impl Npc {
         self.planning.is_outdated |= self.attempt.follower.has_goal_drifted(self.feet);
     }
 
-    /// Lets the server know the waypoint if it is another one after rehearsals than that of the NPC's state.
+    /// Tells the server the waypoint if rehearsals have changed it: if the NPC's state has another one.
     pub fn note_waypoint(&mut self, state: &State) {
         let waypoint = self.attempt.follower.waypoint();
         if waypoint.is_some() && waypoint != state.episode.map(|episode| episode.goal) {

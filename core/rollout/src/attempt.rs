@@ -4,8 +4,8 @@
 //! 1. shows it the movers ([`Follower::watch_movers`]),
 //! 2. rehearses: [`review`](Attempt::review), [`is_due`](Attempt::is_due),
 //!    [`begin_rehearsals`](Attempt::begin_rehearsals), then [`rehearsal`](Attempt::rehearsal) and
-//!    [`record_rehearsal`](Attempt::record_rehearsal) until one ends well or the attempt ends; the waypoint may be another
-//!    one then,
+//!    [`record_rehearsal`](Attempt::record_rehearsal) until one ends well or the attempt ends, which may change the
+//!    waypoint,
 //! 3. acts in the attempt's [`style`](Attempt::style),
 //! 4. compares the body with the [`forecast`](Attempt::check_forecast) and records the decision
 //!    ([`Follower::record_decision`]), which says where to head, when to plan and when to end.

@@ -78,8 +78,8 @@ pub struct Args {
     /// Kinds of the training maps: terrain, islands, interior, arena, tower, open; several take turns by seed
     #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
     kind: Vec<MapKind>,
-    /// Body to train: surefoot, paper, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of
-    /// a profile
+    /// Body to train: surefoot, paper, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields
+    /// of a profile
     #[arg(long, value_name = "NAME|FILE")]
     body: Option<String>,
     /// Name of the model
