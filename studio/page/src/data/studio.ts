@@ -56,7 +56,7 @@ const WORLD_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['mark', 'build', 'player']
 
 export type Tab = 'map' | 'report' | 'npcs' | 'graph' | 'plan' | 'layers' | 'build'
 
-/** Top speed of a body of which nothing is known: that of the default body. */
+/** Top speed of the default body, for NPCs with an unknown one, m/s. */
 const DEFAULT_SPEED_M_S = 11
 /** A level is imported again once its sidecar has not changed for so long, ms. */
 const SETTLED_MS = 500
