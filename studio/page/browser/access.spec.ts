@@ -45,6 +45,7 @@ for (const colorScheme of ['light', 'dark'] as const) {
     await ask(page, ({ state }) => state.toggleReplay())
     await ask(page, ({ state }) => {
       state.view.section.value = true
+      state.view.plots.value = true
       state.context.toasts.say('An example of a message.', 'bad')
     })
     await check('replay, section and a message')

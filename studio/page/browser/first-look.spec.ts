@@ -159,6 +159,39 @@ test('the last attempt of an NPC is replayed and can be scrubbed, while the worl
   await expect(bar).toBeHidden()
 })
 
+test('the motion of an attempt is plotted beside its replay, and the plots choose the moment', async ({ page }) => {
+  await openOnMap(page, scene)
+  await page.keyboard.press('m')
+  const hint = page.getByRole('group', { name: 'Watch NPCs' }).getByRole('status')
+  await expect(hint).toContainText('No NPC is selected')
+  await page.keyboard.press('j')
+  await expect(hint).toContainText('Press R')
+  const seconds = () => ask(page, ({ state }) => state.npcs.followed.value?.history.at(-1)?.seconds ?? 0)
+  await expect.poll(seconds, { timeout: 90_000 }).toBeGreaterThan(2)
+  await page.keyboard.press('r')
+  const motion = page.getByRole('group', { name: 'Motion' })
+  const plots = motion.getByRole('slider')
+  await expect(motion).toContainText(/Heading-?\d+°/)
+  const share = () => ask(page, ({ state: { replays } }) => replays.seconds.value / replays.length.value)
+  // A click stops the replay there, and a drag goes on to another moment.
+  const box = (await plots.boundingBox())!
+  await page.mouse.move(box.x + box.width / 4, box.y + box.height / 2)
+  await page.mouse.down()
+  expect(await share()).toBeCloseTo(0.25, 2)
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2)
+  await page.mouse.up()
+  expect(await share()).toBeCloseTo(0.5, 2)
+  await page.mouse.move(box.x, box.y)
+  expect(await share()).toBeCloseTo(0.5, 2)
+  await expect(plots).toHaveAttribute('aria-valuetext', /seconds: heading -?\d+°, \d+\.\d m\/s, \w+, leg: /)
+  await page.screenshot({ path: 'test-results/motion.png' })
+  await plots.press('End')
+  expect(await share()).toBe(1)
+  await page.keyboard.press('m')
+  await expect(motion).toBeHidden()
+  await expect(page.getByRole('group', { name: 'Replay' })).toBeVisible()
+})
+
 test('a picture and a clip of the view are saved', async ({ page }) => {
   await open(page, scene)
   const save = async (name: string) => {

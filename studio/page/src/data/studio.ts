@@ -22,6 +22,7 @@ import { Marks } from './world/marks'
 import { Movers } from './world/movers'
 import { Npcs } from './world/npcs'
 import { Pieces } from './world/pieces'
+import type { MotionFacts } from './world/motion'
 import { nextChaser, OwnPlayer } from './world/player'
 import { Recorder } from './world/recorder'
 import { Replays } from './world/replays'
@@ -55,6 +56,8 @@ const WORLD_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['mark', 'build', 'player']
 
 export type Tab = 'map' | 'report' | 'npcs' | 'graph' | 'plan' | 'layers' | 'build'
 
+/** Top speed of the default body, for NPCs with an unknown one, m/s. */
+const DEFAULT_SPEED_M_S = 11
 /** A level is imported again once its sidecar has not changed for so long, ms. */
 const SETTLED_MS = 500
 
@@ -78,7 +81,7 @@ export class Studio {
   readonly view: ViewSettings
   readonly tour: Tour
   private readonly recorder = new Recorder()
-  readonly replays = new Replays(this.recorder)
+  readonly replays: Replays
 
   readonly tool = signal<Tool>('select')
   readonly tab = signal<Tab>('map')
@@ -134,6 +137,7 @@ export class Studio {
     this.levels = new Levels(context)
     this.surveys = new Surveys(context)
     this.npcs = new Npcs(context)
+    this.replays = new Replays(this.recorder, (npcId) => this.motionFacts(npcId))
     this.player = new OwnPlayer(context, () => this.setTool('select'))
     this.layers = new Layers(context, () => void this.graphs.reload())
     this.graphs = new Graphs(context, this.live.npcs, (graph) => this.layers.sync(graph))
@@ -316,13 +320,31 @@ export class Studio {
 
   /** Replays the last attempt of the selected NPC, or ends the replay. */
   toggleReplay(): void {
-    const { npcs, replays } = this
-    const followed = npcs.followed.peek()
-    if (replays.shown.peek() !== undefined) return replays.close()
-    if (followed?.npc === undefined) return this.context.toasts.say('Select an NPC first.')
-    const { id, npc, history } = followed
-    if (!replays.open(id, npc.attemptsBegun, history)) {
-      this.context.toasts.say('No attempt of this NPC has been received yet.')
+    if (this.replays.shown.peek() !== undefined) return this.replays.close()
+    if (this.npcs.selectedId.peek() === undefined) return this.context.toasts.say('Select an NPC first.')
+    if (!this.openReplay()) this.context.toasts.say('No attempt of this NPC has been received yet.')
+  }
+
+  /** Shows or hides the plots of a replay. Where there is a recording, its replay begins. */
+  togglePlots(): void {
+    const { view, replays } = this
+    view.setPlots(!view.plots.peek())
+    if (view.plots.peek() && replays.shown.peek() === undefined) this.openReplay()
+  }
+
+  private openReplay(): boolean {
+    const [followed, selected] = [this.npcs.followed.peek(), this.npcs.selectedId.peek()]
+    if (followed?.npc === undefined || followed.id !== selected) return false
+    return this.replays.open(followed.id, followed.npc.attemptsBegun, followed.history)
+  }
+
+  /** What is known of an NPC's body, and of the graph that is shown. */
+  private motionFacts(npcId: bigint): MotionFacts {
+    const { bodies = [] } = this.worlds.chosen.peek() ?? {}
+    const body = bodies[this.live.npc(npcId)?.bodyIdx ?? 0]
+    return {
+      topSpeed: body?.forwardSpeed ?? DEFAULT_SPEED_M_S,
+      abilityBetween: (from, to) => this.graphs.edgeBetween(from, to)?.ability,
     }
   }
 

@@ -6,12 +6,15 @@ export type ThemeChoice = 'auto' | 'dark' | 'light'
 
 const THEME_KEPT_AS = 'surefoot.theme'
 const NAMES_KEPT_AS = 'surefoot.names'
+const PLOTS_KEPT_AS = 'surefoot.plots'
 
 export class ViewSettings {
   readonly top = signal(false)
   readonly trails = signal(true)
   /** Whether names of places are shown. */
   readonly names = signal(true)
+  /** Whether the motion of a replay is plotted. */
+  readonly plots = signal(false)
   /** Whether everything above `sectionHeight` is hidden. */
   readonly section = signal(false)
   readonly sectionHeight = signal(20)
@@ -22,6 +25,7 @@ export class ViewSettings {
   constructor(private readonly store: Pick<Storage, 'getItem' | 'setItem'> | undefined) {
     this.theme.value = readTheme(store?.getItem(THEME_KEPT_AS))
     this.names.value = store?.getItem(NAMES_KEPT_AS) !== 'off'
+    this.plots.value = store?.getItem(PLOTS_KEPT_AS) === 'on'
   }
 
   setTheme(theme: ThemeChoice): void {
@@ -32,6 +36,11 @@ export class ViewSettings {
   setNames(shown: boolean): void {
     this.names.value = shown
     this.store?.setItem(NAMES_KEPT_AS, shown ? 'on' : 'off')
+  }
+
+  setPlots(shown: boolean): void {
+    this.plots.value = shown
+    this.store?.setItem(PLOTS_KEPT_AS, shown ? 'on' : 'off')
   }
 
   /** Follows what the system prefers. */

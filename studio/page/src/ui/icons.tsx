@@ -40,6 +40,7 @@ const PATHS = {
   names: 'M3 4h8l6 6-6 6H3zM6.5 10h.01',
   next: 'M4 5l7 5-7 5zM15 5v10',
   replay: 'M4 10a6 6 0 1 0 2-4.5M4 3v3.5h3.5',
+  plots: 'M3 3v14h14M6 12l3-4 3 2.5L16.5 5',
   pause: 'M7 4v12M13 4v12',
   stop: 'M5.5 5.5h9v9h-9z',
   record: 'M10 4a6 6 0 1 0 .01 0M10 8.4a1.6 1.6 0 1 0 .01 0',

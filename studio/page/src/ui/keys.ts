@@ -5,7 +5,7 @@ import { copyLink } from './links'
 
 export type Command =
   | { kind: 'tool'; tool: Tool }
-  | { kind: 'cancel' | 'follow' | 'another' | 'replay' | 'top' | 'frame' | 'graph' | 'names' | 'trails' }
+  | { kind: 'cancel' | 'follow' | 'another' | 'replay' | 'plots' | 'top' | 'frame' | 'graph' | 'names' | 'trails' }
   | { kind: 'link' | 'panel' | 'help' | 'undo' | 'redo' }
 
 /** What of a keyboard event matters. */
@@ -44,6 +44,7 @@ export const OTHER_KEYS: readonly { keys: string; does: string }[] = [
   { keys: 'J', does: 'Follow another NPC' },
   { keys: 'F', does: 'Follow the selected NPC, or stay' },
   { keys: 'R', does: "Replay the NPC's last attempt" },
+  { keys: 'M', does: 'Plots of its motion beside the replay' },
   { keys: 'T', does: 'Top view' },
   { keys: 'H', does: 'Show the whole map' },
   { keys: 'G', does: 'Graph bright or faint' },
@@ -60,6 +61,7 @@ const LETTERS: Record<string, Command> = {
   j: { kind: 'another' },
   f: { kind: 'follow' },
   r: { kind: 'replay' },
+  m: { kind: 'plots' },
   t: { kind: 'top' },
   h: { kind: 'frame' },
   g: { kind: 'graph' },
@@ -95,6 +97,8 @@ export function perform(studio: Studio, command: Command): void {
       return studio.followAnother()
     case 'replay':
       return studio.toggleReplay()
+    case 'plots':
+      return studio.togglePlots()
     case 'top':
       view.top.value = !view.top.value
       return

@@ -4,19 +4,23 @@ import type { Studio } from '../data/studio'
 import type { Replays } from '../data/world/replays'
 import { npcNumber } from '../data/world/snapshot'
 import { Button } from './controls'
+import { MotionPlots } from './motion/motion-plots'
+import { PlotsButton } from './motion/plots-button'
 
 const STEP_S = 0.05
 
-/** The scrubber of a replay. */
-export function ReplayBar({ studio: { replays } }: { studio: Studio }) {
+/** The scrubber of a replay, and above it its plots. */
+export function ReplayBar({ studio }: { studio: Studio }) {
+  const { replays } = studio
   const shown = replays.shown.value
   const isPlaying = replays.playing.value
   useEffect(() => (isPlaying ? keepPlaying(replays) : undefined), [replays, isPlaying])
   if (shown === undefined) return null
   const [seconds, length] = [replays.seconds.value, replays.length.value]
+  const hasPlots = studio.view.plots.value
   const how = shown.outcome === undefined ? 'not ended' : outcomeName(shown.outcome).toLowerCase()
   return (
-    <div class="watch-bar replay-bar" role="group" aria-label="Replay">
+    <div class={`watch-bar replay-bar ${hasPlots ? 'with-plots' : ''}`} role="group" aria-label="Replay">
       <Button
         label={isPlaying ? 'Pause' : 'Play'}
         icon={isPlaying ? 'pause' : 'play'}
@@ -33,6 +37,7 @@ export function ReplayBar({ studio: { replays } }: { studio: Studio }) {
       <span class="number">
         {seconds.toFixed(1)} / {length.toFixed(1)} s
       </span>
+      {hasPlots && <MotionPlots replays={replays} />}
       <input
         type="range"
         aria-label="Moment of the replay"
@@ -43,6 +48,7 @@ export function ReplayBar({ studio: { replays } }: { studio: Studio }) {
         value={seconds}
         onInput={(event) => replays.seek(event.currentTarget.valueAsNumber)}
       />
+      <PlotsButton studio={studio} bare />
       <Button label="End the replay" icon="close" bare hint="End the replay (R)" onClick={() => replays.close()} />
     </div>
   )

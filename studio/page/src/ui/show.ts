@@ -6,6 +6,7 @@ import { moverNames, npcNames, placeNames, planNames, playerNames, reachNames, t
 import type { Studio } from '../data/studio'
 import { PICKABLE } from './tools'
 import { featuresWith } from '../data/world/marks'
+import { motionAt } from '../data/world/motion'
 import { lostWithout } from '../data/world/movers'
 import { posesOf } from '../data/world/player'
 import { poseOf } from '../data/world/snapshot'
@@ -37,8 +38,14 @@ export function show(studio: Studio, viewport: Viewport): () => void {
     ...showNames(studio, viewport),
     effect(() => {
       const shown = replays.shown.value
+      const seconds = replays.seconds.value
       viewport.setReplay(
-        shown && { track: shown.track, seconds: replays.seconds.value, colour: replayColour(shown.outcome) },
+        shown && {
+          track: shown.track,
+          seconds,
+          yaw: motionAt(shown.motion, seconds).heading,
+          colour: replayColour(shown.outcome),
+        },
       )
     }),
     effect(() => viewport.setSelectedNpc(selectedNpc(studio))),

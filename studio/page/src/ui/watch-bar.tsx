@@ -5,20 +5,23 @@ import { npcNumber, stateOf } from '../data/world/snapshot'
 import { STATE_NAMES } from '../data/abilities'
 import { STATE_COLOURS } from '../view/colours'
 import { AbilityName, Button } from './controls'
+import { PlotsButton, PlotsHint } from './motion/plots-button'
 import { PlayerBar } from './player-bar'
 import { ReachBar } from './reach-bar'
 import { ReplayBar } from './replay-bar'
 
 /** What the watched NPC is doing, below the map; in its place, the player, the area tool or the replay of an attempt. */
 export function WatchBar({ studio }: { studio: Studio }) {
-  const { npcs, live, player, replays } = studio
+  const { npcs, live, player, replays, view } = studio
   if (player.isThere.value) return <PlayerBar studio={studio} />
   if (studio.tool.value === 'reach') return <ReachBar studio={studio} />
   if (replays.shown.value !== undefined) return <ReplayBar studio={studio} />
   if (live.npcs.value.size === 0) return null
   const selected = npcs.selectedId.value
+  const hasPlots = view.plots.value
   return (
-    <div class="watch-bar" role="group" aria-label="Watch NPCs">
+    <div class={`watch-bar ${hasPlots ? 'with-hint' : ''}`} role="group" aria-label="Watch NPCs">
+      {hasPlots && <PlotsHint isSelected={selected !== undefined} />}
       {selected !== undefined && <Doing studio={studio} id={selected} />}
       {selected !== undefined && (
         <Button
@@ -40,6 +43,7 @@ export function WatchBar({ studio }: { studio: Studio }) {
       {selected !== undefined && (
         <Button label="Replay" icon="replay" hint="Replay its last attempt (R)" onClick={() => studio.toggleReplay()} />
       )}
+      {(selected !== undefined || hasPlots) && <PlotsButton studio={studio} />}
     </div>
   )
 }

@@ -95,9 +95,9 @@ export class ReplayView extends Group {
 
   update(eye: Place, scale: number): void {
     if (this.shown) {
-      const { at, yaw } = trackAt(this.shown.track, this.shown.seconds)
+      const { at } = trackAt(this.shown.track, this.shown.seconds)
       this.place = at
-      this.ghost.place(at, yaw, eye, scale)
+      this.ghost.place(at, this.shown.yaw, eye, scale)
     }
   }
 

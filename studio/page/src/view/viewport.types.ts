@@ -161,6 +161,8 @@ export interface Replay {
   /** Positions, one per tick (1/60 s), three numbers each. */
   track: Float32Array
   seconds: number
+  /** Heading at that moment, rad. */
+  yaw: number
   colour: string
 }
 

@@ -1,6 +1,14 @@
 import { create } from '@bufbuild/protobuf'
 import { describe, expect, it } from 'vitest'
-import { AttemptEndedSchema, type Npc, NpcSchema, NpcStatus, Outcome } from '../../src/gen/surefoot/world/v1/world_pb'
+import {
+  AttemptEndedSchema,
+  type Npc,
+  NpcSchema,
+  NpcStatus,
+  Outcome,
+  Support,
+} from '../../src/gen/surefoot/world/v1/world_pb'
+import { Ability } from '../../src/gen/surefoot/world/v1/map_pb'
 import { Recorder } from '../../src/data/world/recorder'
 import { Replays } from '../../src/data/world/replays'
 
@@ -30,6 +38,19 @@ describe('Recorder', () => {
     expect(recorder.attempt(1n, 4)!.isCut).toBe(true)
     expect(xs(recorder.attempt(1n, 5)!.track)).toEqual([6, 7, 8, 9])
     expect(recorder.attempt(1n, 5)!.isCut).toBe(false)
+  })
+
+  it('keeps how the NPC moved, where something came', () => {
+    const recorder = new Recorder()
+    const moved = { velocity: { x: 3, y: 9, z: 4 }, waypoint: { x: 7, y: 8, z: 9 }, yaw: 0.5 }
+    const [support, ability] = [Support.AIR, Ability.JUMP]
+    const about = { npcId: 1n, position: { x: 0, y: 1, z: 0 }, attemptsBegun: 1, status: NpcStatus.SEEKING }
+    recorder.take(0, create(NpcSchema, { ...about, ...moved, support, ability }))
+    recorder.take(6, npc(1, 1, 1))
+    expect(recorder.attempt(1n, 1)!.poses).toEqual([
+      { tick: 0, yaw: 0.5, speed: 5, support, ability, waypoint: moved.waypoint },
+      { tick: 6, yaw: 0, speed: 0, support: 0, ability: 0, waypoint: undefined },
+    ])
   })
 
   it.each([
@@ -73,7 +94,7 @@ describe('Replays', () => {
     for (const attempt of attempts) {
       for (let tick = 0; tick <= 120; tick += 3) recorder.take(attempt * 1000 + tick, npc(1, tick / 30, attempt))
     }
-    return new Replays(recorder)
+    return new Replays(recorder, () => ({ topSpeed: 10, abilityBetween: () => undefined }))
   }
 
   it('plays the last attempt that has ended, from its start to its end', () => {

@@ -1,8 +1,10 @@
 // Poses of all NPCs of a world as they came, in one ring: the newest overwrites the oldest, so memory is bounded.
 
-import { type Npc, NpcStatus } from '../../gen/surefoot/world/v1/world_pb'
+import type { Ability } from '../../gen/surefoot/world/v1/map_pb'
+import { type Npc, NpcStatus, type Support } from '../../gen/surefoot/world/v1/world_pb'
+import type { Place } from '../../view/viewport.types'
 
-/** Poses that are kept, 36 bytes each: 200 s of 128 NPCs, or 26 s of 1,000. */
+/** Poses that are kept, 55 bytes each: 200 s of 128 NPCs, or 26 s of 1,000. */
 const CAPACITY = 1 << 19
 /** NPCs that may come and go before everything is forgotten. */
 const MOST_NPCS = 1 << 16
@@ -12,12 +14,29 @@ const SNAP_M = 5
 const AFTER_TICKS = 45
 /** Longest track, ticks. */
 const LONGEST_TICKS = 60 * 60 * 10
+/** Waypoint of an NPC that has none. */
+const NOWHERE: Place = { x: NaN, y: NaN, z: NaN }
+
+/** How an NPC moved at a tick. */
+export interface Pose {
+  tick: number
+  /** Heading, rad; 0 faces +z, counter-clockwise seen from above. */
+  yaw: number
+  /** Horizontal speed, m/s. */
+  speed: number
+  support: Support
+  ability: Ability
+  /** Undefined while it follows no plan. */
+  waypoint: Place | undefined
+}
 
 /** An attempt as the page received it. */
 export interface Attempt {
   attempt: number
   /** Positions, one per tick (1/60 s), three numbers each. */
   track: Float32Array
+  /** What was received, in order; NPCs that do not change send nothing. */
+  poses: readonly Pose[]
   /** Whether its first poses came before the page listened, or are forgotten. */
   isCut: boolean
 }
@@ -28,6 +47,12 @@ interface Ring {
   attempts: Uint32Array
   seeking: Uint8Array
   places: Float32Array
+  yaws: Float32Array
+  speeds: Float32Array
+  supports: Uint8Array
+  abilities: Uint8Array
+  /** Not numbers where there is no waypoint. */
+  waypoints: Float32Array
 }
 
 export class Recorder {
@@ -39,7 +64,8 @@ export class Recorder {
   constructor(private readonly capacity = CAPACITY) {}
 
   /** Takes in the pose of an NPC at a tick. */
-  take(tick: number, { npcId, position, attemptsBegun, status }: Npc): void {
+  take(tick: number, npc: Npc): void {
+    const { npcId, position, attemptsBegun, status } = npc
     // A restarted server counts from zero.
     if (tick < this.latest || this.numbers.size >= MOST_NPCS) this.forget()
     if (position === undefined) return
@@ -51,9 +77,12 @@ export class Recorder {
     ring.ticks[at] = tick
     ring.attempts[at] = attemptsBegun
     ring.seeking[at] = status === NpcStatus.SEEKING ? 1 : 0
-    ring.places[at * 3] = position.x
-    ring.places[at * 3 + 1] = position.y
-    ring.places[at * 3 + 2] = position.z
+    putPlace(ring.places, at, position)
+    putPlace(ring.waypoints, at, npc.waypoint ?? NOWHERE)
+    ring.yaws[at] = npc.yaw
+    ring.speeds[at] = Math.hypot(npc.velocity?.x ?? 0, npc.velocity?.z ?? 0)
+    ring.supports[at] = npc.support
+    ring.abilities[at] = npc.ability
   }
 
   /** What was received of an attempt of an NPC; undefined: too little to be shown. */
@@ -70,7 +99,8 @@ export class Recorder {
       if (ring.seeking[at] === 0) ended = Math.min(ended, ring.ticks[at]! + AFTER_TICKS)
       found.push(at)
     }
-    return found.length < 2 ? undefined : { attempt, track: trackOf(ring, found), isCut }
+    if (found.length < 2) return undefined
+    return { attempt, track: trackOf(ring, found), poses: found.map((at) => poseAt(ring, at)), isCut }
   }
 
   forget(): void {
@@ -101,6 +131,29 @@ function ringOf(capacity: number): Ring {
     attempts: new Uint32Array(capacity),
     seeking: new Uint8Array(capacity),
     places: new Float32Array(capacity * 3),
+    yaws: new Float32Array(capacity),
+    speeds: new Float32Array(capacity),
+    supports: new Uint8Array(capacity),
+    abilities: new Uint8Array(capacity),
+    waypoints: new Float32Array(capacity * 3),
+  }
+}
+
+function putPlace(places: Float32Array, at: number, { x, y, z }: Place): void {
+  places[at * 3] = x
+  places[at * 3 + 1] = y
+  places[at * 3 + 2] = z
+}
+
+function poseAt({ ticks, yaws, speeds, supports, abilities, waypoints }: Ring, at: number): Pose {
+  const [x, y, z] = [waypoints[at * 3]!, waypoints[at * 3 + 1]!, waypoints[at * 3 + 2]!]
+  return {
+    tick: ticks[at]!,
+    yaw: yaws[at]!,
+    speed: speeds[at]!,
+    support: supports[at]!,
+    ability: abilities[at]!,
+    waypoint: Number.isNaN(x) ? undefined : { x, y, z },
   }
 }
 

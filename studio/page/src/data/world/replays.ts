@@ -2,6 +2,7 @@
 
 import { batch, computed, signal } from '@preact/signals'
 import { type AttemptEnded, Outcome } from '../../gen/surefoot/world/v1/world_pb'
+import { type Motion, type MotionFacts, motionOf } from './motion'
 import type { Attempt, Recorder } from './recorder'
 
 const TICKS_A_SECOND = 60
@@ -10,6 +11,7 @@ export interface ShownAttempt extends Attempt {
   npcId: bigint
   /** Undefined while it has not ended, or if another goal replaced it. */
   outcome: Outcome | undefined
+  motion: Motion
 }
 
 export class Replays {
@@ -21,7 +23,10 @@ export class Replays {
     return shown === undefined ? 0 : (shown.track.length / 3 - 1) / TICKS_A_SECOND
   })
 
-  constructor(private readonly recorder: Recorder) {}
+  constructor(
+    private readonly recorder: Recorder,
+    private readonly factsOf: (npcId: bigint) => MotionFacts,
+  ) {}
 
   /**
    * Plays the last attempt of an NPC that has ended, or the present one where no other was received; returns whether
@@ -33,8 +38,9 @@ export class Replays {
       const found = this.recorder.attempt(npcId, attempt)
       if (found === undefined) continue
       const outcome = history.find((past) => past.attempt === attempt)?.outcome
+      const motion = motionOf(found.poses, this.factsOf(npcId))
       batch(() => {
-        this.shown.value = { ...found, npcId, outcome: outcome === Outcome.UNSPECIFIED ? undefined : outcome }
+        this.shown.value = { ...found, npcId, outcome: outcome === Outcome.UNSPECIFIED ? undefined : outcome, motion }
         this.seconds.value = 0
         this.playing.value = true
       })
