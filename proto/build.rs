@@ -15,6 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "surefoot/world/v1/map.proto",
         "surefoot/world/v1/body.proto",
         "surefoot/world/v1/living.proto",
+        "surefoot/world/v1/movement.proto",
         "surefoot/world/v1/piece.proto",
         "surefoot/world/v1/route.proto",
         "surefoot/world/v1/zone.proto",

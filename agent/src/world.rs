@@ -30,7 +30,7 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::follow::scene::Scene;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::rehearse::NoiseStream;
-use surefoot_world::{End, MoverState};
+use surefoot_world::{End, MoverState, Trajectory};
 use tokio::sync::{mpsc, watch};
 
 /// Why a world's task cannot continue.
@@ -167,6 +167,7 @@ impl WorldTask {
         self.show_new_waypoints(&mut batch);
         answer.actions = self.act(&batch).await?;
         answer.standings = self.standings(&batch);
+        answer.trajectories = self.trajectories(&batch);
         let plans_failed = std::mem::take(&mut self.planning.failed_count);
         Ok(answer.encode(self.world_id, &batch, &mut self.npcs, plans_failed))
     }
@@ -278,6 +279,12 @@ impl WorldTask {
         let (awaits_map, awaits_graph) = (self.ground.awaits_map(), self.planning.awaits_graph());
         let standing = |seen: &Sighting| self.npcs.get(&seen.id)?.standing(awaits_map, awaits_graph);
         batch.sightings.iter().map(standing).collect()
+    }
+
+    /// What the NPCs of a batch will do in the next second, as far as it was rehearsed.
+    fn trajectories(&self, batch: &Batch) -> Vec<Trajectory> {
+        let predict = |seen: &Sighting| Some(self.npcs.get(&seen.id)?.trajectory(&seen.state.as_ref()?.body));
+        batch.sightings.iter().map(|seen| predict(seen).unwrap_or_default()).collect()
     }
 
     /// Follows changes of zones and tags: the NPCs that they concern plan again at their next decision.

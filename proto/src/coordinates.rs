@@ -238,8 +238,11 @@ places! {
     wire::ListMoversResponse: places movers states;
     wire::SetMoverResponse: places state;
     wire::Player: places position, vectors velocity;
-    wire::Npc: places position goal waypoint, vectors velocity;
-    wire::NpcDelta: places position goal waypoint, vectors velocity;
+    wire::Pose: places position;
+    wire::Prediction: places in_20_ticks in_40_ticks in_60_ticks;
+    wire::Movement: places prediction;
+    wire::Npc: places position goal waypoint movement, vectors velocity;
+    wire::NpcDelta: places position goal waypoint movement, vectors velocity;
     wire::GetNpcResponse: places npc;
     wire::ListNpcsResponse: places npcs;
     wire::WatchWorldResponse: places npcs changed movers players;

@@ -2,12 +2,13 @@
 //! use.
 //!
 //! The `.proto` files in this crate document shapes, units, ranges and errors. [`convert`] converts the types of the
-//! world, [`plans`] those of planners, workers and clients, [`zones`] zones and tags. The file `wire.rs` of a service
-//! converts types that no other service uses. [`coordinates`] converts places of levels. [`reason`] lists the
-//! machine-readable reasons of errors.
+//! world, [`plans`] those of planners, workers and clients, [`movement`] how NPCs move, [`zones`] zones and tags. The
+//! file `wire.rs` of a service converts types that no other service uses. [`coordinates`] converts places of levels.
+//! [`reason`] lists the machine-readable reasons of errors.
 
 pub mod convert;
 pub mod coordinates;
+pub mod movement;
 pub mod pieces;
 pub mod plans;
 pub mod reason;

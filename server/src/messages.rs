@@ -6,7 +6,9 @@ use crate::ids::{NpcId, WorldId};
 use serde::{Deserialize, Serialize};
 use surefoot_planner::{Tags, Zone};
 use surefoot_world::map::Piece;
-use surefoot_world::{Action, Arrival, CharacterProfile, End, Gait, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Vec3};
+use surefoot_world::{
+    Action, Arrival, CharacterProfile, End, Gait, MapHash, MapSpec, MoverAt, ProfileIdx, Tick, Trajectory, Vec3,
+};
 
 /// How a world's time passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -195,7 +197,9 @@ pub struct Answer {
     pub plans_failed: u32,
     /// Movers that NPCs call, and the stops to which they call them.
     pub mover_calls: Vec<MoverAt>,
-    /// Actions, waypoints and plans that were left out because a number was invalid.
+    /// What is predicted of NPCs, and the attempts for which that holds.
+    pub predictions: Vec<(NpcId, u32, Trajectory)>,
+    /// Actions, waypoints, plans and predictions that were left out because a number was invalid.
     pub invalid: u64,
 }
 

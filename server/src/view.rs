@@ -50,6 +50,8 @@ pub struct Shown {
 pub struct View {
     region: Option<Region>,
     delta: bool,
+    /// Whether the reader gets how NPCs move.
+    movement: bool,
     /// With `delta`: the NPCs that the reader knows; `None` before the first snapshot.
     seen: Option<BTreeMap<NpcId, NpcState>>,
     /// With `delta`: the movers as last sent.
@@ -59,14 +61,20 @@ pub struct View {
 impl View {
     /// A view of the NPCs in `region` (`None`: everywhere); with `delta`, only changes since the previous snapshot.
     pub fn new(region: Option<Region>, delta: bool) -> Self {
-        Self { region, delta, seen: None, seen_movers: Vec::new() }
+        Self { region, delta, movement: false, seen: None, seen_movers: Vec::new() }
+    }
+
+    /// The same view, with or without how NPCs move.
+    pub fn with_movement(self, movement: bool) -> Self {
+        Self { movement, ..self }
     }
 
     /// Returns the part of `snapshot` for the reader.
     pub fn show(&mut self, snapshot: &Snapshot) -> Shown {
         let &Snapshot { tick, time, .. } = snapshot;
         let within = |npc: &&NpcState| self.region.is_none_or(|region| region.holds(npc.position));
-        let npcs = snapshot.npcs.iter().filter(within).copied();
+        let shown = |npc: &NpcState| if self.movement { *npc } else { npc.without_movement() };
+        let npcs = snapshot.npcs.iter().filter(within).map(shown);
         let known = std::mem::replace(&mut self.seen_movers, snapshot.movers.clone());
         let movers = snapshot.movers.iter().enumerate();
         let is_news = |(idx, mover): &(usize, &(MoverState, MoverStop))| !self.delta || known.get(*idx) != Some(*mover);

@@ -9,14 +9,15 @@ pub mod worker;
 
 use crate::figures::WorldSummary;
 use crate::hosted::{
-    EndedAttempt, EventKind, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, RouteKind, Standing, Support, TimeMode,
-    WorldStats,
+    EndedAttempt, EventKind, Movement, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, RouteKind, Standing, Support,
+    TimeMode, WorldStats,
 };
 use crate::ids::NpcId;
 use crate::view::{Region, Shown};
 use std::collections::BTreeSet;
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError, WireEnum};
+use surefoot_proto::movement;
 use surefoot_proto::wire_enum;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::Vec3;
@@ -92,6 +93,7 @@ pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
         standing: standing_to_wire(npc.standing),
         route: route_to_wire(npc.route),
         route_stop: npc.route_stop,
+        movement: npc.movement.map(movement_to_wire),
     }
 }
 
@@ -121,7 +123,12 @@ fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
         standing: changed(old.standing, npc.standing).map(standing_to_wire),
         route: changed(old.route, npc.route).map(route_to_wire),
         route_stop: changed(old.route_stop, npc.route_stop),
+        movement: changed(old.movement, npc.movement).flatten().map(movement_to_wire),
     }
+}
+
+fn movement_to_wire(Movement { locomotion, prediction }: Movement) -> wire::Movement {
+    movement::movement_to_wire(&locomotion, prediction)
 }
 
 fn standing_to_wire(reason: Option<Standing>) -> i32 {

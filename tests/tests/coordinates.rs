@@ -174,6 +174,8 @@ async fn readers_see_a_world_as_in_the_levels_file() {
     let mut steps = client.follow_npc(request).await.unwrap().into_inner();
     let first = tokio::time::timeout(LIMIT, steps.next()).await.unwrap().unwrap().unwrap();
     assert_near(first.npc.unwrap().position, places[0]);
+    let stands = first.npc.unwrap().movement.unwrap().prediction.expect("an NPC without a goal stays where it is");
+    assert_near(stands.in_60_ticks.unwrap().position, places[0]);
     let (eyes, below) =
         (first.eyes.unwrap(), first.rays.iter().filter(|ray| ray.surface() != wire::Surface::Unspecified));
     assert!((100.0..200.0).contains(&(eyes.z - places[0].z)), "eyes are above the feet along z: {eyes:?}");

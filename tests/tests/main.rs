@@ -25,6 +25,7 @@ mod limits;
 mod living;
 mod manifests;
 mod motion;
+mod movement;
 mod notices;
 mod operations;
 mod operators;

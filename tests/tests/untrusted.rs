@@ -212,6 +212,12 @@ fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
         attempt,
         unreachable,
     });
+    let prediction = (npc(), attempt(), prop::collection::vec(number(), 0..14), any::<u32>(), -1..9i32).prop_map(
+        |(npc_id, attempt, poses, take_off_ticks, take_off_ability)| {
+            let poses = convert::pack(poses);
+            wire::CarriedPrediction { npc_id, attempt, poses, take_off_ticks, take_off_ability }
+        },
+    );
     let tick = prop_oneof![4 => Just(0), 1 => any::<u64>()];
     let row = prop::collection::vec((npc(), [number(), number(), number(), number()], attempt(), any::<u8>()), 0..4);
     let missing = prop_oneof![6 => Just(0usize), 1 => 1..20usize];
@@ -219,8 +225,9 @@ fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
         prop::collection::vec(waypoint, 0..3),
         prop::collection::vec(given_up, 0..3),
         prop::collection::vec(carried, 0..3),
+        prop::collection::vec(prediction, 0..3),
     );
-    (tick, row, missing, lists).prop_map(|(tick, rows, missing, (waypoints, gave_up, plans))| {
+    (tick, row, missing, lists).prop_map(|(tick, rows, missing, (waypoints, gave_up, plans, predictions))| {
         let mut actions = convert::pack(rows.iter().flat_map(|(_, row, ..)| *row));
         actions.truncate(actions.len().saturating_sub(missing));
         let npc_ids = rows.iter().map(|(id, ..)| *id).collect();
@@ -236,6 +243,7 @@ fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
             plans,
             attempts,
             standings,
+            predictions,
             ..Default::default()
         }
     })

@@ -5,10 +5,11 @@ use super::standing::Standing;
 use prost::Message;
 use std::collections::BTreeSet;
 use surefoot_proto::convert::{self, WireEnum};
+use surefoot_proto::movement::prediction_to_wire;
 use surefoot_proto::plans::npc_plan_to_wire;
 use surefoot_proto::wire_enum;
 use surefoot_proto::world::v1 as wire;
-use surefoot_world::{Action, Arrival, End, Gait, MoverAt, Npc as State, Vec3};
+use surefoot_world::{Action, Arrival, End, Gait, MoverAt, Npc as State, Trajectory, Vec3};
 
 /// Largest answer in one message, bytes; servers accept 1 MiB unless configured.
 pub(super) const MAX_ANSWER_BYTES: usize = 512 * 1024;
@@ -93,6 +94,8 @@ pub(super) struct Answer {
     pub actions: Vec<Action>,
     /// Why each NPC of the batch stands.
     pub standings: Vec<Option<Standing>>,
+    /// What is predicted of each NPC of the batch.
+    pub trajectories: Vec<Trajectory>,
 }
 
 impl Answer {
@@ -109,7 +112,10 @@ impl Answer {
             standings: pack(&self.standings),
             ..wire::ActionBatch::default()
         };
-        for &Sighting { id: npc_id, attempt, .. } in &batch.sightings {
+        for (&Sighting { id: npc_id, attempt, .. }, trajectory) in batch.sightings.iter().zip(&self.trajectories) {
+            if !trajectory.is_empty() {
+                answer.predictions.push(prediction_to_wire(npc_id, attempt, trajectory));
+            }
             let Some(npc) = npcs.get_mut(&npc_id) else { continue };
             if let Some(waypoint) = npc.news.waypoint.take() {
                 let position = Some(convert::to_wire(waypoint));
@@ -163,6 +169,10 @@ fn split(mut answer: wire::ActionBatch, limit: usize) -> Vec<wire::ActionBatch> 
         make_room(&mut part, waypoint.encoded_len() + FIELD_BYTES);
         part.waypoints.push(waypoint);
     }
+    for prediction in std::mem::take(&mut answer.predictions) {
+        make_room(&mut part, prediction.encoded_len() + FIELD_BYTES);
+        part.predictions.push(prediction);
+    }
     for given_up in std::mem::take(&mut answer.gave_up) {
         make_room(&mut part, given_up.encoded_len() + FIELD_BYTES);
         part.gave_up.push(given_up);
@@ -184,6 +194,7 @@ fn split(mut answer: wire::ActionBatch, limit: usize) -> Vec<wire::ActionBatch> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use surefoot_world::Body;
 
     #[test]
     fn a_large_answer_is_split_and_nothing_is_lost() {
@@ -205,6 +216,9 @@ mod tests {
             plans_failed: 3,
             mover_calls: vec![wire::MoverCall { mover: 2, stop: 1 }],
             standings: (0..count).map(|idx| idx as u8 % 9).collect(),
+            predictions: (0..count)
+                .map(|npc_id| prediction_to_wire(npc_id, 1, &Trajectory::at_rest(&Body::default())))
+                .collect(),
         };
         assert!(answer.encoded_len() > 2 << 20);
         let parts = split(answer.clone(), MAX_ANSWER_BYTES);
@@ -221,6 +235,7 @@ mod tests {
             whole.plans_failed += part.plans_failed;
             whole.mover_calls.extend(&part.mover_calls);
             whole.standings.extend(&part.standings);
+            whole.predictions.extend(part.predictions.iter().cloned());
         }
         assert_eq!(whole, answer);
         assert_eq!(split(parts[0].clone(), MAX_ANSWER_BYTES), [parts[0].clone()], "a small one stays whole");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use surefoot_rollout::rehearse::NoiseStream;
 use surefoot_rollout::{Attempt, Follower};
-use surefoot_world::{Npc as State, Vec3};
+use surefoot_world::{Body, Npc as State, Trajectory, Vec3};
 
 /// NPCs by id.
 pub(super) type Npcs = BTreeMap<u64, Npc>;
@@ -96,6 +96,16 @@ impl Npc {
         if waypoint.is_some() && waypoint != state.episode.map(|episode| episode.goal) {
             self.news.waypoint = waypoint;
         }
+    }
+
+    /// What the NPC with this `body` will do in the next second, as far as it is known.
+    pub fn trajectory(&self, body: &Body) -> Trajectory {
+        if !self.hold.holds {
+            return self.attempt.trajectory(body);
+        }
+        // An NPC that waits for something else may go on with its next decision.
+        let stays = self.attempt.follower.is_barred() && body.is_at_rest();
+        if stays { Trajectory::at_rest(body) } else { Trajectory::default() }
     }
 
     /// Whether the NPC has a waypoint to rehearse and act for.

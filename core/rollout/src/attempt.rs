@@ -15,7 +15,7 @@ use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
 use surefoot_world::character::Body;
-use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Vec3, arrival};
+use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Trajectory, Vec3, arrival};
 
 /// Rehearsals that end in harm, with other noise each time, before the NPC takes another way.
 const HARM_DRAWS: u32 = 3;
@@ -132,6 +132,12 @@ impl Attempt {
     /// Whether a rehearsal has shown the next decision.
     pub fn is_forecast(&self) -> bool {
         self.forecast.as_ref().is_some_and(Forecast::is_ahead)
+    }
+
+    /// What the NPC with this `body` will do in the next second, as far as it was rehearsed.
+    pub fn trajectory(&self, body: &Body) -> Trajectory {
+        let ability = self.follower.next_ability();
+        self.forecast.as_ref().map(|forecast| forecast.trajectory(body, ability)).unwrap_or_default()
     }
 
     /// Whether the NPC has to rehearse before its next decision.

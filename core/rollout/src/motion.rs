@@ -1,9 +1,11 @@
 //! Measures how NPCs move, as a viewer sees it, decision by decision.
 
+use crate::attempt::Attempt;
 use crate::style::angle;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 use surefoot_world::float::hypot;
-use surefoot_world::{Ability, DECISION_SECONDS, Npc, Vec3};
+use surefoot_world::{Ability, Body, DECISION_SECONDS, Npc, POSE_TICKS, TICKS_PER_DECISION, Vec3};
 
 /// Width of a bin of the angle between facing and motion, degrees.
 const BIN_DEG: f32 = 1.0;
@@ -12,6 +14,8 @@ const BINS: usize = 180;
 const SLOW: f32 = 0.5;
 /// How far a heading must turn back for a reversal, rad.
 const BACK: f32 = 0.087;
+/// Error of a prediction up to which it counts as close, m.
+const CLOSE_M: f32 = 0.15;
 
 /// Sums over the decisions of many NPCs.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -28,6 +32,12 @@ pub struct Motion {
     pub all: Gait,
     /// On legs of plans that can be walked.
     pub walk: Gait,
+    /// Decisions with a prediction of the place a second later, of NPCs that still followed the same plan then.
+    #[serde(default)]
+    pub predicted: u64,
+    /// Those whose prediction was within 0.15 m.
+    #[serde(default)]
+    pub close: u64,
 }
 
 /// Sums of motion.
@@ -41,6 +51,38 @@ pub struct Gait {
     pub jumps: u64,
     /// Distance covered, m.
     pub metres: f64,
+}
+
+/// What was predicted of one NPC in its last decisions.
+#[derive(Debug, Default)]
+pub(crate) struct Foresight {
+    /// Place a second after each of these decisions, m, the oldest one first.
+    places: VecDeque<Option<Vec3>>,
+    /// Plans that the NPC had taken by then.
+    plans: u32,
+}
+
+impl Foresight {
+    /// Adds the prediction before a decision of an NPC with this `body`.
+    pub fn predict(&mut self, attempt: &Attempt, body: &Body) {
+        let plans = attempt.follower.plans();
+        if plans != self.plans {
+            *self = Self { plans, places: VecDeque::new() };
+        }
+        let [.., last] = attempt.trajectory(body).poses;
+        self.places.push_back(last.map(|pose| pose.feet));
+    }
+
+    /// Compares the prediction of a second ago with the place after a decision, m.
+    pub fn check(&mut self, feet: Vec3, motion: &mut Motion) {
+        let second = (POSE_TICKS[2] / TICKS_PER_DECISION) as usize;
+        if self.places.len() == second
+            && let Some(place) = self.places.pop_front().flatten()
+        {
+            motion.predicted += 1;
+            motion.close += u64::from(place.distance(feet) <= CLOSE_M);
+        }
+    }
 }
 
 /// The last decision of one NPC.
@@ -117,6 +159,13 @@ impl Motion {
         self.facing.iter_mut().zip(&other.facing).for_each(|(sum, count)| *sum += count);
         self.all.add(&other.all);
         self.walk.add(&other.walk);
+        self.predicted += other.predicted;
+        self.close += other.close;
+    }
+
+    /// Share of the predictions a second ahead that were within 0.15 m; `None` if nothing was predicted.
+    pub fn close_share(&self) -> Option<f64> {
+        (self.predicted > 0).then(|| self.close as f64 / self.predicted as f64)
     }
 
     /// Reversals of the heading per second.

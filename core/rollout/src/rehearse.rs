@@ -14,7 +14,8 @@ use surefoot_policy::{Policy, noise};
 use surefoot_world::character::Body;
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, SenseContext, state_vector};
 use surefoot_world::{
-    CharacterProfile, End, Episode, Map, MoverState, Npc, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World,
+    Ability, Action, CharacterProfile, End, Episode, Map, MoverState, Npc, NpcSlot, OBSERVATION_LEN, POSE_TICKS, Pose,
+    TICKS_PER_DECISION, TakeOff, TaskConfig, Trajectory, Vec3, World,
 };
 
 /// Legs that a rehearsal runs: where the first one ends, the second must be possible.
@@ -82,6 +83,11 @@ pub struct Forecast {
     noise: NoiseStream,
     /// Bodies after each decision ahead, the next one first.
     ahead: VecDeque<Body>,
+    /// Bodies after the decision in which the body arrives and those in which it comes to rest, where an attempt ends
+    /// at the tick of its arrival.
+    rest: Vec<Body>,
+    /// Bodies at the end of `ahead` from the arrival on.
+    beyond: usize,
 }
 
 impl Forecast {
@@ -93,6 +99,29 @@ impl Forecast {
     /// Where the NPC will be after each decision ahead, m.
     pub fn way(&self) -> impl Iterator<Item = Vec3> {
         self.ahead.iter().map(|body| body.feet)
+    }
+
+    /// What an NPC with this `body` will do in the next second. `ability` is that of its next leap or ride;
+    /// [`Ability::Walk`] if there is none.
+    pub fn trajectory(&self, body: &Body, ability: Ability) -> Trajectory {
+        let stands = self.rest.last().filter(|body| body.is_at_rest());
+        let until = self.ahead.len().saturating_sub(self.beyond);
+        let pose = |ticks: u32| {
+            let mut bodies = self.ahead.iter().take(until).chain(&self.rest);
+            bodies.nth((ticks / TICKS_PER_DECISION) as usize - 1).or(stands).map(Pose::from)
+        };
+        Trajectory { poses: POSE_TICKS.map(pose), take_off: self.take_off(body, ability) }
+    }
+
+    /// When a body leaves the ground next by `ability`.
+    fn take_off(&self, body: &Body, ability: Ability) -> Option<TakeOff> {
+        let leaves = |(before, after): (&Body, &Body)| {
+            before.is_grounded() && !after.is_grounded() && (after.velocity.y > 0.0 || after.ride.is_some())
+        };
+        let decisions = std::iter::once(body).chain(&self.ahead).zip(&self.ahead);
+        let mut starts = decisions.zip((0..POSE_TICKS[2]).step_by(TICKS_PER_DECISION as usize));
+        let (_, ticks) = starts.find(|(bodies, _)| ability != Ability::Walk && leaves(*bodies))?;
+        Some(TakeOff { ticks: ticks as u8, ability })
     }
 
     /// Whether the body after one more decision is the rehearsed one; false if that decision was not rehearsed.
@@ -115,12 +144,15 @@ pub struct RehearsalFailure {
 pub struct Rehearsal {
     worlds: [World; 1],
     decisions: DecisionLoop,
+    /// Where NPCs that have arrived come to rest.
+    rest: World,
 }
 
 impl Rehearsal {
     /// Prepares rehearsals on `map` by the body `profile`.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig, policy: &Policy) -> Self {
-        Self { worlds: [World::new(map, profile, task)], decisions: DecisionLoop::new(policy) }
+        let rest = World::new(map.clone(), profile.clone(), task.clone());
+        Self { worlds: [World::new(map, profile, task)], decisions: DecisionLoop::new(policy), rest }
     }
 
     /// Rewrites the part of an observation of `npc` that depends on its waypoint, for a new waypoint, m.
@@ -179,6 +211,7 @@ impl Rehearsal {
                 world.despawn(run.slot);
                 false
             });
+            self.stop_those_there(&mut running);
         }
         results.into_iter().map(|result| result.expect("every rehearsal ends")).collect()
     }
@@ -197,7 +230,8 @@ impl Rehearsal {
             // The states of movers are those of now, not those at the end of the last rehearsal.
             let forecast = forecast.filter(|_| movers.is_empty()).unwrap_or_else(|| {
                 let follower = follower.rehearsing(STALLED_AFTER);
-                Forecast { npc, follower, hidden, noise, ahead: VecDeque::new() }
+                let (ahead, rest) = Default::default();
+                Forecast { npc, follower, hidden, noise, ahead, rest, beyond: 0 }
             });
             let slot = world.adopt(forecast.npc);
             // A running NPC keeps its episode, because the observation contains the patience used.
@@ -208,7 +242,8 @@ impl Rehearsal {
                 world.head_for(slot, waypoint, arrival);
             }
             all_hidden.extend_from_slice(&forecast.hidden);
-            running.push(Running { idx, slot, until, decisions: 0, forecast, arrival: None });
+            let before = forecast.npc;
+            running.push(Running { idx, slot, until, decisions: 0, forecast, before, arrival: None });
         }
         self.decisions.set_hidden(all_hidden);
         running
@@ -219,6 +254,9 @@ impl Rehearsal {
         let deciding = || running.iter().filter(|run| run.arrival.is_none());
         let npcs: Vec<DecidingNpc> =
             deciding().map(|run| DecidingNpc::of(run.slot).in_style(run.forecast.follower.style())).collect();
+        for run in running.iter_mut().filter(|run| run.arrival.is_none()) {
+            run.before = *self.worlds[0].npc(run.slot).expect("a running NPC");
+        }
         if npcs.is_empty() {
             self.worlds[0].tick_decision();
             return Vec::new();
@@ -228,6 +266,39 @@ impl Rehearsal {
         let mut batch = DecisionBatch { worlds: &mut self.worlds, npcs: &npcs };
         let outcomes = self.decisions.decide(&mut batch, policy, Noise::Rows(noise));
         outcomes.iter().map(|outcome| outcome.end).collect()
+    }
+
+    /// Forecasts how NPCs that have just arrived come to rest.
+    fn stop_those_there(&mut self, running: &mut [Running]) {
+        for run in running.iter_mut().filter(|run| run.forecast.rest.is_empty()) {
+            if let Some(arrival) = run.arrival {
+                run.forecast.rest = self.come_to_rest(run.before, arrival.action);
+                run.forecast.beyond = 1;
+            }
+        }
+    }
+
+    /// The body of `npc` after the decision in which it arrives by `action`, and after those in which it comes to rest.
+    fn come_to_rest(&mut self, npc: Npc, action: Action) -> Vec<Body> {
+        let Self { worlds: [world], rest, .. } = self;
+        rest.clear();
+        if !world.movers().is_empty() {
+            rest.set_movers(world.movers().to_vec());
+        }
+        let slot = rest.adopt(npc);
+        rest.decide(slot, action);
+        let mut bodies: Vec<Body> = Vec::new();
+        while bodies.len() < MAX_REST_DECISIONS as usize && !bodies.last().is_some_and(Body::is_at_rest) {
+            for _ in 0..TICKS_PER_DECISION {
+                rest.tick();
+                let end = rest.npc(slot).and_then(|npc| npc.episode?.end);
+                if end == Some(End::Reached) {
+                    rest.clear_waypoint(slot);
+                }
+            }
+            bodies.extend(rest.npc(slot).map(|npc| npc.body));
+        }
+        bodies
     }
 
     /// Lets all NPCs that decide next watch the movers, and call those that they need.
@@ -258,6 +329,8 @@ struct Running {
     until: usize,
     decisions: u32,
     forecast: Forecast,
+    /// The NPC before its last decision.
+    before: Npc,
     /// The NPC when it arrived at the goal; it comes to rest from then on.
     arrival: Option<Npc>,
 }
@@ -269,6 +342,7 @@ impl Running {
         let follower = &mut self.forecast.follower;
         self.decisions += 1;
         self.forecast.ahead.push_back(body);
+        self.forecast.beyond += usize::from(!self.forecast.rest.is_empty());
         let leg = follower.leg_key();
         if end.is_some_and(End::is_harm) {
             return Some(failed(leg, true));

@@ -6,6 +6,7 @@ mod crates;
 mod determinism;
 mod geometry;
 mod hostile;
+mod locomotion;
 mod movers;
 mod others;
 mod pieces;

@@ -284,6 +284,49 @@ typedef struct sf_state {
     const sf_other* others;
 } sf_state;
 
+/* What the legs of a character do. The speeds depend on the height of its body. */
+typedef int32_t sf_pace;
+enum {
+    /* It stands. */
+    SF_PACE_IDLE = 0,
+    /* It turns in place. */
+    SF_PACE_TURN = 1,
+    /* It walks: up to 2.2 m/s for a body of 1.8 m. */
+    SF_PACE_WALK = 2,
+    SF_PACE_RUN = 3,
+    /* It moves, but its action brings it to rest. */
+    SF_PACE_STOP = 4
+};
+
+/* Phase of a leap, a ride or a fall. */
+typedef int32_t sf_move_phase;
+enum {
+    /* None: the character stands, walks or runs. */
+    SF_MOVE_NONE = 0,
+    /* It is in the air, or rides a zip line. */
+    SF_MOVE_FLIGHT = 1,
+    /* It has come down within the last 0.2 s. */
+    SF_MOVE_LANDING = 2
+};
+
+/* How a character moves, for animation. All zeros but struct_size: one that stands. */
+typedef struct sf_locomotion {
+    uint32_t struct_size;
+    /* What its legs do; in the air, what they did last. */
+    sf_pace pace;
+    sf_move_phase phase;
+    /* The ability of its leap or ride; SF_WALK in a fall and without a phase. */
+    sf_ability ability;
+    /* Length of a stride, which is two steps, m; 0 unless it moves on the ground. */
+    float stride;
+    /* Share of the stride done, 0 to 1: one foot is put down at 0, the other at 0.5. */
+    float stride_phase;
+    /* Ticks in the air, or since the landing. */
+    uint32_t ticks;
+    /* 1 in the air because of an ability. */
+    int32_t was_thrown;
+} sf_locomotion;
+
 /* Progress of an agent towards its goal. */
 typedef struct sf_progress {
     uint32_t struct_size;
@@ -533,6 +576,11 @@ sf_status sf_agents_note(sf_agents* agents, uint32_t agent, sf_vec3 feet, int32_
 /* Fills `rays` with the rays of `count` characters, SF_RAY_COUNT for each. `ray_capacity` is the capacity in rays. */
 sf_status sf_agents_rays(const sf_agents* agents, const sf_state* states, size_t count, sf_ray* rays,
     size_t ray_capacity, sf_error* error);
+/* Follows how a character moves by one tick of 1/60 s, in which it carried out `action`, used `ability`, an sf_ability
+ * (SF_WALK for none), and came to `state`. `body` may be NULL for the default body. Servers also send where their NPCs
+ * will be in the next second (Movement in movement.proto), because their workers rehearse. */
+sf_status sf_locomotion_advance(sf_locomotion* locomotion, const sf_body* body, const sf_state* state,
+    const sf_action* action, int32_t ability, sf_error* error);
 /* Fills `rays` with the rays from a character to `goal`, which the level must not stop: SF_ARRIVAL_RAY_COUNT of them,
  * at a quarter and three quarters of its height. There are none where the character has not arrived anyway: it does
  * not stand on the ground (SF_GROUNDED), or its feet are more than `radius`, 0 to 30 m, from the goal, or higher or

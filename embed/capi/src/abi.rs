@@ -153,6 +153,20 @@ pub const CAN_JUMP: u32 = 2;
 /// The body rides a zip line.
 pub const RIDES: u32 = 4;
 
+/// `sf_locomotion`: how a body moves.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Locomotion {
+    pub struct_size: u32,
+    pub pace: i32,
+    pub phase: i32,
+    pub ability: i32,
+    pub stride: f32,
+    pub stride_phase: f32,
+    pub ticks: u32,
+    pub was_thrown: i32,
+}
+
 /// `sf_progress`: the progress of an agent.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -292,7 +306,7 @@ macro_rules! growing {
 
 growing!(
     Body "sf_body", State "sf_state", Progress "sf_progress", Query "sf_query", GraphInfo "sf_graph_info",
-    Step "sf_step"
+    Step "sf_step", Locomotion "sf_locomotion"
 );
 
 impl From<world::Vec3> for Vec3 {

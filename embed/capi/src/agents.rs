@@ -109,6 +109,11 @@ impl<'a> Sensed<'a> {
         let ticks_in_water = (state.breath_used * drown_ticks as f32).round() as u32;
         Ok(Self { body, ticks_in_water, others })
     }
+
+    /// The body.
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
 }
 
 /// The state of an agent, without its row of the policy's memory.

@@ -3,6 +3,7 @@
 use crate::abi::{Action, Body, Frame, Place, Vec3};
 use crate::error::Fault;
 use surefoot_world as world;
+use surefoot_world::Ability;
 use surefoot_world::map::{LevelFrame, UpAxis};
 use surefoot_world::mesh::Surface;
 
@@ -70,6 +71,12 @@ pub fn surface(number: i32) -> Result<Option<Surface>, Fault> {
     let surface = usize::try_from(number.wrapping_sub(1)).ok().and_then(|idx| Surface::ALL.get(idx));
     let unknown = || Fault::argument(format!("surface is {number}: it must be one of sf_surface, 0 to 7"));
     surface.copied().map(Some).ok_or_else(unknown)
+}
+
+/// The ability with this number.
+pub fn ability(number: i32) -> Result<Ability, Fault> {
+    let found = usize::try_from(number).ok().and_then(|idx| Ability::ALL.get(idx));
+    found.copied().ok_or_else(|| Fault::argument(format!("ability is {number}: it must be one of sf_ability, 0 to 6")))
 }
 
 impl Body {

@@ -1,8 +1,8 @@
 //! libsurefoot: policies, plans and worlds as a C library. `include/surefoot.h` is its documentation.
 //!
 //! [`exports`] has one function for each function of the header. It converts pointers ([`memory`]) and numbers
-//! ([`checks`]), calls the safe Rust of [`agents`], [`graphs`], [`followers`] and [`worlds`], and returns a status
-//! ([`error`]). [`abi`] has the structs that both sides share.
+//! ([`checks`]), calls the safe Rust of [`agents`], [`locomotion`], [`graphs`], [`followers`] and [`worlds`], and
+//! returns a status ([`error`]). [`abi`] has the structs that both sides share.
 //!
 //! This crate has no state besides its handles, starts no thread that outlives a call, and writes nothing. It catches
 //! all panics.
@@ -17,6 +17,7 @@ mod error;
 pub mod exports;
 mod followers;
 mod graphs;
+mod locomotion;
 #[expect(unsafe_code, reason = "pointers become references here and nowhere else: docs/adr/0034-c-library.md")]
 mod memory;
 mod worlds;

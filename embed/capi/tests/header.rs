@@ -194,6 +194,11 @@ fn structs_and_constants_are_those_of_the_source() {
         "sf_state",
         State { struct_size, flags, feet, velocity, yaw, breath_used, jetpack_seconds, other_count, others }
     );
+    compare!(
+        program,
+        "sf_locomotion",
+        Locomotion { struct_size, pace, phase, ability, stride, stride_phase, ticks, was_thrown }
+    );
     compare!(program, "sf_progress", Progress { struct_size, reached, best_distance, stalled_decisions, decisions });
     compare!(program, "sf_leg_key", LegKey { from, to });
     compare!(program, "sf_query", Query { struct_size, without, start, goal, caution, avoid_count, avoid });
@@ -224,6 +229,7 @@ fn structs_and_constants_are_those_of_the_source() {
         ("SF_RIDES", abi::RIDES as usize),
         ("SF_SURFACE_JETPACK", abi::surface_number(surefoot_world::mesh::Surface::Jetpack) as usize),
         ("SF_JETPACK", surefoot_world::Ability::Jetpack as usize),
+        ("SF_PACE_STOP", surefoot_world::Pace::Stop as usize),
         ("SF_ARRIVAL_RAY_COUNT", surefoot_world::arrival::LINE_COUNT),
         ("SF_RAY_RANGE", surefoot_world::sense::RAY_RANGE_M as usize),
     ] {

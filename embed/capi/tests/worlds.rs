@@ -3,7 +3,7 @@
 
 use crate::stage::{at, fails, handle, map, ok, state, world};
 use std::ptr::{null, null_mut};
-use surefoot::abi::{Action, Outcome, State, Vec3};
+use surefoot::abi::{Action, Locomotion, Outcome, State, Vec3};
 use surefoot::exports::*;
 use surefoot::{Snapshot, World};
 
@@ -44,6 +44,37 @@ fn what_follows_a_rollback_is_what_followed_before() {
         sf_snapshot_destroy(snapshot);
         sf_world_destroy(world);
     }
+}
+
+#[test]
+fn a_character_that_jumps_flies_and_lands() {
+    let world = world(&map());
+    let mut npc = 0;
+    ok(|error| unsafe { sf_world_spawn(world, Vec3 { x: 50.0, y: 60.0, z: 50.0 }, 0.0, &mut npc, error) });
+    let mut locomotion = Locomotion { struct_size: size_of::<Locomotion>() as u32, ..Locomotion::default() };
+    let mut seen = Vec::new();
+    for decision in 0..40 {
+        let jump = if decision == 24 { 1.0 } else { -1.0 };
+        let action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump };
+        ok(|error| unsafe { sf_world_decide(world, npc, action, error) });
+        for tick in 0..10 {
+            ok(|error| unsafe { sf_world_tick(world, null_mut(), error) });
+            let (state, ability) = (state_of(world, npc), i32::from(decision == 24 && tick == 0));
+            ok(|error| unsafe { sf_locomotion_advance(&mut locomotion, null(), &state, &action, ability, error) });
+            seen.push((locomotion.phase, locomotion.ability));
+        }
+    }
+    seen.dedup();
+    assert_eq!(seen[seen.len() - 4..], [(0, 0), (1, 1), (2, 1), (0, 0)], "{seen:?}");
+    let mut damaged = Locomotion { pace: 9, ..locomotion };
+    let (state, action) = (state_of(world, npc), Action::default());
+    fails(1, "locomotion.pace is 9", |error| unsafe {
+        sf_locomotion_advance(&mut damaged, null(), &state, &action, 0, error)
+    });
+    fails(1, "ability is 7", |error| unsafe {
+        sf_locomotion_advance(&mut locomotion, null(), &state, &action, 7, error)
+    });
+    unsafe { sf_world_destroy(world) };
 }
 
 #[test]

@@ -232,7 +232,10 @@ pub async fn list_npcs(api: &WorldApi, call: Call<wire::ListNpcsRequest>) -> Rep
     let handle = api.worlds.handle_for(&caller, WorldId(world_id))?;
     let frame = frame_on(&handle, coordinates)?;
     let region = convert_region(frame.to_map(region).as_ref())?;
-    let (tick, npcs) = handle.sim.call(|state| (state.world.tick(), state.world.npcs().collect::<Vec<_>>())).await?;
+    let (tick, npcs) = handle
+        .sim
+        .call(|state| (state.world.tick(), state.world.npcs().map(NpcState::without_movement).collect::<Vec<_>>()))
+        .await?;
     let npcs = npcs.into_iter().filter(|npc| region.is_none_or(|region| region.holds(npc.position)));
     let page = page_by_id(npcs, |npc| npc.id.0, NPC_PAGE, page_size, &page_token)?;
     let npcs = page.items.iter().map(npc_to_wire).collect();

@@ -62,11 +62,11 @@ pub async fn watch_world(
     api: &WorldApi,
     call: Call<wire::WatchWorldRequest>,
 ) -> Reply<ReaderStream<wire::WatchWorldResponse>> {
-    let (caller, wire::WatchWorldRequest { world_id, rate_hz, region, delta, coordinates }) = call;
+    let (caller, wire::WatchWorldRequest { world_id, rate_hz, region, delta, coordinates, movement }) = call;
     let world = WorldId(world_id);
     let handle = api.worlds.handle_for(&caller, world)?;
     let (pause, frame) = (pause_of(rate_hz)?, frame_on(&handle, coordinates)?);
-    let view = View::new(convert_region(frame.to_map(region).as_ref())?, delta);
+    let view = View::new(convert_region(frame.to_map(region).as_ref())?, delta).with_movement(movement);
     let subscribed = handle.sim.call(|state| {
         let receiver = state.snapshots.subscribe();
         state.show_snapshot();

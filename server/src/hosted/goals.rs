@@ -320,7 +320,7 @@ impl HostedWorld {
         let Some(record) = self.records.get_mut(&id) else { return false };
         let was_there = std::mem::replace(&mut record.is_at_target, is_there);
         if is_there && !was_there {
-            record.awaiting = None;
+            (record.awaiting, record.prediction) = (None, None);
             self.world.decide(record.slot, Action::default());
         }
         is_there && !was_there

@@ -4,9 +4,9 @@
 //! between ticks. `workers` assigns NPCs to workers, `commands` has the calls of clients (`goals` those about goals,
 //! `routes` those about routes, whose data is in `itinerary`, `living` those about movers and players, `pieces` edits
 //! of the map, `zones` zones and tags), `gathering` the places of NPCs that share goals, `groups` those of NPCs in
-//! formation, `snapshot` and `events` the
-//! data for clients (`motion` detects jumps and landings, `standing` says why NPCs stand), `saved` the save of a world,
-//! and `journal` the changes since then in a fleet. Nothing here awaits or knows wire types.
+//! formation, `snapshot` and `events` the data for clients (`motion` detects jumps and landings, `movement` says how
+//! NPCs move, `standing` why they stand), `saved` the save of a world, and `journal` the changes since then in a fleet.
+//! Nothing here awaits or knows wire types.
 
 mod commands;
 mod events;
@@ -18,6 +18,7 @@ mod itinerary;
 mod journal;
 mod living;
 mod motion;
+mod movement;
 mod outbox;
 mod pieces;
 mod pursuit;
@@ -40,7 +41,8 @@ pub use pieces::{EditError, MapEdit, MapEdited};
 pub use pursuit::{GoalOrder, GoalSet, Pursuit, Rank, Target};
 pub use saved::{RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
 pub use snapshot::{
-    Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Standing, Support, Tally, WorldStats,
+    Counters, EndedAttempt, Movement, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Standing, Support, Tally,
+    WorldStats,
 };
 pub use world::HostedWorld;
 pub use zones::{ZonesEdit, ZonesError};

@@ -78,6 +78,7 @@ impl HostedWorld {
         self.flush();
         let slots = self.world.edit(map).map_err(|enclosed| EditError::Enclosed(self.id_of(enclosed.0)))?;
         self.map_revision += 1;
+        self.records.values_mut().for_each(|record| record.prediction = None);
         for &worker in &self.notified {
             let pieces = self.map().pieces().to_vec();
             self.registry.send_or_cut(worker, ToWorker::Edited(self.id, pieces));

@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_world::map::MoverStop;
-use surefoot_world::{Ability, Chance, End, Gait, MoverState, Player, PlayerSlot, ProfileIdx, Seconds, Tick, Vec3};
+use surefoot_world::{
+    Ability, Chance, End, Gait, Locomotion, MoverState, Player, PlayerSlot, ProfileIdx, Seconds, Tick, Trajectory, Vec3,
+};
 
 /// Status of an NPC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -150,6 +152,25 @@ pub struct NpcState {
     pub route_stop: u32,
     /// How fast it goes.
     pub gait: Gait,
+    /// How it moves; `None` where that is left out.
+    pub movement: Option<Movement>,
+}
+
+impl NpcState {
+    /// The same state for readers that do not animate the NPC.
+    #[must_use]
+    pub fn without_movement(self) -> Self {
+        Self { movement: None, ..self }
+    }
+}
+
+/// How an NPC moves, for animation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Movement {
+    /// Its pace, its stride, and the phase of its leap.
+    pub locomotion: Locomotion,
+    /// What it will do in the second that begins at the tick, if that is known.
+    pub prediction: Option<(Tick, Trajectory)>,
 }
 
 /// All NPCs of a world at one moment.
@@ -204,7 +225,7 @@ pub struct Counters {
     pub missed: u64,
     /// Answers to decisions that were no longer pending.
     pub stale: u64,
-    /// Actions, waypoints and plans that were ignored because a number was invalid.
+    /// Actions, waypoints, plans and predictions that were ignored because a number was invalid.
     pub invalid: u64,
     /// Plans that planners failed to deliver to workers.
     pub plans_failed: u64,

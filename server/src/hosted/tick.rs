@@ -2,6 +2,7 @@
 //! lockstep world requests decisions before it moves, because it waits for the answers.
 
 use super::events::EventKind;
+use super::movement::PREDICTION_TICKS;
 use super::pursuit::NoWay;
 use super::workers::{ASSIGN_EVERY, hand_over};
 use super::world::{HostedWorld, MISSES_UNTIL_NEUTRAL, NpcRecord};
@@ -64,7 +65,8 @@ impl HostedWorld {
         for (&id, record) in records {
             let npc = world.npc(record.slot).expect("every record has an NPC");
             let attempt = record.goal.map(|_| record.attempts);
-            record.motion.note(npc, world.used_in_tick(record.slot), attempt, |kind| {
+            let used = world.used_in_tick(record.slot);
+            record.motion.note((npc, world.profile_of(npc)), used, attempt, |kind| {
                 // All events of a tick have the same time.
                 let time = *now.get_or_insert_with(SystemTime::now);
                 events.push(tick, time, id, kind);
@@ -188,6 +190,13 @@ impl HostedWorld {
             if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {
                 record.waypoint = Some(position);
                 self.world.head_for(record.slot, position, arrival);
+            }
+        }
+        let tick = self.tick();
+        let is_current = answer.tick <= tick && tick.since(answer.tick) <= PREDICTION_TICKS;
+        for (id, attempt, trajectory) in answer.predictions.into_iter().filter(|_| is_current) {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {
+                record.prediction = Some((answer.tick, trajectory));
             }
         }
         for (id, attempt, end) in answer.gave_up {

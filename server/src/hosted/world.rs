@@ -19,8 +19,8 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_planner::{Tags, Zone};
 use surefoot_world::{
-    CharacterProfile, End, Gait, Map, Npc, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World,
-    WorldConfig,
+    CharacterProfile, End, Gait, Map, Npc, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Trajectory, Vec3,
+    World, WorldConfig,
 };
 
 /// The server's data about an NPC, in addition to the world's state.
@@ -60,6 +60,8 @@ pub(super) struct NpcRecord {
     pub misses: u8,
     /// The plan of the NPC, as its worker reported it.
     pub plan: Option<Arc<NpcPlan>>,
+    /// What its worker predicted last, and the tick of the observation.
+    pub prediction: Option<(Tick, Trajectory)>,
     /// The last attempts that ended, the latest last.
     pub history: VecDeque<EndedAttempt>,
     /// Tick at which the current attempt began.
@@ -101,6 +103,7 @@ impl NpcRecord {
             awaiting: None,
             misses: 0,
             plan: None,
+            prediction: None,
             history: VecDeque::new(),
             began: Tick(0),
             ticket,
@@ -188,6 +191,7 @@ impl NpcRecord {
         self.waypoint = None;
         self.awaiting = None;
         self.plan = None;
+        self.prediction = None;
     }
 }
 

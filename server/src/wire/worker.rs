@@ -7,6 +7,7 @@ use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToW
 use surefoot_net::status;
 use surefoot_planner::{Tags, Zone};
 use surefoot_proto::convert::{self, FieldError, WireEnum};
+use surefoot_proto::movement;
 use surefoot_proto::pieces::piece_to_wire;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
@@ -58,6 +59,12 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
     for wire::CarriedPlan { npc_id, plan, attempt } in batch.plans {
         match npc_plan(plan) {
             Ok(plan) => answer.plans.push((NpcId(npc_id), attempt, plan)),
+            Err(_) => answer.invalid += 1,
+        }
+    }
+    for prediction in batch.predictions {
+        match movement::trajectory(&prediction) {
+            Ok(trajectory) => answer.predictions.push((NpcId(prediction.npc_id), prediction.attempt, trajectory)),
             Err(_) => answer.invalid += 1,
         }
     }

@@ -180,6 +180,7 @@ impl<'a> Run<'a> {
     pub fn decide(&mut self, npcs: &mut [DecidingNpc], motion: &mut Motion) {
         let Self { rollout, policy, worlds, decisions, walkers, guide } = self;
         npcs.iter_mut().for_each(|npc| npc.style = walkers[npc.slot.0 as usize].style(&worlds[0]));
+        npcs.iter().for_each(|npc| walkers[npc.slot.0 as usize].predict(&worlds[0]));
         let noise = npcs.iter().flat_map(|npc| walkers[npc.slot.0 as usize].noise.draw(npc.style)).collect();
         let mut batch = DecisionBatch { worlds: &mut *worlds, npcs };
         let outcomes = decisions.decide(&mut batch, policy, Noise::Rows(noise)).to_vec();

@@ -4,7 +4,7 @@ use crate::attempt::Attempt;
 use crate::decision::DecidingNpc;
 use crate::follow::{Fault, FollowConfig, Follower};
 use crate::goals::Goal;
-use crate::motion::{Motion, Trace};
+use crate::motion::{Foresight, Motion, Trace};
 use crate::rehearse::NoiseStream;
 use crate::style::Style;
 use serde::{Deserialize, Serialize};
@@ -120,6 +120,7 @@ pub(super) struct Walker {
     pub(super) track: Track,
     pub(super) actions: Vec<Action>,
     pub(super) trace: Trace,
+    foresight: Foresight,
 }
 
 impl Walker {
@@ -142,6 +143,7 @@ impl Walker {
             track: vec![goal.start],
             actions: Vec::new(),
             trace: Trace::begin(world.npc(slot).expect("just spawned")),
+            foresight: Foresight::default(),
         }
     }
 
@@ -159,10 +161,19 @@ impl Walker {
         self.attempt.as_ref().map_or(Style::Free, |it| it.style(world.map(), world.profile_of(npc), &npc.body))
     }
 
+    /// Records what is predicted before a decision.
+    pub fn predict(&mut self, world: &World) {
+        let npc = world.npc(self.deciding.slot).expect("a running NPC");
+        if let Some(attempt) = &self.attempt {
+            self.foresight.predict(attempt, &npc.body);
+        }
+    }
+
     /// Records one decision.
     pub fn record(&mut self, world: &World, action: Action, motion: &mut Motion) {
         let npc = world.npc(self.deciding.slot).expect("a running NPC");
         motion.note(&mut self.trace, npc, self.attempt.as_ref().and_then(|attempt| attempt.follower.ability()));
+        self.foresight.check(npc.body.feet, motion);
         self.actions.push(action);
         self.track.push(npc.body.feet);
         self.measured.record_decision(npc.body.feet);

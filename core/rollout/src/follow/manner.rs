@@ -17,6 +17,13 @@ impl Follower {
         self.course().map_or(Style::for_leg(ability), Style::Walk)
     }
 
+    /// Ability of the next leap or ride, on the current leg or the one after it; [`Ability::Walk`] if there is none.
+    pub fn next_ability(&self) -> Ability {
+        let legs = self.plan.as_ref().map_or(&[][..], |plan| &plan.legs[self.leg..]);
+        let mut abilities = legs.iter().take(2).map(|leg| leg.ability);
+        abilities.find(|ability| *ability != Ability::Walk).unwrap_or_default()
+    }
+
     /// The course of the current leg, if the NPC is steered there.
     fn course(&self) -> Option<Course> {
         let plan = self.plan.as_ref().filter(|_| self.steers(self.leg))?;

@@ -4,10 +4,14 @@ use super::{Handle, destroy, export, profile};
 use crate::abi::{self, RAY_COUNT};
 use crate::agents::{Agents, Policy, Sensed};
 use crate::error::{Fault, Status};
-use crate::memory::{self, fill, growing_at, hand_out, lock, reference, slice, slice_mut, write, write_growing};
+use crate::locomotion;
+use crate::memory::{
+    self, fill, growing, growing_at, hand_out, lock, reference, slice, slice_mut, write, write_growing,
+};
 use std::ffi::{c_char, c_void};
 use std::path::Path;
 use std::sync::Mutex;
+use surefoot_world::TaskConfig;
 use surefoot_world::arrival::LINE_COUNT;
 use surefoot_world::sense::RAY_RANGE_M;
 
@@ -95,6 +99,20 @@ export! {
             agents.rays_of(&sensed(states, idx, &agents)?, rays);
         }
         Ok(())
+    }
+
+    fn sf_locomotion_advance(
+        locomotion: *mut abi::Locomotion,
+        body: *const abi::Body,
+        state: *const abi::State,
+        action: *const abi::Action,
+        ability: i32,
+    ) {
+        let (before, profile) = (growing(locomotion, "locomotion")?, profile(body)?);
+        let sensed = Sensed::new(&growing(state, "state")?, &[], TaskConfig::default().drown_ticks)?;
+        let action = (*reference(action, "action")?).try_into()?;
+        let after = locomotion::advance(&before, &profile, &sensed, action, ability)?;
+        write_growing(locomotion, "locomotion", after)
     }
 
     fn sf_agents_arrival_rays(

@@ -33,8 +33,10 @@ test('a level is imported, NPCs are spawned and seen, also after the server has 
   expect(spawned).toHaveLength(2)
   const broken: unknown[] = []
   let snapshots = 0
-  for await (const { npcs } of surefoot.watchWorld(worldId, { rateHz: 20, onBreak: (error) => broken.push(error) })) {
+  const onBreak = (error: unknown) => broken.push(error)
+  for await (const { npcs } of surefoot.watchWorld(worldId, { rateHz: 20, movement: true, onBreak })) {
     expect(npcs.map(({ npcId }) => npcId)).toEqual(spawned)
+    expect(npcs.every(({ movement }) => movement !== undefined)).toBe(true)
     snapshots += 1
     if (broken.length > 0) break
     if (snapshots === 60) await restart()

@@ -1,6 +1,6 @@
 // An NPC that runs to where one clicks: the policy on three.js' rays, along plans over the level's graph. No server takes part.
 
-import { Agents, Graph, originOf, Policy, Walkers } from '../../dist/index.js'
+import { Agents, Graph, Locomotion, originOf, Policy, Walkers } from '../../dist/index.js'
 import { Character, TICK_SECONDS } from './character.ts'
 import { BOXES, lowestCorner, START } from './level.ts'
 import { Scene } from './scene.ts'
@@ -19,6 +19,7 @@ const agents = new Agents(policy)
 const walkers = new Walkers(agents, graph)
 const scene = new Scene(BOXES, agents.body)
 let character = new Character(agents.body, BOXES, START)
+let locomotion = new Locomotion(agents.body)
 let action = { forward: 0, strafe: 0, turn: 0, jump: 0 }
 let tick = 0
 
@@ -33,6 +34,7 @@ async function step(): Promise<void> {
     scene.showPlan(character.feet, follower?.plan, follower?.waypointIdx ?? 0)
   }
   character.tick(action)
+  locomotion.advance(character.state, action)
   walkers.note(NPC, character.state)
   tick += 1
   if (character.feet.y < lowestCorner().y - 5) respawn()
@@ -41,6 +43,7 @@ async function step(): Promise<void> {
 /** Puts the character back to the start after a fall. */
 function respawn(): void {
   character = new Character(agents.body, BOXES, START)
+  locomotion = new Locomotion(agents.body)
   walkers.stop(NPC)
   agents.begin(NPC)
 }
@@ -50,7 +53,7 @@ async function frame(now: number): Promise<void> {
   owed = Math.min(owed + (now - last) / 1000, MOST_SECONDS)
   last = now
   for (; owed >= TICK_SECONDS; owed -= TICK_SECONDS) await step()
-  scene.draw(character.state)
+  scene.draw(character.state, locomotion)
   const { x, y, z } = character.feet
   const status = document.querySelector('output')!
   status.value = `${walkers.status(NPC)} at ${[x, y, z].map((value) => value.toFixed(1)).join(' ')}`

@@ -1,8 +1,9 @@
 // What the example shows: boxes, the NPC, and the plan that it follows.
 
 import * as THREE from 'three'
-import type { AgentState, Body, CastRays, Plan, Vec3 } from '../../dist/index.js'
+import type { AgentState, Body, CastRays, Locomotion, Plan, Vec3 } from '../../dist/index.js'
 import { RAY_RANGE_M, Surface } from '../../dist/index.js'
+import { Figure } from './figure.ts'
 import type { Box } from './level.ts'
 
 export class Scene {
@@ -10,16 +11,16 @@ export class Scene {
   private readonly camera = new THREE.PerspectiveCamera(50, 1, 0.1, 200)
   private readonly renderer = new THREE.WebGLRenderer({ antialias: true })
   private readonly solids: THREE.Mesh[]
-  private readonly npc: THREE.Group
+  private readonly npc: Figure
   private readonly route = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xffcc33 }))
 
   constructor(boxes: readonly Box[], body: Body) {
     this.solids = boxes.map(meshOf)
-    this.npc = figureOf(body)
+    this.npc = new Figure(body)
     const sun = new THREE.DirectionalLight(0xffffff, 2)
     sun.position.set(10, 30, 15)
     this.scene.background = new THREE.Color(0x202830)
-    this.scene.add(...this.solids, this.npc, this.route, sun, new THREE.HemisphereLight(0xbfd8ff, 0x404040, 1.5))
+    this.scene.add(...this.solids, this.npc.group, this.route, sun, new THREE.HemisphereLight(0xbfd8ff, 0x404040, 1.5))
     this.camera.position.set(0, 34, 32)
     this.camera.lookAt(0, 0, 0)
     document.body.append(this.renderer.domElement)
@@ -64,9 +65,10 @@ export class Scene {
     )
   }
 
-  draw({ feet, yaw }: AgentState): void {
-    this.npc.position.set(feet.x, feet.y, feet.z)
-    this.npc.rotation.y = yaw
+  draw({ feet, yaw }: AgentState, locomotion: Locomotion): void {
+    this.npc.group.position.set(feet.x, feet.y, feet.z)
+    this.npc.group.rotation.y = yaw
+    this.npc.animate(locomotion)
     this.renderer.render(this.scene, this.camera)
   }
 
@@ -87,14 +89,4 @@ function meshOf({ low, high }: Box): THREE.Mesh {
   mesh.position.copy(from.add(to).multiplyScalar(0.5))
   mesh.updateMatrixWorld()
   return mesh
-}
-
-/** A capsule with a nose: figures that face +z need no turning. */
-function figureOf({ height, radius }: Body): THREE.Group {
-  const skin = new THREE.MeshLambertMaterial({ color: 0xff7744 })
-  const capsule = new THREE.Mesh(new THREE.CapsuleGeometry(radius, height - 2 * radius), skin)
-  const nose = new THREE.Mesh(new THREE.BoxGeometry(0.12, 0.12, 0.4), skin)
-  capsule.position.y = height / 2
-  nose.position.set(0, 0.8 * height, radius)
-  return new THREE.Group().add(capsule, nose)
 }

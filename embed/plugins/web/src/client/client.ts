@@ -132,12 +132,15 @@ export class Surefoot {
     })
   }
 
-  /** Yields snapshots of a world, `rateHz` a second, and connects again when the connection breaks. */
+  /**
+   * Yields snapshots of a world, `rateHz` a second, and connects again when the connection breaks. With `movement`, they
+   * have what animations need.
+   */
   watchWorld(
     worldId: bigint,
-    { rateHz = 10, ...options }: WatchOptions & { rateHz?: number } = {},
+    { rateHz = 10, movement = false, ...options }: WatchOptions & { rateHz?: number; movement?: boolean } = {},
   ): AsyncGenerator<WatchWorldResponse, void> {
-    return keepWatching((signal) => this.worlds.watchWorld({ worldId, rateHz }, { signal }), options)
+    return keepWatching((signal) => this.worlds.watchWorld({ worldId, rateHz, movement }, { signal }), options)
   }
 
   /**

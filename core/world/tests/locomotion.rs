@@ -1,0 +1,124 @@
+//! How bodies move, as animations need it.
+
+use crate::stage::{FORWARD, NPC, STAND};
+use std::sync::Arc;
+use surefoot_world::character::Support;
+use surefoot_world::character::bodies::BODIES;
+use surefoot_world::map::{MapSize, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{
+    Ability, AbilitySet, Action, Body, CharacterProfile, Locomotion, Map, MovePhase, Pace, TakeOff, TaskConfig,
+    Trajectory, Vec3, World,
+};
+
+const GROUND: f32 = 10.0;
+
+/// A world with an NPC on a floor of 400 x 400 m.
+fn world() -> World {
+    let [a, b, c, d] = [(0.0, 0.0), (0.0, 400.0), (400.0, 400.0), (400.0, 0.0)].map(|(x, z)| Vec3::new(x, GROUND, z));
+    let floor = [[a, b, c], [a, c, d]].into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground));
+    let map = Map::from_parts(MapSize { width: 400, height: 80, depth: 400 }, floor.collect(), Placed::default());
+    let mut world = World::new(Arc::new(map), CharacterProfile::default(), TaskConfig::default());
+    world.spawn(Vec3::new(200.0, GROUND, 10.0), 0.0);
+    world
+}
+
+/// Lets the NPC act for some decisions, and returns its states, tick by tick.
+fn follow(world: &mut World, locomotion: &mut Locomotion, action: Action, decisions: u32) -> Vec<Locomotion> {
+    let mut states = Vec::new();
+    for _ in 0..decisions {
+        world.decide(NPC, action);
+        for _ in 0..10 {
+            world.tick();
+            let npc = world.npc(NPC).unwrap();
+            locomotion.advance(&npc.body, world.profile_of(npc), &npc.action, world.used_in_tick(NPC));
+            states.push(*locomotion);
+        }
+    }
+    states
+}
+
+/// The different values, in order.
+fn sequence<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut values: Vec<T> = values.into_iter().collect();
+    values.dedup();
+    values
+}
+
+#[test]
+fn a_body_stands_turns_walks_runs_and_stops() {
+    let (mut world, mut locomotion) = (world(), Locomotion::default());
+    follow(&mut world, &mut locomotion, STAND, 3);
+    let mut paces = |action, decisions| {
+        sequence(follow(&mut world, &mut locomotion, action, decisions).iter().map(|state| state.pace))
+    };
+    assert_eq!(paces(STAND, 2), [Pace::Idle]);
+    assert_eq!(paces(Action { turn: 0.5, ..STAND }, 2), [Pace::Turn]);
+    assert_eq!(paces(Action { forward: 0.15, ..STAND }, 4), [Pace::Walk]);
+    assert_eq!(paces(FORWARD, 4), [Pace::Run]);
+    assert_eq!(paces(STAND, 4), [Pace::Stop, Pace::Idle]);
+}
+
+#[test]
+fn a_jump_has_a_flight_and_a_landing_and_one_in_the_air_another_ability() {
+    let (mut world, mut locomotion) = (world(), Locomotion::default());
+    follow(&mut world, &mut locomotion, STAND, 3);
+    let mut states = follow(&mut world, &mut locomotion, Action { jump: 1.0, ..FORWARD }, 3);
+    states.extend(follow(&mut world, &mut locomotion, FORWARD, 12));
+    let phases = sequence(states.iter().map(|state| (state.phase, state.ability)));
+    let flight = Some(MovePhase::Flight);
+    let expected = [
+        (flight, Ability::Jump),
+        (flight, Ability::DoubleJump),
+        (Some(MovePhase::Landing), Ability::DoubleJump),
+        (None, Ability::Walk),
+    ];
+    assert_eq!(phases, expected);
+    assert_eq!(states.iter().filter(|state| state.has_landed()).count(), 1);
+    let landing = states.iter().filter(|state| state.phase == Some(MovePhase::Landing)).count();
+    assert_eq!(landing, 13, "the tick in which it lands, and 0.2 s");
+}
+
+#[test]
+fn strides_are_as_long_as_those_of_people_and_their_phase_follows_the_way() {
+    let (mut world, mut locomotion) = (world(), Locomotion::default());
+    let walk = Action { forward: 0.127, ..STAND };
+    follow(&mut world, &mut locomotion, walk, 12);
+    let (before, from) = (locomotion, world.npc(NPC).unwrap().body.feet.z);
+    assert!((before.stride_m - 1.35).abs() < 0.15, "{} m at 1.4 m/s", before.stride_m);
+    let states = follow(&mut world, &mut locomotion, walk, 60);
+    let strides = states.windows(2).filter(|pair| pair[1].stride_phase < pair[0].stride_phase).count();
+    let way = world.npc(NPC).unwrap().body.feet.z - from;
+    assert!((strides as f32 - way / before.stride_m).abs() <= 1.0, "{strides} strides over {way} m");
+    let states = follow(&mut world, &mut locomotion, FORWARD, 12);
+    let longest = states.iter().map(|state| state.stride_m).fold(0.0, f32::max);
+    assert!((longest - 4.7).abs() < 0.3, "{longest} m at 11 m/s");
+}
+
+#[test]
+fn all_bodies_begin_to_run_at_the_same_froude_number() {
+    for named in BODIES {
+        let profile = named.profile();
+        let pace_at = |froude: f32| {
+            let speed = (froude * 9.81 * 0.53 * profile.height).sqrt();
+            let velocity = Vec3::new(0.0, 0.0, speed);
+            let mut body = Body::default();
+            (body.support, body.velocity) = (Support::Ground, velocity);
+            let mut locomotion = Locomotion::default();
+            locomotion.advance(&body, &profile, &FORWARD, AbilitySet::default());
+            locomotion.pace
+        };
+        assert_eq!([0.004, 0.4, 0.6].map(pace_at), [Pace::Idle, Pace::Walk, Pace::Run], "{}", named.name);
+    }
+}
+
+#[test]
+fn a_body_winds_up_before_it_leaves_the_ground() {
+    let take_off = Some(TakeOff { ticks: 50, ability: Ability::Jump });
+    let trajectory = Trajectory { take_off, ..Trajectory::default() };
+    assert_eq!([0, 29, 30, 60].map(|age| trajectory.winds_up_for(age).is_some()), [false, false, true, true]);
+    let standing = Locomotion::default().winding_up(Ability::Jump);
+    assert_eq!((standing.phase, standing.ability), (Some(MovePhase::WindUp), Ability::Jump));
+    let flying = Locomotion { phase: Some(MovePhase::Flight), ..Locomotion::default() };
+    assert_eq!(flying.winding_up(Ability::Jump), flying);
+}
