@@ -22,6 +22,7 @@ namespace Surefoot.Tests
             ["sf_device"] = "Device",
             ["sf_body"] = "Body",
             ["sf_state"] = "CharacterState",
+            ["sf_locomotion"] = "Locomotion",
             ["sf_progress"] = "Progress",
             ["sf_leg_key"] = "LegKey",
             ["sf_query"] = "NativeQuery",
@@ -35,7 +36,7 @@ namespace Surefoot.Tests
             ["sf_outcome"] = "Outcome",
         };
 
-        private static readonly string[] Prefixes = { "SF_SURFACE_", "SF_STEP_", "SF_COORDINATES_", "SF_" };
+        private static readonly string[] Prefixes = { "SF_SURFACE_", "SF_STEP_", "SF_COORDINATES_", "SF_PACE_", "SF_MOVE_", "SF_" };
 
         /// <summary>The file has lines `size STRUCT BYTES`, `offset STRUCT FIELD BYTES` and `constant NAME VALUE`.</summary>
         internal static void AreThoseOfTheHeader(string path)

@@ -55,6 +55,33 @@ namespace Surefoot.Tests
             Jump(motion, true, "a jump after landing");
         }
 
+        internal static void LeapsHavePhases(string square)
+        {
+            using (Map map = Map.Load(square))
+            using (World world = new World(map))
+            {
+                uint npc = world.Spawn(map.Origin, 0);
+                Locomotion locomotion = default(Locomotion);
+                string phases = "";
+                for (int decision = 0; decision < 10; decision++)
+                {
+                    AgentAction action = new AgentAction { Forward = 1, Jump = decision == 2 ? 1 : -1 };
+                    world.Decide(npc, action);
+                    for (int tick = 0; tick < World.TicksPerDecision; tick++)
+                    {
+                        world.Tick();
+                        Ability used = decision == 2 && tick == 0 ? Ability.Jump : Ability.Walk;
+                        locomotion.Advance(Body.Default, world.State(npc), action, used);
+                        string phase = locomotion.Phase + "," + locomotion.Ability + " ";
+                        phases += phases.EndsWith(phase) ? "" : phase;
+                    }
+                }
+                Expect.That(phases.EndsWith("None,Walk Flight,Jump Landing,Jump None,Walk "), phases);
+                Expect.Equal(locomotion.Pace, Pace.Run, "the pace");
+                Expect.That(locomotion.Stride > 4, "the stride at 11 m/s");
+            }
+        }
+
         internal static void StepsGiveNoSpeed()
         {
             CharacterMotion motion = new CharacterMotion(Body.Default);

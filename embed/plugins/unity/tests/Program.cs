@@ -45,6 +45,7 @@ namespace Surefoot.Tests
             Run("right is right and left is left in both frames", () => FrameTests.SidesAgree(files.Square));
             Run("the origin of a level shifts places", () => FrameTests.OriginShifts(files.Square));
             Run("a character moves as in the simulation", () => MotionTests.MovesAsInTheSimulation(files.Square));
+            Run("a leap has a flight and a landing", () => MotionTests.LeapsHavePhases(files.Square));
             Run("a jump from the ground and one in the air", MotionTests.JumpsTwice);
             Run("a step that is climbed gives no upward speed", MotionTests.StepsGiveNoSpeed);
             Run("agents observe what the simulation observes", () => AgentsTests.ObserveWhatTheSimulationObserves(files));

@@ -194,6 +194,39 @@ namespace Surefoot
         public IntPtr Others;
     }
 
+    /// <summary>How a character moves, for its animator; <c>sf_locomotion</c>. Begin with the default value.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct Locomotion
+    {
+        internal uint StructSize;
+        /// <summary>What its legs do; in the air, what they did last.</summary>
+        public Pace Pace;
+        public MovePhase Phase;
+        /// <summary>Ability of its leap or ride; walking in a fall and without a phase.</summary>
+        public Ability Ability;
+        /// <summary>Length of a stride, which is two steps, m; 0 unless it moves on the ground.</summary>
+        public float Stride;
+        /// <summary>Share of the stride done, 0 to 1: one foot is put down at 0, the other at 0.5.</summary>
+        public float StridePhase;
+        internal uint Ticks;
+        internal int WasThrown;
+
+        /// <summary>
+        /// Follows the character by one tick of 1/60 s, in which it carried out <paramref name="action"/>, used
+        /// <paramref name="used"/>, and came to <paramref name="state"/>.
+        /// </summary>
+        public unsafe void Advance(Body body, CharacterState state, AgentAction action, Ability used = Ability.Walk)
+        {
+            NativeError error;
+            Locomotion after = this;
+            after.StructSize = (uint)sizeof(Locomotion);
+            body.StructSize = (uint)sizeof(Body);
+            state.StructSize = (uint)sizeof(CharacterState);
+            Native.Check(NativeMethods.sf_locomotion_advance(&after, &body, &state, &action, used, &error), &error);
+            this = after;
+        }
+    }
+
     /// <summary>How an agent gets on towards its goal; <c>sf_progress</c>.</summary>
     [StructLayout(LayoutKind.Sequential)]
     public struct Progress

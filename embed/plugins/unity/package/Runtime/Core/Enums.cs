@@ -77,6 +77,28 @@ namespace Surefoot
         Jetpack = 1u << Ability.Jetpack,
     }
 
+    /// <summary>What the legs of a character do; <c>sf_pace</c>.</summary>
+    public enum Pace
+    {
+        Idle = 0,
+        /// <summary>It turns in place.</summary>
+        Turn = 1,
+        /// <summary>It walks: up to 2.2 m/s for a body of 1.8 m.</summary>
+        Walk = 2,
+        Run = 3,
+        /// <summary>It moves, but its action brings it to rest.</summary>
+        Stop = 4,
+    }
+
+    /// <summary>Phase of a leap, a ride or a fall; <c>sf_move_phase</c>.</summary>
+    public enum MovePhase
+    {
+        None = 0,
+        Flight = 1,
+        /// <summary>It has come down within the last 0.2 s.</summary>
+        Landing = 2,
+    }
+
     /// <summary>Flags of a <see cref="CharacterState"/>.</summary>
     [Flags]
     public enum StateFlags : uint

@@ -49,6 +49,8 @@ namespace Surefoot
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_agents_note(AgentsHandle agents, uint agent, Vec3 feet, int* reached, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_locomotion_advance(Locomotion* locomotion, Body* body, CharacterState* state, AgentAction* action, Ability ability, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_agents_rays(AgentsHandle agents, CharacterState* states, UIntPtr count, SightRay* rays, UIntPtr rayCapacity, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_agents_arrival_rays(
