@@ -1,5 +1,6 @@
 //! Movers in their current poses, and the index of movers near a place.
 
+use crate::aabb::Aabb;
 use crate::cells::{Cells, Span};
 use crate::map::{Map, Mover, MoverStop};
 use crate::mesh::{Surface, Triangle};
@@ -75,9 +76,7 @@ impl MoversNearby {
         let cells = Cells::over(Vec3::ZERO, map.extent(), CELL_M);
         let mut nearby = Self { cells, lists: vec![Vec::new(); cells.count()], spans: Vec::new() };
         for (id, mover) in (0..).map(MoverId).zip(map.movers()) {
-            let all = (0..mover.stops.len()).map(|stop| mover.bounds_at(stop));
-            let swept = all.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
-            let (low, high) = swept.expect("a mover has stops");
+            let Aabb { low, high } = mover.reach();
             // While it travels, a mover that turns reaches farther than at its stops.
             let turned = if mover.stops.iter().any(|stop| stop.yaw != 0.0) { (high - low).length() } else { 0.0 };
             let span = nearby.span(low, high, REACH_M + turned);
