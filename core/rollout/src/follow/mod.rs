@@ -2,13 +2,14 @@
 //!
 //! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
 //! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
-//! (legs to avoid), `manner` (how the NPC moves), `review` and `shortcuts` (what is changed in
-//! a new plan) and `detour` (the way back after a push).
+//! (legs to avoid), `manner` (how the NPC moves), `prepare` (what is changed in a new plan, with `review` and
+//! `shortcuts`) and `detour` (the way back after a push).
 
 mod detour;
 mod failures;
 mod manner;
 mod movers;
+mod prepare;
 mod review;
 pub mod scene;
 mod shortcuts;
