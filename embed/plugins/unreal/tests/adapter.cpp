@@ -170,7 +170,8 @@ int chase(Game& game, std::uint32_t npc, Agents& agents, Attempt& attempt, Goal 
         Controls controls;
         must(agents.decide(&id, &character, 1, game, &controls));
         game.decide(npc, controls);
-        for (std::uint32_t tick = 0; tick < SF_TICKS_PER_DECISION; tick++) {
+        // An attempt may end at any tick; where the character goes afterwards is not part of it.
+        for (std::uint32_t tick = 0; tick < SF_TICKS_PER_DECISION && attempt.state() == AttemptState::GoesOn; tick++) {
             game.tick();
             must(attempt.note(game.character(npc), game));
         }
