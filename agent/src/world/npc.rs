@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use surefoot_rollout::rehearse::NoiseStream;
 use surefoot_rollout::{Attempt, Follower};
-use surefoot_world::{Body, Npc as State, Trajectory, Vec3};
+use surefoot_world::{Body, Trajectory, Vec3};
 
 /// NPCs by id.
 pub(super) type Npcs = BTreeMap<u64, Npc>;
@@ -88,14 +88,6 @@ impl Npc {
             self.news.waypoint = Some(waypoint);
         }
         self.planning.is_outdated |= self.attempt.follower.has_goal_drifted(self.feet);
-    }
-
-    /// Tells the server the waypoint if rehearsals have changed it: if the NPC's state has another one.
-    pub fn note_waypoint(&mut self, state: &State) {
-        let waypoint = self.attempt.follower.waypoint();
-        if waypoint.is_some() && waypoint != state.episode.map(|episode| episode.goal) {
-            self.news.waypoint = waypoint;
-        }
     }
 
     /// What the NPC with this `body` will do in the next second, as far as it is known.

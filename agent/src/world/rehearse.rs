@@ -7,7 +7,6 @@ use super::{WorldError, WorldTask};
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use surefoot_rollout::attempt::AfterRehearsal;
-use surefoot_rollout::follow::Reviewed;
 use surefoot_rollout::rehearse::RehearsalStart;
 use surefoot_world::{End, MoverState, Npc as State};
 
@@ -71,7 +70,7 @@ impl WorldTask {
         }
         for seen in chosen {
             if let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) {
-                npc.note_waypoint(&state);
+                npc.news.waypoint = npc.attempt.changed_waypoint(&state).or(npc.news.waypoint);
             }
         }
         Ok(())
@@ -87,7 +86,7 @@ impl WorldTask {
             new.retain(|seen| {
                 let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) else { return false };
                 let may_cross = |from, to| rules.are_far_from(from, to);
-                let asks = npc.attempt.review(map, body, &state.body, may_cross) == Reviewed::Plan;
+                let asks = npc.attempt.review(map, body, &state.body, may_cross);
                 if asks {
                     requests.push(PlanRequest { npc_id: seen.id, attempt: npc.number, feet: seen.feet });
                 }

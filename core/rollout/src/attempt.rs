@@ -10,7 +10,7 @@
 //! 4. compares the body with the [`forecast`](Attempt::check_forecast) and records the decision
 //!    ([`Follower::record_decision`]), which says where to head, when to plan and when to end.
 
-use crate::follow::{Follower, Ground, Reviewed, Step};
+use crate::follow::{Follower, Ground, Step};
 use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
@@ -107,15 +107,22 @@ impl Attempt {
         (body.is_grounded() && goal.distance(body.feet) <= STRAIGHT_M).then_some(goal)
     }
 
-    /// Reviews a new plan on the map, for ways between two places, m, that `may_cross` allows.
+    /// Reviews a new plan on the map, for ways between two places, m, that `may_cross` allows. True if the driver makes
+    /// another plan, for another review.
     pub fn review(
         &mut self,
         map: &Map,
         profile: &CharacterProfile,
         body: &Body,
         may_cross: impl Fn(Vec3, Vec3) -> bool,
-    ) -> Reviewed {
+    ) -> bool {
         self.follower.review(body.feet, &OnMap { map, profile, may_cross })
+    }
+
+    /// The waypoint, m, if reviews and rehearsals have changed it: if `npc` heads for another one.
+    pub fn changed_waypoint(&self, npc: &Npc) -> Option<Vec3> {
+        let heads_for = npc.episode.map(|episode| episode.goal);
+        self.follower.waypoint().filter(|waypoint| heads_for != Some(*waypoint))
     }
 
     /// Lets the NPC act without a rehearsal where it must stand at a goal nearby, and the way there and both sides of

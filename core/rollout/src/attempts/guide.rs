@@ -4,7 +4,7 @@ use super::walker::Walker;
 use crate::attempt::{AfterRehearsal, Attempt};
 use crate::decision::DecisionLoop;
 use crate::follow::scene::Scene;
-use crate::follow::{Follower, Reviewed, Step};
+use crate::follow::{Follower, Step};
 use crate::rehearse::Rehearsal;
 use std::time::Instant;
 use surefoot_planner::{EdgeCosts, Router, Traffic};
@@ -113,7 +113,7 @@ impl Guide<'_> {
         loop {
             let npc = world.npc(walker.deciding.slot).expect("a running NPC");
             let (feet, attempt) = (npc.body.feet, attempt_of(&mut walker.attempt));
-            if attempt.review(world.map(), world.profile_of(npc), &npc.body, |_, _| true) != Reviewed::Plan {
+            if !attempt.review(world.map(), world.profile_of(npc), &npc.body, |_, _| true) {
                 return;
             }
             self.plan(world, walker, feet);
@@ -186,19 +186,13 @@ impl Guide<'_> {
             });
         }
         for idx in rehearsed {
-            head_for_waypoint(world, &walkers[idx]);
+            let Walker { deciding, attempt, .. } = &mut walkers[idx];
+            let attempt = attempt_of(attempt);
+            let npc = world.npc(deciding.slot).expect("a running NPC");
+            if let Some(waypoint) = attempt.changed_waypoint(npc) {
+                world.head_for(deciding.slot, waypoint, attempt.follower.arrival());
+            }
         }
-    }
-}
-
-/// Lets an NPC head for its waypoint if that is another one after rehearsals.
-fn head_for_waypoint(world: &mut World, walker: &Walker) {
-    let slot = walker.deciding.slot;
-    let Some(follower) = walker.follower() else { return };
-    let Some(waypoint) = follower.waypoint() else { return };
-    let episode = world.npc(slot).expect("a running NPC").episode;
-    if episode.is_none_or(|episode| episode.goal != waypoint) {
-        world.head_for(slot, waypoint, follower.arrival());
     }
 }
 

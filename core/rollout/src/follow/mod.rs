@@ -16,8 +16,8 @@ mod shortcuts;
 
 use detour::Detour;
 use failures::Failures;
+pub use review::Ground;
 use review::Review;
-pub use review::{Ground, Reviewed};
 use scene::{MoverResponse, MoverWatch};
 use serde::{Deserialize, Serialize};
 use shortcuts::Shortcuts;

@@ -1,24 +1,24 @@
 //! What a follower does with a new plan before it is rehearsed: it reviews the plan, and looks for shortcuts.
 
 use super::Follower;
-use super::review::{Ground, MAX_ROUNDS, Review, Reviewed, leaps};
+use super::review::{Ground, MAX_ROUNDS, Review, leaps};
 use super::shortcuts::Shortcuts;
 use surefoot_world::{Ability, Vec3};
 
 impl Follower {
-    /// Reviews a new plan of an NPC with the feet at `feet`, m, before it sets out.
-    pub fn review(&mut self, feet: Vec3, ground: &impl Ground) -> Reviewed {
+    /// Reviews a new plan of an NPC with the feet at `feet`, m, before it sets out. True if the driver makes another
+    /// plan, for another review; otherwise the waypoint may have changed.
+    pub fn review(&mut self, feet: Vec3, ground: &impl Ground) -> bool {
         let is_open = !self.review.is_done && self.config.composes && self.leg == 0;
         let plan = self.plan.as_ref().filter(|plan| is_open && plan.needs.is_empty());
-        let Some(plan) = plan.cloned() else { return Reviewed::Keep };
-        let planned = plan.waypoints[0];
+        let Some(plan) = plan.cloned() else { return false };
         let leaps = leaps(&plan, feet, ground);
         let is_settled = leaps.is_empty() || plan.no_path.is_some() || self.review.rounds >= MAX_ROUNDS;
         self.review.leaps.extend_from_slice(&leaps);
         self.review.compare(plan, leaps.len());
         if !is_settled {
             self.review.rounds += 1;
-            return Reviewed::Plan;
+            return true;
         }
         let (mut best, _) = self.review.best.take().expect("a plan was compared");
         for leg in &mut best.legs {
@@ -29,10 +29,9 @@ impl Follower {
         self.review = Review { is_done: true, ..Review::default() };
         self.feet = feet;
         self.shortcuts = Shortcuts::find(&best, feet, |from, to| ground.is_lane(from, to));
-        let waypoint = best.waypoints[self.shortcuts.end(0)];
         self.plan = Some(best);
         self.start_leg(0);
-        if waypoint == planned { Reviewed::Keep } else { Reviewed::HeadFor(waypoint) }
+        false
     }
 
     /// The leg after the next `count` legs, shortcuts counted as one leg each.

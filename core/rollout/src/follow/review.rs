@@ -17,17 +17,6 @@ pub trait Ground {
     fn is_lane(&self, from: Vec3, to: Vec3) -> bool;
 }
 
-/// What follows a review.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Reviewed {
-    /// The plan stays, and with it the waypoint.
-    Keep,
-    /// The NPC heads for this waypoint, m.
-    HeadFor(Vec3),
-    /// The driver makes another plan, for another review.
-    Plan,
-}
-
 /// The review of a plan.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Review {
