@@ -276,10 +276,8 @@ impl Graph {
                 return Plans::default();
             }
         };
-        // The planner knows that there is no path only when the graph is complete.
-        let is_known = |plan: &Plan| !interim || plan.no_path.is_none();
-        let plans = plans.iter().map(|plan| plans::plan(plan).ok().filter(is_known)).collect();
-        Plans { plans, revision: revision_from_wire(revision) }
+        let plans = plans.iter().map(|plan| plans::plan(plan).ok()).collect();
+        Plans { plans, revision: revision_from_wire(revision), is_interim: interim }
     }
 
     /// Reports traversals of edges in the background, to an interim graph if `takes_interim`.
@@ -311,6 +309,8 @@ pub(super) struct Plans {
     pub plans: Vec<Option<Plan>>,
     /// Revision of designers' edits with which the plans were made.
     pub revision: Option<u64>,
+    /// Whether the graph is incomplete, so that goals without a path may have one.
+    pub is_interim: bool,
 }
 
 impl Drop for Graph {

@@ -217,7 +217,7 @@ impl WorldTask {
         }
         let npc = self.npc(seen.id);
         npc.feet = seen.feet;
-        npc.attempt.set_gait(seen.gait);
+        npc.planning.is_outdated |= npc.attempt.set_gait(seen.gait);
         npc.follow_goal(seen.goal, seen.has_reached);
     }
 

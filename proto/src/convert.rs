@@ -9,7 +9,9 @@ use surefoot_world::character::{ProfileError, RawCharacterProfile};
 use surefoot_world::formation::Shape;
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind};
 use surefoot_world::mesh::Surface;
-use surefoot_world::{Ability, CharacterProfile, End, Gait, MapSpec, PlayerContact, RawMapSpec, SpecError, Vec3};
+use surefoot_world::{
+    Ability, CharacterProfile, End, GAITS, Gait, MapSpec, NamedGait, PlayerContact, RawMapSpec, SpecError, Vec3,
+};
 use tonic_types::{ErrorDetails, StatusExt};
 
 /// Why a field of a message is invalid.
@@ -26,6 +28,8 @@ pub enum FieldError {
     Body(#[from] ProfileError),
     #[error("body.preset is \"{found}\"; there are {names}", names = BODIES.map(|body| body.name).join(", "))]
     UnknownBody { found: String },
+    #[error("gait.name is \"{found}\"; there are {names}", names = GAITS.map(|gait| gait.name).join(", "))]
+    UnknownGait { found: String },
     #[error("{field} is {value}; it must be between {min} and {max}")]
     Range { field: &'static str, value: f64, min: f64, max: f64 },
     #[error("{field} has {found} {what}; at most {limit} are allowed")]
@@ -52,6 +56,7 @@ impl FieldError {
             FieldError::Spec(SpecError { field, .. }) => format!("map.{field}"),
             FieldError::Body(ProfileError { field, .. }) => format!("body.{field}"),
             FieldError::UnknownBody { .. } => "body.preset".to_owned(),
+            FieldError::UnknownGait { .. } => "gait.name".to_owned(),
             FieldError::Range { field, .. }
             | FieldError::Count { field, .. }
             | FieldError::Unknown { field, .. }
@@ -78,21 +83,31 @@ pub fn point(value: Option<&wire::Vec3>, field: &'static str) -> Result<Vec3, Fi
     if point.is_finite() { Ok(point) } else { Err(FieldError::NotFinite(field)) }
 }
 
-/// Converts a gait from the wire; values of 0 become the defaults.
+/// Converts a gait from the wire: values of 0 become those of the named gait, or the defaults.
 pub fn gait(value: &wire::Gait) -> Result<Gait, FieldError> {
-    let usual = Gait::default();
-    let or = |value: f32, usual: f32| if value == 0.0 { usual } else { value };
-    let gait = Gait { speed: or(value.speed, usual.speed), acceleration: or(value.acceleration, usual.acceleration) };
-    let ends = |range: RangeInclusive<f32>| (f64::from(*range.start()), f64::from(*range.end()));
-    let ((low, high), (least, most)) = (ends(Gait::SPEEDS), ends(Gait::ACCELERATIONS));
-    in_range(f64::from(gait.speed), low, high, "gait.speed")?;
-    in_range(f64::from(gait.acceleration), least, most, "gait.acceleration")?;
-    Ok(gait)
+    let &wire::Gait { speed, acceleration, turn_rate, wall_distance, avoids_jumps, ref name } = value;
+    let usual = match name.as_str() {
+        "" => Gait::DEFAULT,
+        name => NamedGait::find(name).ok_or_else(|| FieldError::UnknownGait { found: name.to_owned() })?.gait,
+    };
+    let within = |value: f32, usual: f32, allowed: RangeInclusive<f32>, field| {
+        let value = if value == 0.0 { usual } else { value };
+        in_range(f64::from(value), f64::from(*allowed.start()), f64::from(*allowed.end()), field)?;
+        Ok::<f32, FieldError>(value)
+    };
+    Ok(Gait {
+        speed: within(speed, usual.speed, Gait::SPEEDS, "gait.speed")?,
+        acceleration: within(acceleration, usual.acceleration, Gait::ACCELERATIONS, "gait.acceleration")?,
+        turn_rate: within(turn_rate, usual.turn_rate, Gait::TURN_RATES, "gait.turn_rate")?,
+        wall_distance: within(wall_distance, usual.wall_distance, Gait::WALL_DISTANCES, "gait.wall_distance")?,
+        avoids_jumps: avoids_jumps || usual.avoids_jumps,
+    })
 }
 
-/// Converts a gait to the wire.
-pub fn gait_to_wire(Gait { speed, acceleration }: Gait) -> wire::Gait {
-    wire::Gait { speed, acceleration }
+/// Converts a gait to the wire, without a name.
+pub fn gait_to_wire(gait: Gait) -> wire::Gait {
+    let Gait { speed, acceleration, turn_rate, wall_distance, avoids_jumps } = gait;
+    wire::Gait { speed, acceleration, turn_rate, wall_distance, avoids_jumps, name: String::new() }
 }
 
 /// Converts a point to the wire.

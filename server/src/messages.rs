@@ -104,7 +104,7 @@ pub struct ObservationBatch {
     pub goals: Vec<Vec3>,
     /// Whether each NPC may arrive in flight.
     pub touches: Vec<bool>,
-    /// How fast each NPC goes; empty if all go as fast as they can.
+    /// How each NPC goes; empty if all go as fast as they can.
     pub gaits: Vec<Gait>,
     /// Number of each NPC's attempt.
     pub attempts: Vec<u32>,

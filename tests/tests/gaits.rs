@@ -1,4 +1,4 @@
-//! NPCs that walk, jog and run, as clients say.
+//! NPCs that walk, jog and run, or are careful, as clients say.
 
 use e2e::stage::{Services, level, world_of};
 use e2e::{spawn, watch};
@@ -82,5 +82,60 @@ async fn npcs_walk_as_fast_as_clients_say_also_on_the_way() {
         let results = stage.client.set_gaits(set).await.unwrap().into_inner().results;
         assert_eq!(results[0].error.as_ref().map(|error| error.reason.as_str()), Some(reason.name()), "{speed}");
     }
+    services.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn gaits_have_names_which_fields_override() {
+    let services = Services::start();
+    let hall = level(&[("floor", [0.0, -1.0, 0.0], [60.0, 0.0, 12.0])]);
+    let mut stage = world_of(&services.server, hall, wire::TimeMode::Realtime).await;
+    let ends = [[4.0, 0.0, 6.0], [34.0, 0.0, 6.0]].map(|place| stage.at(place));
+    let named = |name: &str| wire::Gait { name: name.to_owned(), ..Default::default() };
+    let request = wire::SpawnNpcRequest {
+        world_id: stage.world_id,
+        position: Some(ends[0]),
+        gait: Some(named("careful")),
+        ..Default::default()
+    };
+    let npc_id = stage.client.spawn_npc(request.clone()).await.unwrap().into_inner().npc_id;
+    let get = wire::GetNpcRequest { npc_id, ..Default::default() };
+    let careful = stage.client.get_npc(get).await.unwrap().into_inner().gait.unwrap();
+    assert!(careful.avoids_jumps && careful.wall_distance > 0.0 && careful.speed < 0.2 && careful.turn_rate < 1.0);
+    assert_eq!(careful.name, "", "the values stand for it");
+
+    let unknown = wire::SpawnNpcRequest { gait: Some(named("sprint")), ..request };
+    let refused = stage.client.spawn_npc(unknown).await.unwrap_err();
+    assert_eq!(refused.code(), tonic::Code::InvalidArgument);
+    let names = "there are walk, jog, run, careful, hurried";
+    assert!(refused.message().contains("sprint") && refused.message().contains(names), "{refused}");
+    let set = |gait| wire::SetGaitsRequest { npcs: vec![wire::NpcGait { npc_id, gait: Some(gait) }] };
+    let error = stage.client.set_gaits(set(named("sprint"))).await.unwrap().into_inner().results.remove(0).error;
+    let error = error.expect("an unknown name");
+    assert!(error.reason == Reason::InvalidField.name() && error.message.contains(names), "{error:?}");
+    for wrong in [wire::Gait { turn_rate: 1.5, ..named("walk") }, wire::Gait { wall_distance: 3.0, ..named("") }] {
+        let error = stage.client.set_gaits(set(wrong)).await.unwrap().into_inner().results.remove(0).error;
+        assert_eq!(error.map(|error| error.reason).as_deref(), Some(Reason::InvalidField.name()));
+    }
+
+    // The NPC walks, and hurries on the way.
+    stage.client.set_gaits(set(named("walk"))).await.unwrap();
+    let request = wire::SetGoalRequest { npc_id, goal: Some(ends[1]), ..Default::default() };
+    let attempt = stage.client.set_goal(request).await.unwrap().into_inner().attempt;
+    let mut snapshots = watch(&mut stage.client, stage.world_id, 60.0).await;
+    let mut slow = 0;
+    while slow < 60 {
+        let npc = snapshots.next().await.expect("an endless stream").unwrap().npcs[0];
+        let speed = npc.velocity.unwrap().x.abs();
+        assert!(speed < 0.15 * TOP_SPEED, "{speed} m/s");
+        slow += u32::from(speed > 1.0);
+    }
+    let hurried = wire::Gait { speed: 0.9, ..named("hurried") };
+    stage.client.set_gaits(set(hurried)).await.unwrap();
+    let (most, outcome) = fastest(&mut snapshots, attempt).await;
+    assert_eq!(outcome, wire::Outcome::Reached);
+    assert!(most > 0.7 * TOP_SPEED && most < 0.95 * TOP_SPEED, "{most} m/s");
+    let known = stage.client.get_npc(get).await.unwrap().into_inner().gait.unwrap();
+    assert_eq!((known.speed, known.turn_rate, known.avoids_jumps), (0.9, 1.0, false));
     services.stop().await;
 }

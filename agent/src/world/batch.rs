@@ -35,7 +35,7 @@ pub(super) struct Sighting {
     pub goal: Vec3,
     /// What counts as having arrived there.
     pub arrival: Arrival,
-    /// How fast it goes.
+    /// How it goes where it can walk.
     pub gait: Gait,
     /// Whether it reached its waypoint since its last decision.
     pub has_reached: bool,

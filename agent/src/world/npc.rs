@@ -32,8 +32,8 @@ pub(super) struct PlanState {
     pub revision: Option<u64>,
     /// The latest revision for which the NPC dropped its plan.
     pub replanned_for: Option<u64>,
-    /// Whether the plan was made on the map before an edit, for other zones, or for a goal that has moved far. The NPC
-    /// follows it until it has another one.
+    /// Whether the plan was made on the map before an edit, for other zones, for another gait, or for a goal that has
+    /// moved far. The NPC follows it until it has another one.
     pub is_outdated: bool,
     /// Whether zones or tags that concern the NPC have changed since it last reviewed its plan.
     pub has_new_rules: bool,

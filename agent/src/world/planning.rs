@@ -256,6 +256,13 @@ impl Planning {
                 None => self.failed_count = self.failed_count.saturating_add(1),
                 // The NPC requests another plan at its next decision.
                 Some(_) if rules_revision != self.rules.revision => npc.planning.is_outdated = true,
+                Some(plan) if plans.is_interim && plan.no_path.is_some() => {
+                    if npc.attempt.follower.reconsiders_jumps(&plan) {
+                        again.push(request);
+                    } else {
+                        self.failed_count = self.failed_count.saturating_add(1);
+                    }
+                }
                 Some(plan) if npc.attempt.follower.reconsiders(&plan) => again.push(request),
                 Some(plan) => npc.take_plan(plan, plans.revision),
             }

@@ -80,11 +80,15 @@ impl Attempt {
         waypoint
     }
 
-    /// Changes how fast the NPC goes, and rehearses its way again if that differs from before.
-    pub fn set_gait(&mut self, gait: Gait) {
-        if self.follower.set_gait(gait) && self.follower.waypoint().is_some() {
-            self.forget_forecast();
+    /// Changes how the NPC goes, and rehearses its way again if that differs from before. Returns whether the NPC needs
+    /// another plan, because it would take another way; until then it follows the plan that it has.
+    pub fn set_gait(&mut self, gait: Gait) -> bool {
+        let former = self.follower.gait();
+        if !self.follower.set_gait(gait) || self.follower.waypoint().is_none() {
+            return false;
         }
+        self.forget_forecast();
+        !gait.goes_like(former)
     }
 
     /// How the NPC moves in the next decision: composed only where a rehearsal has shown that it arrives so, or where
@@ -229,8 +233,16 @@ impl<F: Fn(Vec3, Vec3) -> bool> Ground for OnMap<'_, F> {
         arrival::walks_straight(self.map, self.profile, from, to)
     }
 
-    fn is_lane(&self, from: Vec3, to: Vec3) -> bool {
-        (self.may_cross)(from, to) && arrival::is_lane(self.map, self.profile, from, to)
+    fn is_lane(&self, from: Vec3, to: Vec3, margin: f32) -> bool {
+        (self.may_cross)(from, to) && arrival::is_lane(self.map, self.profile, [from, to], margin)
+    }
+
+    fn is_way(&self, from: Vec3, to: Vec3) -> bool {
+        (self.may_cross)(from, to) && self.is_walk(from, to)
+    }
+
+    fn with_room(&self, at: Vec3, margin: f32) -> Vec3 {
+        arrival::with_room(self.map, self.profile, at, margin)
     }
 }
 

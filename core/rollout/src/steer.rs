@@ -36,13 +36,19 @@ pub struct Course {
     pub then: Option<Vec3>,
     /// Whether the body cuts the corner at the waypoint.
     pub cuts: bool,
-    /// How fast the body goes.
+    /// How the body goes.
     pub gait: Gait,
+    /// The corner that the body takes before it walks to `to`, and the waypoint before that, m; `None`: the body turns
+    /// as soon as it has passed the corner within 1 m.
+    pub around: Option<[Vec3; 2]>,
 }
 
 impl Course {
     /// The action of a body on this course.
     pub fn action(&self, body: &Body, profile: &CharacterProfile) -> Action {
+        if let Some(to_corner) = self.to_corner(body.feet) {
+            return to_corner.action(body, profile);
+        }
         let rest = Action { jump: -1.0, ..Action::default() };
         let aim = self.aim(body.feet);
         let left = horizontal(aim - body.feet);
@@ -50,7 +56,8 @@ impl Course {
         let heading = libm::atan2f(way.x, way.z);
         let off = wrapped(heading - body.yaw);
         let most = profile.turn_speed * DECISION_SECONDS;
-        let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most, most) };
+        let most_here = self.gait.turn_rate * most;
+        let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most_here, most_here) };
         // The body goes where it faces in the middle of the decision, or a little to the side.
         let off = wrapped(off - 0.5 * turn);
         let aside = off.clamp(-ASIDE, ASIDE);
@@ -67,7 +74,15 @@ impl Course {
         let Some(then) = self.then.filter(|_| self.cuts) else { return self.to };
         let (along, offset) = ((then - feet).with_y(0.0), (self.to - feet).with_y(0.0));
         let share = (offset.dot(along) / along.length_squared().max(f32::EPSILON)).clamp(0.0, 1.0);
-        self.to + (along * share - offset).clamp_length_max(CUT_M)
+        self.to + (along * share - offset).clamp_length_max((CUT_M - self.gait.wall_distance).max(0.0))
+    }
+
+    /// The course of a body that has not taken its corner yet: up to the line that halves the angle there.
+    fn to_corner(&self, feet: Vec3) -> Option<Self> {
+        let [corner, before] = self.around?;
+        let way = |from: Vec3, to: Vec3| (to - from).with_y(0.0).normalize_or_zero();
+        let is_ahead = (feet - corner).dot(way(before, corner) + way(corner, self.to)) < 0.0;
+        is_ahead.then_some(Self { to: corner, then: Some(self.to), cuts: false, around: None, ..*self })
     }
 }
 
@@ -78,7 +93,7 @@ fn speed(body: &Body, profile: &CharacterProfile, gait: Gait, left: f32, (off, c
     // On an arc that turns by `angle` over a distance, a body turns at its turning speed.
     let arc = |angle: f32, over_m: f32| {
         let (sin, cos) = libm::sincosf(angle.abs().min(FRAC_PI_2));
-        (profile.turn_speed * over_m * cos.max(0.0) / sin.max(f32::EPSILON)).min(top)
+        (gait.turn_rate * profile.turn_speed * over_m * cos.max(0.0) / sin.max(f32::EPSILON)).min(top)
     };
     let (brake, change) = (BRAKE * profile.ground_acceleration, gait.acceleration * profile.ground_acceleration);
     let (there, room) = match corner {

@@ -5,6 +5,7 @@ mod chase;
 mod crowd;
 mod edits;
 mod env;
+mod gaits;
 mod motion;
 mod rehearsals;
 mod shapes;

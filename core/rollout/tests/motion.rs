@@ -121,12 +121,12 @@ fn a_steered_body_faces_where_it_goes_cuts_corners_and_stops() {
     let [start, corner, goal] = [[10.0, 10.0], [30.0, 10.5], [30.0, 30.0]].map(|[x, z]| Vec3::new(x, 2.0, z));
     // It faces away from its way.
     let slot = world.spawn(start, -PI / 2.0);
-    let mut course = Course { to: corner, then: Some(goal), cuts: true, gait: Gait::default() };
+    let mut course = Course { to: corner, then: Some(goal), cuts: true, gait: Gait::default(), around: None };
     let (mut off, mut nearest, mut track) = (Vec::new(), f32::INFINITY, vec![start]);
     for _ in 0..60 {
         let body = world.npc(slot).unwrap().body;
         if course.then.is_some() && body.feet.distance(corner) <= 1.0 {
-            course = Course { to: goal, then: None, cuts: true, gait: Gait::default() };
+            course = Course { to: goal, then: None, cuts: true, gait: Gait::default(), around: None };
         }
         let action = course.action(&body, &profile);
         assert!(action.to_array().iter().all(|value| (-1.0..=1.0).contains(value)) && action.jump < 0.0, "{action:?}");

@@ -26,6 +26,9 @@ pub const LINE_COUNT: usize = OPEN_AT.len();
 const LIFT_M: f32 = 0.6;
 /// Distance from a place to stand at which there must be ground all around, in radii of the body.
 const RIM_RADII: f32 = 1.2;
+/// Most steps away from what is near, and the least length of such a step, m.
+const ROOM_STEPS: u8 = 6;
+const LEAST_STEP_M: f32 = 0.03;
 /// Faces of liquids and devices above the ground that a search for ground passes.
 const MAX_FACES: usize = 4;
 
@@ -130,17 +133,50 @@ pub fn is_plain(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> 
 }
 
 /// Whether a body could walk straight from one place on a map to another, m, with room on both sides, over dry ground
-/// without devices, and out of the reach of movers.
-pub fn is_lane(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
+/// without devices, and out of the reach of movers. Except near its ends, the lane has `margin` metres more room on
+/// both sides.
+pub fn is_lane(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2], margin: f32) -> bool {
     let place = Place { map, movers: &Movers::default(), profile };
-    let ahead = (to - from).with_y(0.0).normalize_or_zero() * (RIM_RADII * profile.radius);
-    let sides = [Vec3::ZERO, Vec3::new(-ahead.z, 0.0, ahead.x), Vec3::new(ahead.z, 0.0, -ahead.x)];
-    let is_usual = |feet: Vec3| map.liquid_at(feet, 0.0).is_none() && map.device_at(feet).is_none();
+    let ahead = (to - from).with_y(0.0).normalize_or_zero();
+    let left = Vec3::new(-ahead.z, 0.0, ahead.x);
+    let is_free = |[from, to]: [Vec3; 2], aside: f32| {
+        let (from, to) = (from + left * aside, to + left * aside);
+        place.is_open(from, to)
+            && place.has_usual_ground(from, to, place.rise(from, to), |feet| is_usual_ground(map, feet))
+    };
+    let near = RIM_RADII * profile.radius;
     let walk = Aabb::at(from).union(Aabb::at(to)).widened(profile.height);
-    sides.into_iter().all(|side| {
-        let (from, to) = (from + side, to + side);
-        place.is_open(from, to) && place.has_usual_ground(from, to, place.rise(from, to), is_usual)
-    }) && !map.movers().iter().any(|mover| mover.reach().touches(walk))
+    if ![0.0, near, -near].into_iter().all(|aside| is_free([from, to], aside))
+        || map.movers().iter().any(|mover| mover.reach().touches(walk))
+    {
+        return false;
+    }
+    let end = ((to - from) * 0.5).clamp_length_max(near + margin);
+    let line_count = (margin / STRIDE_M).ceil() as u32;
+    (1..=line_count).all(|line| {
+        let aside = near + margin * line as f32 / line_count as f32;
+        is_free([from + end, to - end], aside) && is_free([from + end, to - end], -aside)
+    })
+}
+
+/// Whether the ground at a place is dry, and no device is there.
+fn is_usual_ground(map: &Map, feet: Vec3) -> bool {
+    map.liquid_at(feet, 0.0).is_none() && map.device_at(feet).is_none()
+}
+
+/// The place near `at`, m, where a body has `margin` metres of room besides its radius on all sides, or as much as
+/// there is; `at` itself if it has that room. The body could walk straight to the place. Walls, rims, liquids and
+/// devices end the room.
+pub fn with_room(map: &Map, profile: &CharacterProfile, at: Vec3, margin: f32) -> Vec3 {
+    let place = Place { map, movers: &Movers::default(), profile };
+    let mut feet = at;
+    for _ in 0..ROOM_STEPS {
+        match place.toward_room(feet, RIM_RADII * profile.radius + margin) {
+            Some(step) => feet = step,
+            None => break,
+        }
+    }
+    if place.walks_straight(at, feet) { feet } else { at }
 }
 
 /// Number of strides of a walk.
@@ -225,6 +261,46 @@ impl Place<'_> {
             && self.map.liquid_at(place, -0.1).is_none()
             && self.map.device_at(place).is_none();
         stands.then_some(place)
+    }
+
+    /// The next place on the way to `room` metres of room on all sides of a place, away from what is nearest there.
+    /// `None` if there is no better place.
+    fn toward_room(self, feet: Vec3, room: f32) -> Option<Vec3> {
+        let spoke = |idx: u8| {
+            let (sin, cos) = libm::sincosf(std::f32::consts::TAU * f32::from(idx) / f32::from(SNAP_SPOKES));
+            Vec3::new(cos, 0.0, sin)
+        };
+        let free: Vec<f32> = (0..SNAP_SPOKES).map(|idx| self.walkable(feet, spoke(idx) * room).0).collect();
+        let opposite = |idx: u8| usize::from((idx + SNAP_SPOKES / 2) % SNAP_SPOKES);
+        let step = |idx: u8| 0.5 * (free[usize::from(idx)] - free[opposite(idx)]);
+        let widest = (0..SNAP_SPOKES).max_by(|a, b| step(*a).total_cmp(&step(*b)))?;
+        let (length, way) = (step(widest), spoke(widest));
+        (length >= LEAST_STEP_M).then(|| self.walkable(feet, way * length).1)
+    }
+
+    /// How far a body could walk from a place along `offset`, m, over dry ground without devices, and where it is then.
+    fn walkable(self, from: Vec3, offset: Vec3) -> (f32, Vec3) {
+        let stride_count = stride_count(from, from + offset);
+        let (stride, rise) = (offset / stride_count, self.rise(from, from + offset));
+        let mut feet = from;
+        for idx in 0..stride_count as u32 {
+            let walked = idx as f32 * stride.length();
+            let above = feet + stride + Vec3::Y * rise;
+            let Some(depth) = self.ground_below(above, 2.0 * rise) else { return (walked, feet) };
+            let next = above - Vec3::Y * depth;
+            let hits = lines(self.profile, feet, next).into_iter().filter_map(|line| {
+                let hit = self.map.mesh().cast_ray(line.from, line.direction, line.length)?;
+                hit.surface.is_solid().then_some(hit.distance)
+            });
+            if let Some(hit) = hits.min_by(f32::total_cmp) {
+                return (walked + hit, feet);
+            }
+            if !is_usual_ground(self.map, next) {
+                return (walked, feet);
+            }
+            feet = next;
+        }
+        (offset.length(), feet)
     }
 
     /// Whether nothing solid lies between bodies at two places.

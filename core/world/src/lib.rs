@@ -51,7 +51,7 @@ pub use arrival::Arrival;
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use crates::CrateState;
 pub use editing::Enclosed;
-pub use gait::Gait;
+pub use gait::{GAITS, Gait, NamedGait};
 pub use glam::{DVec3, Vec3};
 pub use locomotion::{Locomotion, MovePhase, Pace};
 pub use map::{Map, MapHash, MapSpec, RawMapSpec, SpecError};

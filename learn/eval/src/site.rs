@@ -26,7 +26,7 @@ use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{AttemptResult, FollowConfig, Goal, Rollout};
 use surefoot_world::reach::Reach;
-use surefoot_world::{Arrival, CharacterProfile, End, Map, TaskConfig, navigable};
+use surefoot_world::{Arrival, CharacterProfile, End, Gait, Map, TaskConfig, navigable};
 
 /// Number of navigable points that the goals of one map are drawn from.
 const POINTS_PER_MAP: usize = 3000;
@@ -154,14 +154,15 @@ fn save(path: &Path, unit: &Unit) -> Result<(), EvalError> {
         .map_err(|source| EvalError::Io { path: path.to_owned(), source })
 }
 
-/// Rules of following plans, for the file name of a unit. Arrival by touch is left out, so that tables that were made
-/// before there was another rule keep their units.
+/// Rules of following plans, for the file name of a unit. Arrival by touch and the default gait are left out, so that
+/// tables that were made before there was another one keep their units.
 fn rules(follow: &FollowConfig) -> String {
-    let FollowConfig { replan_after, patience, max_replans, remembers, attach, composes, arrival } = follow;
+    let FollowConfig { replan_after, patience, max_replans, remembers, attach, composes, arrival, gait } = follow;
     let arrival = if *arrival == Arrival::Touch { String::new() } else { format!(", arrival: {arrival:?}") };
+    let gait = if *gait == Gait::DEFAULT { String::new() } else { format!(", gait: {gait:?}") };
     format!(
         "FollowConfig {{ replan_after: {replan_after}, patience: {patience}, max_replans: {max_replans}, \
-         remembers: {remembers}, attach: {attach:?}, composes: {composes}{arrival} }}"
+         remembers: {remembers}, attach: {attach:?}, composes: {composes}{arrival}{gait} }}"
     )
 }
 

@@ -92,7 +92,7 @@ pub struct SpawnOrder {
     pub body: Option<CharacterProfile>,
     /// Its tags, for zones that ask for them.
     pub tags: Tags,
-    /// How fast it goes.
+    /// How it goes where it can walk.
     pub gait: Gait,
 }
 
@@ -120,7 +120,7 @@ impl HostedWorld {
         Ok(id)
     }
 
-    /// Changes how fast an NPC goes, from its next decision on.
+    /// Changes how an NPC goes, from its next decision on.
     pub fn set_gait(&mut self, id: NpcId, gait: Gait) -> Result<(), NpcError> {
         self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?.gait = gait;
         Ok(())

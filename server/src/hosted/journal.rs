@@ -8,7 +8,7 @@ use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
 use super::itinerary::{Itinerary, Route, RouteKind};
 use super::pursuit::Pursuit;
-use super::saved::{SavedError, WorldSave};
+use super::saved::{SavedError, WorldSave, open};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
 use crate::quota::Quota;
@@ -22,7 +22,7 @@ use surefoot_world::{CharacterProfile, End, Gait, Seconds, Tick, Vec3};
 
 const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
 /// Changed whenever [`FleetSave`] or anything inside it is.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 /// Most events that are saved with a world, so that readers can resume on the server that takes it over.
 const SAVED_EVENTS: usize = 4096;
 
@@ -99,6 +99,7 @@ struct Newcomer {
     body: CharacterProfile,
     owner: String,
     tags: Tags,
+    #[serde(with = "super::gaits")]
     gait: Gait,
 }
 
@@ -112,7 +113,7 @@ impl FleetSave {
     /// Decodes what [`encode`](Self::encode) returned.
     pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
         let damaged = |_| SavedError::Damaged(place.to_owned());
-        let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
+        let content = open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
         let (token, world, log): (i64, WorldSave, SavedLog) = postcard::from_bytes(content).map_err(damaged)?;
         let is_ascending = log.entries.is_sorted_by(|a, b| a.sequence < b.sequence);
         let ends = log.entries.last().map_or(0, |entry| entry.sequence);

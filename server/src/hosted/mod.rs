@@ -5,12 +5,13 @@
 //! `routes` those about routes, whose data is in `itinerary`, `living` those about movers and players, `pieces` edits
 //! of the map, `zones` zones and tags), `gathering` the places of NPCs that share goals, `groups` those of NPCs in
 //! formation, `snapshot` and `events` the data for clients (`motion` detects jumps and landings, `movement` says how
-//! NPCs move, `standing` why they stand), `saved` the save of a world, and `journal` the changes since then in a fleet.
-//! Nothing here awaits or knows wire types.
+//! NPCs move, `standing` why they stand), `saved` the save of a world, `journal` the changes since then in a fleet,
+//! and `gaits` how both save gaits. Nothing here awaits or knows wire types.
 
 mod commands;
 mod events;
 mod fleeing;
+mod gaits;
 mod gathering;
 mod goals;
 mod groups;

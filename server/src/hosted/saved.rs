@@ -30,8 +30,8 @@ const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// former struct as a private `WorldSaveV9` with `impl From<WorldSaveV9> for WorldSave`, and tries the former version
 /// in [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A
 /// server of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a
-/// server that was upgraded takes them over.
-const VERSION: u32 = 13;
+/// server that was upgraded takes them over. Version 13 differs only in its [gaits](super::gaits), which say so.
+const VERSION: u32 = 14;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -55,6 +55,14 @@ pub struct WorldSave {
     npcs: Vec<SavedNpc>,
     last_serial: u32,
     counters: Counters,
+}
+
+/// Opens a save of this version or of the one before it, whose content is read in the same way.
+pub(super) fn open<'a>(magic: &[u8], version: u32, bytes: &'a [u8]) -> Result<&'a [u8], SealError> {
+    match sealed::open(magic, version, bytes) {
+        Err(SealError::Version(found)) if found + 1 == version => sealed::open(magic, found, bytes),
+        opened => opened,
+    }
 }
 
 /// Source of a saved world's map.
@@ -98,6 +106,7 @@ struct SavedNpc {
     attempts: u32,
     attempts_ended: u32,
     tags: Tags,
+    #[serde(with = "super::gaits")]
     gait: Gait,
 }
 
@@ -187,7 +196,7 @@ impl WorldSave {
     /// Decodes what [`encode`](Self::encode) returned.
     pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
         let damaged = || SavedError::Damaged(place.to_owned());
-        let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
+        let content = open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
         let saved: Self = postcard::from_bytes(content).map_err(|_| damaged())?;
         if saved.is_consistent() { Ok(saved) } else { Err(damaged()) }
     }

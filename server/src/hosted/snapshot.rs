@@ -150,7 +150,7 @@ pub struct NpcState {
     pub route: Option<RouteKind>,
     /// Of a patrol: index of the stop to which it goes, or goes after its rest.
     pub route_stop: u32,
-    /// How fast it goes.
+    /// How it goes where it can walk.
     pub gait: Gait,
     /// How it moves; `None` where that is left out.
     pub movement: Option<Movement>,

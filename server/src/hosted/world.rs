@@ -70,7 +70,7 @@ pub(super) struct NpcRecord {
     pub ticket: Ticket,
     /// Its tags, for zones that ask for them.
     pub tags: Tags,
-    /// How fast it goes.
+    /// How it goes where it can walk.
     pub gait: Gait,
 }
 

@@ -18,7 +18,7 @@ use surefoot_net::metrics::family;
 use surefoot_planner::{Attach, BuildSettings};
 use surefoot_policy::Policy;
 use surefoot_rollout::FollowConfig;
-use surefoot_world::{Arrival, CharacterProfile};
+use surefoot_world::{Arrival, CharacterProfile, Gait};
 
 /// Most bytes of a unit after decompression.
 const MAX_UNIT_BYTES: u64 = 256 << 20;
@@ -84,11 +84,14 @@ struct Follow {
     attaches_to_several: bool,
     composes: bool,
     arrival: Arrival,
+    #[serde(default)]
+    gait: Gait,
 }
 
 impl UnitJob {
     fn new(policy: &Policy, config: &EvalConfig, (choice, map): (&EvalMap, MapRef), seed: u64) -> Self {
-        let FollowConfig { replan_after, patience, max_replans, remembers, attach, composes, arrival } = config.follow;
+        let FollowConfig { replan_after, patience, max_replans, remembers, attach, composes, arrival, gait } =
+            config.follow;
         let attaches_to_several = attach == Attach::Several;
         Self {
             map,
@@ -108,20 +111,30 @@ impl UnitJob {
             distance: (config.distance.start, config.distance.end),
             noise_share: config.noise_share,
             rehearses: config.rehearses,
-            follow: Follow { replan_after, patience, max_replans, remembers, attaches_to_several, composes, arrival },
+            follow: Follow {
+                replan_after,
+                patience,
+                max_replans,
+                remembers,
+                attaches_to_several,
+                composes,
+                arrival,
+                gait,
+            },
             is_priced_by_steps: config.price == Price::Steps,
         }
     }
 
     /// The configuration of the job, after its values have been checked.
     fn config(self, maps: &MapCache) -> Result<EvalConfig, Refusal> {
-        let Follow { replan_after, patience, max_replans, remembers, attaches_to_several, composes, arrival } =
+        let Follow { replan_after, patience, max_replans, remembers, attaches_to_several, composes, arrival, gait } =
             self.follow;
         let (low, high) = self.distance;
         let is_sound = (1..=100_000).contains(&self.goals)
             && (1..=100_000).contains(&patience)
             && (1..=100_000).contains(&replan_after)
             && (0.0..=1.0).contains(&self.noise_share)
+            && gait.is_allowed()
             && low >= 0.0
             && low < high;
         if !is_sound {
@@ -142,7 +155,7 @@ impl UnitJob {
             distance: low..high,
             noise_share: self.noise_share,
             rehearses: self.rehearses,
-            follow: FollowConfig { replan_after, patience, max_replans, remembers, attach, composes, arrival },
+            follow: FollowConfig { replan_after, patience, max_replans, remembers, attach, composes, arrival, gait },
             game: None,
             graph: None,
             price: if self.is_priced_by_steps { Price::Steps } else { Price::Risk },

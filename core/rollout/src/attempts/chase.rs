@@ -45,7 +45,7 @@ pub struct Errand {
     pub goal: Vec3,
     /// Whether it stands where it is.
     pub waits: bool,
-    /// How fast it goes.
+    /// How it goes.
     pub gait: Gait,
 }
 
@@ -92,7 +92,9 @@ impl Chase<'_> {
             walker.attempt = Some(Attempt::new(Follower::new(goal, self.rollout.follow)));
             guide.begin(world, walker);
         }
-        walker.attempt.as_mut().expect("an attempt by plan").set_gait(gait);
+        if walker.attempt.as_mut().expect("an attempt by plan").set_gait(gait) {
+            guide.plan(world, walker, walker.measured.feet);
+        }
         let slack = if walker.rests { KEEP_SLACK_M } else { 0.0 };
         let rests = waits || world.has_arrived(slot, goal, self.radius + slack, Arrival::Stand);
         let rested = std::mem::replace(&mut walker.rests, rests);

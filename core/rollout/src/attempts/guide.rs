@@ -93,7 +93,7 @@ impl Guide<'_> {
     }
 
     /// Plans for an NPC from `feet`, m; it heads for the first waypoint.
-    fn plan(&mut self, world: &mut World, walker: &mut Walker, feet: Vec3) {
+    pub fn plan(&mut self, world: &mut World, walker: &mut Walker, feet: Vec3) {
         let Self { router, traffic, search_us, .. } = self;
         let waypoint = attempt_of(&mut walker.attempt).plan(feet, |query| {
             let started = Instant::now();

@@ -32,11 +32,13 @@ impl Follower {
         }
         let next = self.shortcuts.end(self.leg + 1);
         let then = plan.waypoints.get(next).filter(|_| plan.legs[next].ability == Ability::Walk);
+        let around = self.clearance.corner(plan, self.leg, &self.shortcuts);
         Some(Course {
             to: plan.waypoints[self.leg],
             then: then.copied(),
             cuts: self.leg >= self.exact_until && plan.needs.is_empty(),
-            gait: self.gait,
+            gait: self.config.gait,
+            around: around.filter(|_| self.leg >= self.exact_until),
         })
     }
 
@@ -46,9 +48,14 @@ impl Follower {
         self.composes(leg) && leg >= self.unsteered_until && is_walk()
     }
 
-    /// Changes how fast the NPC goes; returns whether that differs from before.
+    /// How the NPC goes where it can walk.
+    pub fn gait(&self) -> Gait {
+        self.config.gait
+    }
+
+    /// Changes how the NPC goes; returns whether that differs from before.
     pub fn set_gait(&mut self, gait: Gait) -> bool {
-        std::mem::replace(&mut self.gait, gait) != gait
+        std::mem::replace(&mut self.config.gait, gait) != gait
     }
 
     /// How the NPC stays where it is, if it waits for a mover or rides on one. This needs no rehearsal.
@@ -64,11 +71,15 @@ impl Follower {
         self.config.composes && leg >= self.free_until
     }
 
-    /// Lets the NPC move in another way up to the end of the leg `key` of its plan: without shortcuts, steered without
-    /// cutting corners, then by its policy, composed, and then freely; false if it already did.
+    /// Lets the NPC move in another way up to the end of the leg `key` of its plan: without keeping its distance from
+    /// walls, without shortcuts, steered without cutting corners, then by its policy, composed, and then freely; false
+    /// if it already did.
     pub fn move_freely_on(&mut self, key: LegKey) -> bool {
         let Some(plan) = &self.plan else { return false };
         let leg = plan.legs.iter().position(|leg| leg.key == key).unwrap_or(self.leg);
+        if self.move_waypoints_back(leg) {
+            return true;
+        }
         if self.remove_shortcut(leg) {
             return true;
         }

@@ -2,18 +2,21 @@
 //!
 //! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
 //! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
-//! (legs to avoid), `manner` (how the NPC moves), `prepare` (what is changed in a new plan, with `review` and
-//! `shortcuts`) and `detour` (the way back after a push).
+//! (legs to avoid), `planning` (queries and their answers), `manner` (how the NPC moves), `prepare` (what is changed
+//! in a new plan, with `review`, `clearance` and `shortcuts`) and `detour` (the way back after a push).
 
+mod clearance;
 mod detour;
 mod failures;
 mod manner;
 mod movers;
+mod planning;
 mod prepare;
 mod review;
 pub mod scene;
 mod shortcuts;
 
+use clearance::Clearance;
 use detour::Detour;
 use failures::Failures;
 pub use review::Ground;
@@ -23,18 +26,11 @@ use serde::{Deserialize, Serialize};
 use shortcuts::Shortcuts;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
-use surefoot_planner::{Attach, LegKey, Plan, Query, Traffic};
+use surefoot_planner::{Attach, LegKey, Plan, Traffic};
 use surefoot_world::{Ability, Arrival, CharacterProfile, End, Gait, Map, MoverAt, Vec3};
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
-
-/// How far a goal moves before the NPC heads for its new place, and before another plan is made: in metres, and as a
-/// share of the NPC's distance from it.
-const AIM_M: f32 = 0.5;
-const AIM_SHARE: f32 = 0.15;
-const DRIFT_M: f32 = 1.0;
-const DRIFT_SHARE: f32 = 0.25;
 
 /// Constants of plan following.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,13 +49,15 @@ pub struct FollowConfig {
     pub composes: bool,
     /// What counts as having arrived at the goal (paper: a touch).
     pub arrival: Arrival,
+    /// How the NPC goes where it can walk, until [`Follower::set_gait`] changes it.
+    pub gait: Gait,
 }
 
 impl Default for FollowConfig {
     fn default() -> Self {
         let (remembers, attach) = (true, Attach::Several);
-        let arrival = Arrival::Stand;
-        Self { replan_after: 50, patience: 300, max_replans: 16, remembers, attach, composes: true, arrival }
+        let (arrival, gait) = (Arrival::Stand, Gait::DEFAULT);
+        Self { replan_after: 50, patience: 300, max_replans: 16, remembers, attach, composes: true, arrival, gait }
     }
 }
 
@@ -67,8 +65,8 @@ impl FollowConfig {
     /// The paper's rules, with its limits read as decisions.
     pub fn of_paper() -> Self {
         let (remembers, attach) = (false, Attach::Nearest);
-        let arrival = Arrival::Touch;
-        Self { replan_after: 50, patience: 300, max_replans: u32::MAX, remembers, attach, composes: false, arrival }
+        let (arrival, gait, max_replans) = (Arrival::Touch, Gait::DEFAULT, u32::MAX);
+        Self { replan_after: 50, patience: 300, max_replans, remembers, attach, composes: false, arrival, gait }
     }
 }
 
@@ -148,7 +146,10 @@ pub struct Follower {
     /// Index of the current leg in the plan: on a shortcut, that of its last leg.
     leg: usize,
     shortcuts: Shortcuts,
+    clearance: Clearance,
     review: Review,
+    /// Whether the next plan may use jumps although the NPC avoids them, because no other way leads to the goal.
+    accepts_jumps: bool,
     /// Where the NPC was last, m.
     feet: Vec3,
     to_waypoint: Approach,
@@ -158,7 +159,6 @@ pub struct Follower {
     free_until: usize,
     unsteered_until: usize,
     exact_until: usize,
-    gait: Gait,
     plans: u32,
     replans: u32,
     failures: Failures,
@@ -178,7 +178,9 @@ impl Follower {
             plan: None,
             leg: 0,
             shortcuts: Shortcuts::default(),
+            clearance: Clearance::default(),
             review: Review::default(),
+            accepts_jumps: false,
             feet: goal,
             to_waypoint: Approach::NONE,
             to_goal: Approach::NONE,
@@ -186,7 +188,6 @@ impl Follower {
             free_until: 0,
             unsteered_until: 0,
             exact_until: 0,
-            gait: Gait::default(),
             plans: 0,
             replans: 0,
             failures: Failures::default(),
@@ -214,95 +215,6 @@ impl Follower {
     /// By how much a distance must shrink to count as progress, m. A body that is steered into a wall creeps along it.
     fn least_progress(&self) -> f32 {
         if self.config.composes { 0.01 } else { 0.0 }
-    }
-
-    // Planning.
-
-    /// The query for a plan from `feet`, m, that avoids the failed legs.
-    pub fn query(&mut self, feet: Vec3) -> Query {
-        self.planned_goal = self.goal;
-        let avoid = [self.failures.keys(), self.review.leaps.clone()].concat();
-        let stops = self.movers.stops.clone();
-        Query { avoid, stops, attach: self.config.attach, ..Query::new(feet, self.goal) }
-    }
-
-    /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs without progress
-    /// get another chance, since other noise may help.
-    pub fn reconsiders(&mut self, plan: &Plan) -> bool {
-        plan.no_path.is_some() && !self.review.is_under_way() && self.failures.give_another_chance()
-    }
-
-    /// Plans from `feet`, m, with `search`, starts to follow the plan, and returns its first waypoint, m.
-    pub fn plan(&mut self, feet: Vec3, mut search: impl FnMut(&Query) -> Plan) -> Vec3 {
-        loop {
-            let plan = search(&self.query(feet));
-            if !self.reconsiders(&plan) {
-                return self.take_plan(plan);
-            }
-        }
-    }
-
-    /// Starts to follow a plan and returns its first waypoint, m.
-    pub fn take_plan(&mut self, mut plan: Plan) -> Vec3 {
-        if let Some(last) = plan.waypoints.last_mut().filter(|_| plan.nearest.is_none()) {
-            // The goal may have moved since the plan was requested.
-            *last = self.goal;
-        }
-        let first = plan.waypoints[0];
-        self.plan = Some(plan);
-        if !self.review.is_under_way() {
-            self.plans = self.plans.saturating_add(1);
-            self.review = Review::default();
-        }
-        (self.free_until, self.unsteered_until, self.exact_until) = (0, 0, 0);
-        self.shortcuts = Shortcuts::default();
-        self.start_leg(0);
-        first
-    }
-
-    /// The goal, m.
-    pub fn goal(&self) -> Vec3 {
-        self.goal
-    }
-
-    /// Moves the goal of an NPC at `feet`, m. The plan stays, and its last leg leads to the new goal. Returns the
-    /// waypoint, m, if it has changed; small changes wait until they matter, or until the NPC `has_arrived`.
-    pub fn move_goal(&mut self, goal: Vec3, feet: Vec3, has_arrived: bool) -> Option<Vec3> {
-        if goal != self.goal {
-            self.goal = goal;
-            // A target that runs away is no want of progress, but an NPC that stands still is.
-            let moves = feet.distance(self.moved_from) >= AIM_M;
-            let stalled = if moves { 0 } else { self.to_goal.stalled };
-            self.to_goal = Approach { best_m: feet.distance(goal), stalled };
-            if moves {
-                (self.moved_from, self.replans) = (feet, 0);
-            }
-        }
-        let plan = self.plan.as_mut().filter(|plan| plan.nearest.is_none())?;
-        let last = plan.waypoints.last_mut()?;
-        let slack = if has_arrived { 0.0 } else { AIM_M.max(AIM_SHARE * feet.distance(goal)) };
-        if last.distance(goal) <= slack {
-            return None;
-        }
-        *last = goal;
-        if !self.is_last_leg() {
-            return None;
-        }
-        self.to_waypoint = Approach { best_m: feet.distance(goal), stalled: self.to_goal.stalled };
-        Some(goal)
-    }
-
-    /// Whether the goal has moved so far since the plan was made that an NPC at `feet`, m, needs another.
-    pub fn has_goal_drifted(&self, feet: Vec3) -> bool {
-        let slack = DRIFT_M.max(DRIFT_SHARE * feet.distance(self.goal));
-        self.plan.is_some() && self.planned_goal.distance(self.goal) > slack
-    }
-
-    /// Drops the plan because its graph has changed; the leg does not count as failed.
-    pub fn drop_plan(&mut self) {
-        self.plan = None;
-        self.detour.end();
-        self.movers.response = MoverResponse::Go;
     }
 
     // The current plan and leg.
@@ -472,7 +384,7 @@ impl Follower {
     fn end_leg(&mut self, end: TryEnd) {
         let Some(plan) = &self.plan else { return };
         // An NPC that takes its time, or another way, says nothing about an edge.
-        let is_usual = self.gait == Gait::default() && !self.shortcuts.contain(self.leg);
+        let is_usual = self.config.gait == Gait::DEFAULT && !self.shortcuts.contain(self.leg);
         if let Some(edge) = plan.legs[self.leg].key.edge().filter(|_| is_usual) {
             self.traversals.push(Traversal { edge, end, decisions: self.decisions_on_leg });
         }

@@ -1,6 +1,7 @@
 //! What a follower does with a new plan before it is rehearsed: it reviews the plan, and looks for shortcuts.
 
 use super::Follower;
+use super::clearance::Clearance;
 use super::review::{Ground, MAX_ROUNDS, Review, leaps};
 use super::shortcuts::Shortcuts;
 use surefoot_world::{Ability, Vec3};
@@ -15,7 +16,7 @@ impl Follower {
         let leaps = leaps(&plan, feet, ground);
         let is_settled = leaps.is_empty() || plan.no_path.is_some() || self.review.rounds >= MAX_ROUNDS;
         self.review.leaps.extend_from_slice(&leaps);
-        self.review.compare(plan, leaps.len());
+        self.review.compare(plan, leaps.len(), self.config.gait.avoids_jumps);
         if !is_settled {
             self.review.rounds += 1;
             return true;
@@ -28,7 +29,9 @@ impl Follower {
         }
         self.review = Review { is_done: true, ..Review::default() };
         self.feet = feet;
-        self.shortcuts = Shortcuts::find(&best, feet, |from, to| ground.is_lane(from, to));
+        let margin = self.config.gait.wall_distance;
+        self.clearance = Clearance::make(&mut best, feet, margin, ground);
+        self.shortcuts = Shortcuts::find(&best, feet, |from, to| ground.is_lane(from, to, margin));
         self.plan = Some(best);
         self.start_leg(0);
         false

@@ -46,6 +46,11 @@ impl Shortcuts {
         self.containing(leg).map_or(leg, |at| *self.ranges[at].end())
     }
 
+    /// The first leg of the shortcut that contains `leg`; `leg` itself if there is none.
+    pub fn begin(&self, leg: usize) -> usize {
+        self.containing(leg).map_or(leg, |at| *self.ranges[at].start())
+    }
+
     /// Whether a leg is part of a shortcut.
     pub fn contain(&self, leg: usize) -> bool {
         self.containing(leg).is_some()

@@ -56,7 +56,7 @@ describe('motionOf', () => {
   it.each([
     ['idle', { speed: 0.1 }],
     ['walk', { speed: 1.5 }],
-    ['jog', { speed: 4 }],
+    ['jog', { speed: 3 }],
     ['run', { speed: 9 }],
     ['air', { speed: 9, support: Support.AIR }],
     ['ride', { speed: 9, support: Support.ZIP_LINE }],

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,7 +18,7 @@ use surefoot_planner::export::import_json;
 use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};
 use surefoot_policy::Policy;
 use surefoot_rollout::{DEFAULT_NOISE_SHARE, FollowConfig};
-use surefoot_world::{Arrival, MapSpec};
+use surefoot_world::{Arrival, GAITS, MapSpec, NamedGait};
 
 /// Subfolder of `--out` for finished units.
 const UNITS: &str = "units";
@@ -31,6 +32,7 @@ const UNITS: &str = "units";
         surefoot eval --maps level.glb,other.obj --json\n  \
         surefoot eval --maps '../levels/*.glb' --scale 0.01\n  \
         surefoot eval --maps validation --kind islands --features all\n  \
+        surefoot eval --maps validation --gait careful --json\n  \
         surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  \
         surefoot eval --maps level.obj --world tcp://127.0.0.1:7701\n  \
         surefoot eval --suite paper --goals 2500 --seed 0..3 --out runs/paper\n  \
@@ -106,7 +108,7 @@ pub struct Args {
     #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(super) runs: u64,
     /// Scene of the suite living, instead of all; may be repeated
-    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(living::SCENES))]
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(living::SCENES))]
     pub(super) scene: Vec<String>,
     #[command(flatten)]
     pub(super) style: StyleArg,
@@ -191,7 +193,7 @@ pub(super) struct Rules {
     /// remembered, and re-plans have no limit. Nothing is rehearsed or composed, NPCs do not sense zip lines and
     /// teleporters, devices get no vertices or candidates, and all probes are run. NPCs arrive as with --arrive paper.
     /// The default model is general-lstm, and the default body paper. --patience and --replan-after still apply
-    #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "arrive", "no_transports"])]
+    #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "arrive", "gait", "no_transports"])]
     pub(super) faithful: bool,
     /// Decisions without progress that end an attempt
     #[arg(
@@ -224,6 +226,9 @@ pub(super) struct Rules {
     /// What counts as having arrived at a goal
     #[arg(long, default_value = "paper")]
     arrive: Arrive,
+    /// How NPCs that follow plans go where they can walk
+    #[arg(long, default_value = "run", value_name = "NAME", value_parser = gait_names())]
+    gait: String,
     /// Hide zip lines and teleporters from the NPCs' observations
     #[arg(long)]
     no_transports: bool,
@@ -239,7 +244,9 @@ impl Rules {
         let attach = if self.attach == Joined::Nearest { Attach::Nearest } else { Attach::Several };
         let touches = is_of_paper || self.arrive == Arrive::Paper;
         let arrival = if touches { Arrival::Touch } else { Arrival::Stand };
-        FollowConfig { max_replans: self.max_replans, remembers: !self.forget, attach, composes, arrival, ..limits }
+        let gait = NamedGait::find(&self.gait).expect("one of these names was parsed").gait;
+        let (max_replans, remembers) = (self.max_replans, !self.forget);
+        FollowConfig { max_replans, remembers, attach, composes, arrival, gait, ..limits }
     }
 
     fn price(&self) -> Price {
@@ -345,6 +352,10 @@ impl Args {
         }
         Ok(())
     }
+}
+
+fn gait_names() -> PossibleValuesParser {
+    PossibleValuesParser::new(GAITS.map(|gait| gait.name))
 }
 
 fn read_graph(path: &Path) -> anyhow::Result<Arc<NavGraph>> {

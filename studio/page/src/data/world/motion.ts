@@ -14,7 +14,7 @@ const STILL_M_S = 0.2
 /** Standing it turns from here on, rad/s. */
 const TURN_RAD_S = 0.3
 /** It walks and jogs up to these shares of its top speed: half-way between those of the gaits in the guide. */
-const [WALK_SHARE, JOG_SHARE] = [0.275, 0.7]
+const [WALK_SHARE, JOG_SHARE] = [0.19, 0.625]
 
 /** A leg begins at one of so many waypoints before its own: places off the plan, to let others pass, come between. */
 const RECENT_PLACES = 3

@@ -1,0 +1,117 @@
+//! Distance from walls and rims: where a gait keeps some, waypoints between two walk legs move to where there is room,
+//! and so that there is room on the way between them.
+//!
+//! No proof covers the moved waypoints. Where the rehearsal of a leg fails, its NPC takes the legs of the plan.
+
+use super::Follower;
+use super::review::Ground;
+use super::shortcuts::Shortcuts;
+use surefoot_planner::Plan;
+use surefoot_world::{Ability, Vec3};
+
+/// Distance between two places of a leg at which the room is measured, m.
+const SAMPLE_M: f32 = 1.0;
+/// Least distance by which waypoints move for the room between them, m.
+const LEAST_M: f32 = 0.1;
+
+/// What a plan keeps from walls.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Clearance {
+    /// Where the plan begins, m; `None` if it keeps no distance.
+    start: Option<Vec3>,
+    /// Waypoints that have moved, by index, and where they were, m.
+    moved: Vec<(usize, Vec3)>,
+}
+
+impl Clearance {
+    /// Moves waypoints of a plan from `feet`, m, to where a body has `margin` metres of room besides its radius.
+    pub fn make(plan: &mut Plan, feet: Vec3, margin: f32, ground: &impl Ground) -> Self {
+        if margin <= 0.0 {
+            return Self::default();
+        }
+        let mut clearance = Self { start: Some(feet), moved: Vec::new() };
+        let legs = 0..plan.legs.len();
+        for idx in legs.clone().filter(|idx| moves(plan, *idx)).collect::<Vec<_>>() {
+            let place = ground.with_room(plan.waypoints[idx], margin);
+            clearance.shift(plan, idx, place - plan.waypoints[idx], ground);
+        }
+        for leg in legs {
+            let from = leg.checked_sub(1).map_or(feet, |before| plan.waypoints[before]);
+            let Some((share, offset)) = narrowest(plan, leg, from, margin, ground) else { continue };
+            // Of the straight line between both waypoints, the narrowest place moves by the whole offset.
+            let weight = 1.0 / (share * share + (1.0 - share) * (1.0 - share));
+            if let Some(before) = leg.checked_sub(1) {
+                clearance.shift(plan, before, offset * ((1.0 - share) * weight), ground);
+            }
+            clearance.shift(plan, leg, offset * (share * weight), ground);
+        }
+        clearance
+    }
+
+    /// Moves a waypoint by `offset`, m, if the body can walk straight there and on.
+    fn shift(&mut self, plan: &mut Plan, idx: usize, offset: Vec3, ground: &impl Ground) {
+        if offset == Vec3::ZERO || !moves(plan, idx) {
+            return;
+        }
+        let Some(before) = idx.checked_sub(1).map_or(self.start, |before| Some(plan.waypoints[before])) else { return };
+        let (former, after) = (plan.waypoints[idx], plan.waypoints[idx + 1]);
+        let place = former + offset;
+        if ground.is_way(before, place) && ground.is_way(place, after) {
+            plan.waypoints[idx] = place;
+            if self.moved.iter().all(|(moved, _)| *moved != idx) {
+                self.moved.push((idx, former));
+            }
+        }
+    }
+
+    /// The corner at which the walk leg `leg` of a plan begins, or the shortcut that contains it, and the waypoint
+    /// before, m; `None` if the body keeps no distance from walls, or did not walk there.
+    pub fn corner(&self, plan: &Plan, leg: usize, shortcuts: &Shortcuts) -> Option<[Vec3; 2]> {
+        let start = self.start?;
+        let last = shortcuts.begin(leg).checked_sub(1).filter(|last| plan.legs[*last].ability == Ability::Walk)?;
+        let before = shortcuts.begin(last).checked_sub(1).map_or(start, |before| plan.waypoints[before]);
+        Some([plan.waypoints[last], before])
+    }
+}
+
+/// Whether a waypoint of a plan is between two walk legs.
+fn moves(plan: &Plan, idx: usize) -> bool {
+    let is_walk = |leg: usize| plan.legs.get(leg).is_some_and(|leg| leg.ability == Ability::Walk);
+    is_walk(idx) && is_walk(idx + 1)
+}
+
+/// The place on a leg from `from`, m, that has the least room, as a share of the leg, and the offset from it to where
+/// there is `margin`, m; `None` if the leg is not walked, or has that room.
+fn narrowest(plan: &Plan, leg: usize, from: Vec3, margin: f32, ground: &impl Ground) -> Option<(f32, Vec3)> {
+    let to = plan.waypoints[leg];
+    if plan.legs[leg].ability != Ability::Walk || ground.is_lane(from, to, margin) {
+        return None;
+    }
+    let count = (from.distance(to) / SAMPLE_M).ceil() as u32;
+    let offset = |idx: u32| {
+        let share = idx as f32 / count as f32;
+        let place = from.lerp(to, share);
+        (share, (ground.with_room(place, margin) - place).with_y(0.0))
+    };
+    let offsets = (1..count).map(offset);
+    let (share, most) = offsets.max_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()))?;
+    (most.length() >= LEAST_M).then_some((share, most))
+}
+
+impl Follower {
+    /// Moves the waypoints between the current one and the end of `leg` back to where the plan had them; returns
+    /// whether any had moved.
+    pub(super) fn move_waypoints_back(&mut self, leg: usize) -> bool {
+        let Some(plan) = &mut self.plan else { return false };
+        let legs = self.leg.min(leg)..=self.leg.max(leg);
+        let (back, kept): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.clearance.moved).into_iter().partition(|(idx, _)| legs.contains(idx));
+        back.iter().for_each(|(idx, place)| plan.waypoints[*idx] = *place);
+        self.clearance.moved = kept;
+        let is_changed = !back.is_empty();
+        if is_changed {
+            self.to_waypoint = super::Approach::NONE;
+        }
+        is_changed
+    }
+}
