@@ -5,7 +5,8 @@ use std::sync::Arc;
 use surefoot_planner::{Rule, Shape, Tags, Zone};
 use surefoot_server::WorldId;
 use surefoot_server::hosted::{
-    FleetSave, HostedWorld, Journal, NpcStatus, Route, RouteKind, SavedMap, SpawnOrder, Stop, TimeMode, ZonesEdit,
+    FleetSave, HostedWorld, Journal, NpcStatus, Route, RouteKind, SavedMap, SpawnOrder, Stop, Target, TimeMode,
+    ZonesEdit,
 };
 use surefoot_server::ids::NpcId;
 use surefoot_server::quota::Quota;
@@ -91,7 +92,7 @@ fn spawn_id(mut world: HostedWorld, quota: &Arc<Quota>, position: Vec3) -> NpcId
 }
 
 #[test]
-fn zones_tags_and_gaits_are_known_to_the_next_server() {
+fn zones_tags_gaits_and_what_npcs_look_at_are_known_to_the_next_server() {
     let (mut world, quota, places) = world();
     let tags = |tag: &str| Tags::from([tag.to_owned()]);
     let shape = Shape::Cylinder { bottom: places[3], radius: 2.0, height: 3.0 };
@@ -101,11 +102,15 @@ fn zones_tags_and_gaits_are_known_to_the_next_server() {
     world.set_tags(first, tags("key")).unwrap();
     let [walk, jog] = [0.15, 0.5].map(|speed| Gait::default().at_most(speed));
     world.set_gait(first, walk).unwrap();
+    world.look_at(first, Some(Target::at(places[6]))).unwrap();
     let saved = kept(&world);
     world.confirm(saved.log.written());
     let order = SpawnOrder { position: places[5], yaw: 0.5, goal: None, body: None, tags: tags("red"), gait: jog };
     let new = world.spawn_to(order, 64, quota.grant("game")).unwrap();
+    world.look_at(new, Some(Target::Npc(first))).unwrap();
     let next = restored(saved, vec![journal(&world)], &quota);
+    let looks_at = [first, new].map(|npc| next.npc(npc).unwrap().looks_at);
+    assert_eq!(looks_at, [Some(Target::at(places[6])), Some(Target::Npc(first))]);
     assert_eq!(next.zones().collect::<Vec<_>>(), [&zone]);
     assert_eq!([first, new].map(|npc| next.tags(npc).unwrap().clone()), [tags("key"), tags("red")]);
     assert_eq!([first, new].map(|npc| next.npc(npc).unwrap().gait), [walk, jog]);

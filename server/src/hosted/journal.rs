@@ -7,7 +7,7 @@
 use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
 use super::itinerary::{Itinerary, Route, RouteKind};
-use super::pursuit::Pursuit;
+use super::pursuit::{Pursuit, Target};
 use super::saved::{SavedError, WorldSave};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
@@ -22,7 +22,7 @@ use surefoot_world::{CharacterProfile, End, Gait, Seconds, Tick, Vec3};
 
 const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
 /// Changed whenever [`FleetSave`] or anything inside it is.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 /// Most events that are saved with a world, so that readers can resume on the server that takes it over.
 const SAVED_EVENTS: usize = 4096;
 
@@ -100,6 +100,7 @@ struct Newcomer {
     owner: String,
     tags: Tags,
     gait: Gait,
+    looks_at: Option<Target>,
 }
 
 impl FleetSave {
@@ -213,6 +214,7 @@ impl HostedWorld {
                     owner: record.ticket.client().to_owned(),
                     tags: record.tags.clone(),
                     gait: record.gait,
+                    looks_at: record.looks_at,
                 });
                 Change::Spawned { position, newcomer }
             }
@@ -271,6 +273,7 @@ impl HostedWorld {
                 let mut record = NpcRecord::new(slot, npc_quota.grant(&newcomer.owner));
                 record.tags = newcomer.tags.clone();
                 record.gait = newcomer.gait;
+                record.looks_at = newcomer.looks_at;
                 self.add_record(entry.npc, record);
             }
             return;

@@ -2,7 +2,7 @@
 
 use super::commands::MAX_BODIES;
 use super::itinerary::Itinerary;
-use super::pursuit::{Pursuit, Retry};
+use super::pursuit::{Pursuit, Retry, Target};
 use super::snapshot::Counters;
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::{NpcId, WorldId};
@@ -31,7 +31,7 @@ const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// in [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A
 /// server of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a
 /// server that was upgraded takes them over.
-const VERSION: u32 = 13;
+const VERSION: u32 = 14;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -93,6 +93,7 @@ struct SavedNpc {
     pursuit: Pursuit,
     retry: Option<Retry>,
     itinerary: Option<Itinerary>,
+    looks_at: Option<Target>,
     turns_to: Option<f32>,
     last_outcome: Option<End>,
     attempts: u32,
@@ -207,6 +208,7 @@ impl WorldSave {
                 && npc.itinerary.as_ref().is_none_or(Itinerary::is_sound)
                 && npc.pursuit.is_sound()
                 && npc.retry.is_none_or(|retry| retry.pursuit.is_sound())
+                && npc.looks_at.is_none_or(|target| target.is_sound())
                 && npc.turns_to.is_none_or(f32::is_finite)
                 && npc.gait.is_allowed()
         };
@@ -292,6 +294,7 @@ impl HostedWorld {
             pursuit: record.pursuit,
             retry: record.retry,
             itinerary: record.itinerary.clone(),
+            looks_at: record.looks_at,
             turns_to: record.turns_to,
             last_outcome: record.last_outcome,
             attempts: record.attempts,
@@ -328,7 +331,7 @@ impl HostedWorld {
         for npc in &saved.npcs {
             let mut record = NpcRecord::new(npc.slot, npc_quota.grant(&npc.owner));
             (record.goal, record.pursuit, record.retry) = (npc.goal, npc.pursuit, npc.retry);
-            (record.itinerary, record.turns_to) = (npc.itinerary.clone(), npc.turns_to);
+            (record.itinerary, record.looks_at, record.turns_to) = (npc.itinerary.clone(), npc.looks_at, npc.turns_to);
             record.last_outcome = npc.last_outcome;
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = saved.state.tick();
