@@ -7,4 +7,5 @@ mod edits;
 mod env;
 mod motion;
 mod rehearsals;
+mod reviews;
 mod shapes;

@@ -2,14 +2,13 @@
 //!
 //! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
 //! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
-//! (legs to avoid), `manner` (how the NPC moves), `prepare` (what is changed in a new plan, with `review` and
-//! `shortcuts`) and `detour` (the way back after a push).
+//! (legs to avoid), `manner` (how the NPC moves), `review` and `shortcuts` (what is changed in a new plan) and `detour`
+//! (the way back after a push).
 
 mod detour;
 mod failures;
 mod manner;
 mod movers;
-mod prepare;
 mod review;
 pub mod scene;
 mod shortcuts;
@@ -244,10 +243,8 @@ impl Follower {
 
     /// Starts to follow a plan and returns its first waypoint, m.
     pub fn take_plan(&mut self, mut plan: Plan) -> Vec3 {
-        if let Some(last) = plan.waypoints.last_mut().filter(|_| plan.nearest.is_none()) {
-            // The goal may have moved since the plan was requested.
-            *last = self.goal;
-        }
+        // The goal may have moved since the plan was requested.
+        self.lead_to_goal(&mut plan);
         let first = plan.waypoints[0];
         self.plan = Some(plan);
         if !self.review.is_under_way() {
@@ -258,6 +255,13 @@ impl Follower {
         self.shortcuts = Shortcuts::default();
         self.start_leg(0);
         first
+    }
+
+    /// Lets a plan that leads to the goal end where the goal is now.
+    fn lead_to_goal(&self, plan: &mut Plan) {
+        if let Some(last) = plan.waypoints.last_mut().filter(|_| plan.nearest.is_none()) {
+            *last = self.goal;
+        }
     }
 
     /// The goal, m.
