@@ -36,7 +36,9 @@ fn composed_npcs_turn_and_jump_less_and_arrive_as_often() {
         let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         rollout.follow.composes = composes;
         let mut figures = Figures::default();
-        (rollout.measure(&policy, Some(&router), &goals, &mut figures), figures.motion)
+        let attempts = rollout.measure(&policy, Some(&router), &goals, &mut figures);
+        assert_eq!(figures.steered > 0, composes, "only composed NPCs are steered");
+        (attempts, figures.motion)
     };
     let ((composed, calm), (free, restless)) = (run(true), run(false));
     let reached = |attempts: &[AttemptResult]| attempts.iter().filter(|attempt| attempt.end == End::Reached).count();
@@ -120,6 +122,7 @@ fn motion_counts_what_is_seen() {
     let mut figures = Figures::default();
     let rollout = Rollout::new(map, profile, TaskConfig::default());
     let attempts = rollout.measure(&policy, None, &goals, &mut figures);
+    assert_eq!(figures.steered, 0, "no NPC follows a plan");
     let motion = figures.motion;
     assert_eq!(motion.decisions, attempts.iter().map(|attempt| u64::from(attempt.decisions)).sum::<u64>());
     let length: f64 = attempts.iter().map(|attempt| f64::from(attempt.length)).sum();

@@ -47,16 +47,26 @@ pub struct MotionRow {
     pub jerk: f64,
 }
 
+/// What is measured.
+#[derive(Debug, Clone, Copy)]
+pub struct Comparison<'a> {
+    /// The runs.
+    pub runs: &'a [Run],
+    /// A run whose walked paths are the shortest ones that are known; only goals with such a path are measured.
+    pub shortest: Option<&'a Run>,
+    /// Whether only goals are measured that all runs reach without jumps and devices.
+    pub on_foot: bool,
+}
+
 /// Measures the motion of runs on the set whose files are in `folder`: for each map, and for all of them together if
-/// there are several, a row for each run in their order. Only goals that all of them reach count, and that have a walked
-/// path in the run `shortest`, if there is one. `progress` gets the name of each map before its attempts are made.
+/// there are several, a row for each run in their order. `progress` gets the name of each map before its attempts are
+/// made.
 ///
 /// # Errors
 /// If a run does not fit the set, or a map cannot be loaded.
 pub fn compare(
     (set, folder): (&GoalSet, &Path),
-    runs: &[Run],
-    shortest: Option<&Run>,
+    Comparison { runs, shortest, on_foot }: Comparison<'_>,
     thread_count: usize,
     mut progress: impl FnMut(&str),
 ) -> Result<Vec<MotionRow>, ScoreError> {
@@ -70,7 +80,8 @@ pub fn compare(
         let map = of_set.load(folder)?;
         let lengths = shortest.as_ref().map(|maps| walked_lengths(of_set, maps[idx]));
         let made = checked.iter().map(|maps| attempts((&map, &set.body), of_set, maps[idx], thread_count));
-        let sums = measure(of_set, lengths.as_deref(), &made.collect::<Vec<_>>());
+        let counts = |track: &Vec<Sample>| !on_foot || track.iter().all(|sample| sample.used.is_empty());
+        let sums = measure(of_set, lengths.as_deref(), &made.collect::<Vec<_>>(), counts);
         for ((run, total), sums) in runs.iter().zip(&mut totals).zip(sums) {
             rows.push(sums.row(Some(&of_set.name), &run.entrant));
             total.add(&sums);
@@ -128,10 +139,17 @@ struct Sums {
     motion: Motion,
 }
 
-/// The sums of each run over the goals that all of them reached.
-fn measure(of_set: &SetMap, lengths: Option<&[Option<f64>]>, runs: &[Vec<Option<Vec<Sample>>>]) -> Vec<Sums> {
-    let is_measured =
-        |idx: &usize| lengths.is_none_or(|all| all[*idx].is_some()) && runs.iter().all(|tracks| tracks[*idx].is_some());
+/// The sums of each run over the goals that all of them reached with tracks that count.
+fn measure(
+    of_set: &SetMap,
+    lengths: Option<&[Option<f64>]>,
+    runs: &[Vec<Option<Vec<Sample>>>],
+    counts: impl Fn(&Vec<Sample>) -> bool,
+) -> Vec<Sums> {
+    let is_measured = |idx: &usize| {
+        lengths.is_none_or(|all| all[*idx].is_some())
+            && runs.iter().all(|tracks| tracks[*idx].as_ref().is_some_and(&counts))
+    };
     let measured: Vec<usize> = (0..of_set.goals.len()).filter(is_measured).collect();
     let shortest_m = lengths.map(|all| measured.iter().filter_map(|idx| all[*idx]).sum());
     let sums = |tracks: &Vec<Option<Vec<Sample>>>| {

@@ -5,7 +5,7 @@ use anyhow::Context;
 use std::path::PathBuf;
 use surefoot_cli::commands::{core_count, machine};
 use surefoot_cli::terminal::{print_json, progress_bar};
-use surefoot_eval::challenge::motion::{MotionRow, compare};
+use surefoot_eval::challenge::motion::{Comparison, MotionRow, compare};
 
 /// Compare how the bodies of several runs move, at the goals that all of them reach.
 #[derive(clap::Args)]
@@ -23,6 +23,9 @@ pub struct Args {
     /// bodies cover is compared with it
     #[arg(long, value_name = "FILE")]
     shortest: Option<PathBuf>,
+    /// Measure only goals that all runs reach without jumps and devices
+    #[arg(long)]
+    on_foot: bool,
     /// Number of threads; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -41,7 +44,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let bar = progress_bar(set.maps.len() as u64, "measuring");
     let thread_count = args.threads.unwrap_or_else(core_count);
-    let rows = compare((&set, &folder), &runs, shortest.as_ref(), thread_count, |map| {
+    let comparison = Comparison { runs: &runs, shortest: shortest.as_ref(), on_foot: args.on_foot };
+    let rows = compare((&set, &folder), comparison, thread_count, |map| {
         bar.set_message(map.to_owned());
         bar.inc(1);
     })?;
