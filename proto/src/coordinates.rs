@@ -243,7 +243,7 @@ places! {
     wire::Movement: places prediction;
     wire::Npc: places position goal waypoint movement, vectors velocity;
     wire::NpcDelta: places position goal waypoint movement, vectors velocity;
-    wire::GetNpcResponse: places npc;
+    wire::GetNpcResponse: places npc look_at;
     wire::ListNpcsResponse: places npcs;
     wire::WatchWorldResponse: places npcs changed movers players;
     wire::Spawned: places position;
@@ -312,6 +312,7 @@ macro_rules! cases {
 cases! {
     wire::Piece: shape = wire::piece::Shape: Block Plank Pool;
     wire::Zone: shape = wire::zone::Shape: Box Cylinder;
+    wire::LookTarget: target = wire::look_target::Target: Position;
     wire::NpcEvent: event = wire::npc_event::Event:
         Spawned AttemptBegan AttemptEnded TargetReached Jumped Landed Rode Died Teleported Stands;
     plan::Edit: edit = plan::edit::Edit: ForbidEdge ForceEdge PriceEdge AddVertex MoveVertex RemoveVertex;

@@ -25,6 +25,7 @@ pub fn movement_to_wire(locomotion: &Locomotion, prediction: Option<(Tick, Traje
         stride_m: locomotion.stride_m,
         stride_phase: locomotion.stride_phase,
         prediction,
+        step_offset_m: locomotion.steps.offset_m,
     }
 }
 

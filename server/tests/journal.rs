@@ -5,7 +5,7 @@ use std::sync::Arc;
 use surefoot_planner::{Rule, Shape, Tags, Zone};
 use surefoot_server::WorldId;
 use surefoot_server::hosted::{
-    FleetSave, HostedWorld, Journal, NpcStatus, Route, RouteKind, SavedMap, SpawnOrder, Stop, TimeMode, WorldSave,
+    FleetSave, HostedWorld, Journal, NpcStatus, Route, RouteKind, SavedMap, SpawnOrder, Stop, Target, TimeMode,
     ZonesEdit,
 };
 use surefoot_server::ids::NpcId;
@@ -92,7 +92,7 @@ fn spawn_id(mut world: HostedWorld, quota: &Arc<Quota>, position: Vec3) -> NpcId
 }
 
 #[test]
-fn zones_tags_and_gaits_are_known_to_the_next_server() {
+fn zones_tags_gaits_and_what_npcs_look_at_are_known_to_the_next_server() {
     let (mut world, quota, places) = world();
     let tags = |tag: &str| Tags::from([tag.to_owned()]);
     let shape = Shape::Cylinder { bottom: places[3], radius: 2.0, height: 3.0 };
@@ -102,45 +102,18 @@ fn zones_tags_and_gaits_are_known_to_the_next_server() {
     world.set_tags(first, tags("key")).unwrap();
     let [careful, jog] = ["careful", "jog"].map(|name| NamedGait::find(name).unwrap().gait);
     world.set_gait(first, careful).unwrap();
+    world.look_at(first, Some(Target::at(places[6]))).unwrap();
     let saved = kept(&world);
     world.confirm(saved.log.written());
     let order = SpawnOrder { position: places[5], yaw: 0.5, goal: None, body: None, tags: tags("red"), gait: jog };
     let new = world.spawn_to(order, 64, quota.grant("game")).unwrap();
+    world.look_at(new, Some(Target::Npc(first))).unwrap();
     let next = restored(saved, vec![journal(&world)], &quota);
+    let looks_at = [first, new].map(|npc| next.npc(npc).unwrap().looks_at);
+    assert_eq!(looks_at, [Some(Target::at(places[6])), Some(Target::Npc(first))]);
     assert_eq!(next.zones().collect::<Vec<_>>(), [&zone]);
     assert_eq!([first, new].map(|npc| next.tags(npc).unwrap().clone()), [tags("key"), tags("red")]);
     assert_eq!([first, new].map(|npc| next.npc(npc).unwrap().gait), [careful, jog]);
-}
-
-/// What the former version wrote: a save whose gaits have only speed and acceleration, sealed with that version.
-fn former(save: &[u8], gait: Gait) -> Vec<u8> {
-    let (magic, version) = (&save[..8], u32::from_le_bytes(save[8..12].try_into().unwrap()));
-    let content = sealed::open(magic, version, save).unwrap();
-    let bytes = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
-    let now = [bytes(&[-gait.speed, gait.acceleration, gait.turn_rate, gait.wall_distance]), vec![0]].concat();
-    let at = content.windows(now.len()).position(|window| window == now).expect("the gait was saved");
-    let then = [&content[..at], &bytes(&[gait.speed, gait.acceleration]), &content[at + now.len()..]].concat();
-    sealed::seal(magic, version - 1, &then)
-}
-
-#[test]
-fn saves_of_the_former_version_are_read() {
-    let (mut world, quota, _) = world();
-    let ids: Vec<NpcId> = world.npcs().map(|npc| npc.id).collect();
-    ids[1..].iter().for_each(|id| world.despawn(*id).unwrap());
-    let slow = Gait { acceleration: 0.7, ..Gait::default().at_most(0.3125) };
-    world.set_gait(ids[0], slow).unwrap();
-    let saved = kept(&world);
-    let gait = |world: HostedWorld| world.npc(ids[0]).unwrap().gait;
-    let of_fleet = FleetSave::decode(&former(&saved.encode(), slow), Path::new("former")).unwrap();
-    assert_eq!(of_fleet, saved);
-    assert_eq!(gait(restored(of_fleet, Vec::new(), &quota)), slow);
-    let of_folder = WorldSave::decode(&former(&saved.world.encode(), slow), Path::new("former")).unwrap();
-    assert_eq!(of_folder, saved.world);
-    let bytes = saved.world.encode();
-    let version = u32::from_le_bytes(bytes[8..12].try_into().unwrap());
-    let older = sealed::seal(&bytes[..8], version - 2, sealed::open(&bytes[..8], version, &bytes).unwrap());
-    assert!(WorldSave::decode(&older, Path::new("older")).is_err());
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod hosted;
 mod journal;
+mod looking;
 mod shares;
 mod simulation;
 mod stuck;

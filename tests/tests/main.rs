@@ -23,6 +23,7 @@ mod journeys;
 mod json;
 mod limits;
 mod living;
+mod looking;
 mod manifests;
 mod motion;
 mod movement;

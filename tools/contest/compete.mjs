@@ -5,18 +5,18 @@
 // SETDIR comes from `surefoot challenge set NAME --out SETDIR`. For each entrant OUTDIR gets a file for `surefoot challenge score`. If maps are
 // named, only those are answered, and files that are there already keep what they have for the others.
 
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs'
-import { cpus, tmpdir } from 'node:os'
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs'
+import { tmpdir } from 'node:os'
 import { join } from 'node:path'
 import { exportNavMesh, init } from '@recast-navigation/core'
 import { ground, volumes } from './level.mjs'
 import { jumpLinks } from './links.mjs'
 import { Baked, agentOf, areaOfPrice, boundary } from './navmesh.mjs'
 import { PathFinder } from './paths.mjs'
+import { aboutDetour, record } from './runs.mjs'
 import { price, provedLinks, runner } from './surefoot.mjs'
 import { Triangles } from './triangles.mjs'
 
-const VERSION_OF_RECAST = '0.43.1'
 /** Price of automatic links against walking as far. Agents then favour walking, and take a link where the walk is clearly longer. */
 const JUMP_PRICE = 2
 
@@ -104,32 +104,14 @@ function attempts(navMesh, links, goals) {
   return { attempts: answers.map(({ approach }) => approach), complete, queryMicros: micros[Math.floor(micros.length / 2)] }
 }
 
-/** Adds a map to the file of an entrant. */
-function record(entrant, { name, build_s, bytes, attempts }) {
-  const file = join(outFolder, `${entrant}.json`)
-  const earlier = existsSync(file) ? JSON.parse(readFileSync(file, 'utf8')) : { maps: [] }
-  const isOfThisSet = earlier.set === set.set && earlier.challenge === set.challenge
-  const others = isOfThisSet ? earlier.maps.filter((map) => map.name !== name) : []
-  writeFileSync(file, JSON.stringify({ ...head(entrant), maps: [...others, { name, build_s, bytes, attempts }] }))
-}
-
-function head(entrant) {
-  const { cs, walkableRadius, walkableClimb, ch, walkableSlopeAngle } = agent
-  const metres = (cells, side) => `${+(cells * side).toFixed(2)} m`
-  const about = [
-    `Recast and Detour ${VERSION_OF_RECAST} (WebAssembly) ${ENTRANTS[entrant].about}`,
-    `cells of ${cs} m, radius ${metres(walkableRadius, cs)}, climb ${metres(walkableClimb, ch)}, slope ${walkableSlopeAngle.toFixed(0)} degrees`,
-    `Node.js ${process.version} on ${cpus()[0]?.model ?? 'an unknown processor'}`,
-  ].join('; ')
-  return { challenge: set.challenge, set: set.set, entrant, about }
-}
-
 await init()
 mkdirSync(outFolder, { recursive: true })
 console.log('| map | entrant | complete paths | links | build, s | bytes | query, us |\n|---|---|---|---|---|---|---|')
 for (const map of set.maps.filter(({ name }) => chosen.length === 0 || chosen.includes(name))) {
   for (const [entrant, run] of Object.entries(compete(map))) {
-    record(entrant, run)
+    const { name, build_s, bytes, attempts } = run
+    const head = { entrant, about: aboutDetour(ENTRANTS[entrant].about, agent) }
+    record(join(outFolder, `${entrant}.json`), set, head, { name, build_s, bytes, attempts })
     const figures = [`${(100 * run.complete).toFixed(1)} %`, run.links, run.build_s.toFixed(2), run.bytes, run.queryMicros.toFixed(0)]
     console.log(`| ${[map.name, entrant, ...figures].join(' | ')} |`)
   }

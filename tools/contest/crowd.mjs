@@ -8,6 +8,7 @@
 
 import { Crowd, init } from '@recast-navigation/core'
 import { generateSoloNavMesh } from '@recast-navigation/generators'
+import { crowdAgent } from './tracks.mjs'
 
 const RUNS = Number(process.argv[2] ?? 10)
 const TICK_S = 1 / 60
@@ -15,7 +16,6 @@ const LIMIT_S = 120
 const APART = 1.7
 const CELL_M = 0.1
 const WALL_M = 9
-const ALL_AVOIDANCE = 1 | 2 | 4 | 8 | 16
 
 /** Positions and indices of boxes, each from a low to a high corner. */
 function mesh(boxes) {
@@ -126,17 +126,7 @@ function streams(seed, both) {
 function run(navMesh, ways) {
   const crowd = new Crowd(navMesh, { maxAgents: ways.length, maxAgentRadius: 0.3 })
   const agents = ways.map(([start, goal]) => {
-    const agent = crowd.addAgent(start, {
-      radius: 0.3,
-      height: 1.8,
-      maxAcceleration: 30,
-      maxSpeed: 11,
-      collisionQueryRange: 6,
-      pathOptimizationRange: 30,
-      separationWeight: 1,
-      updateFlags: ALL_AVOIDANCE,
-      obstacleAvoidanceType: 3,
-    })
+    const agent = crowd.addAgent(start, crowdAgent({ radius: 0.3, height: 1.8, speed: 11 }))
     agent.requestMoveTarget(goal)
     return { agent, goal, arrived: undefined }
   })

@@ -168,6 +168,11 @@ export function filter() {
   const filter = new recast.QueryFilter()
   filter.includeFlags = 0xffff
   filter.excludeFlags = 0
+  return priceAreas(filter)
+}
+
+/** Sets the prices of all areas in a filter, and returns it. */
+export function priceAreas(filter) {
   for (let area = 1; area <= PRICED_AREAS; area += 1) filter.setAreaCost(area, PRICE_STEP ** (area - 1))
   filter.setAreaCost(AVOIDED_AREA, AVOIDED_COST)
   return filter

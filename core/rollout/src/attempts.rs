@@ -6,5 +6,6 @@ mod run;
 mod walker;
 
 pub use chase::{Chase, Chased, Errand};
+pub use guide::GuideTimes;
 pub use run::{Figures, Rollout};
 pub use walker::{AttemptResult, Measured, Played, Track};

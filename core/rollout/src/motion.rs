@@ -5,7 +5,7 @@ use crate::style::angle;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use surefoot_world::float::hypot;
-use surefoot_world::{Ability, Body, DECISION_SECONDS, Npc, POSE_TICKS, TICKS_PER_DECISION, Vec3};
+use surefoot_world::{Ability, AbilitySet, Body, DECISION_SECONDS, Npc, POSE_TICKS, TICKS_PER_DECISION, Vec3};
 
 /// Width of a bin of the angle between facing and motion, degrees.
 const BIN_DEG: f32 = 1.0;
@@ -85,24 +85,53 @@ impl Foresight {
     }
 }
 
+/// A body at the end of a decision, as far as motion is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sample {
+    /// Position of the feet, m.
+    pub feet: Vec3,
+    /// Heading, rad.
+    pub yaw: f32,
+    /// Velocity, m/s.
+    pub velocity: Vec3,
+    /// Whether the body is off the ground.
+    pub in_air: bool,
+    /// Whether a device or mover carries the body: its heading is not measured against its motion.
+    pub is_carried: bool,
+    /// Abilities that were used in the decision.
+    pub used: AbilitySet,
+}
+
+impl Sample {
+    /// What an NPC shows.
+    pub fn of(npc: &Npc) -> Self {
+        let body = &npc.body;
+        Self {
+            feet: body.feet,
+            yaw: body.yaw,
+            velocity: body.velocity,
+            in_air: !body.is_grounded(),
+            is_carried: body.ride.is_some(),
+            used: npc.used_abilities,
+        }
+    }
+}
+
 /// The last decision of one NPC.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Trace {
-    yaw: f32,
     /// Side to which the heading turns; 0 before the first turn.
     side: f32,
     /// How far the heading has turned back, rad.
     back: f32,
-    feet: Vec3,
-    velocity: Vec3,
+    last: Sample,
     acceleration: Vec3,
 }
 
 impl Trace {
-    /// The trace of an NPC before its first decision.
-    pub fn begin(npc: &Npc) -> Self {
-        let body = &npc.body;
-        Self { yaw: body.yaw, feet: body.feet, velocity: body.velocity, ..Self::default() }
+    /// The trace of a body before its first decision.
+    pub fn begin(start: Sample) -> Self {
+        Self { last: start, ..Self::default() }
     }
 
     /// Adds a turn of the heading, rad; true if the heading has now turned back.
@@ -121,33 +150,39 @@ impl Trace {
 }
 
 impl Motion {
-    /// Adds a decision of `npc`, on a leg that needs `ability`, if it follows a plan.
-    pub(crate) fn note(&mut self, trace: &mut Trace, npc: &Npc, ability: Option<Ability>) {
-        let body = &npc.body;
+    /// The motion along a track: the start, then the body after each decision.
+    pub fn of_track(track: &[Sample]) -> Self {
+        let mut motion = Self::default();
+        if let [start, decisions @ ..] = track {
+            let mut trace = Trace::begin(*start);
+            decisions.iter().for_each(|sample| motion.note(&mut trace, sample, None));
+        }
+        motion
+    }
+
+    /// Adds a decision that ended with `now`, on a leg that needs `ability`, if the NPC follows a plan.
+    pub(crate) fn note(&mut self, trace: &mut Trace, now: &Sample, ability: Option<Ability>) {
+        let Trace { last, .. } = *trace;
         let mut gait = Gait { decisions: 1, ..Gait::default() };
-        gait.in_air = u64::from(!body.is_grounded());
-        gait.jumps =
-            [Ability::Jump, Ability::DoubleJump].map(|jump| u64::from(npc.used_abilities.contains(jump))).iter().sum();
-        gait.metres = if npc.used_abilities.contains(Ability::Teleporter) {
-            0.0
-        } else {
-            f64::from(body.feet.distance(trace.feet))
-        };
+        gait.in_air = u64::from(now.in_air);
+        gait.jumps = [Ability::Jump, Ability::DoubleJump].map(|jump| u64::from(now.used.contains(jump))).iter().sum();
+        gait.metres =
+            if now.used.contains(Ability::Teleporter) { 0.0 } else { f64::from(now.feet.distance(last.feet)) };
         self.all.add(&gait);
         if ability == Some(Ability::Walk) {
             self.walk.add(&gait);
         }
         self.decisions += 1;
-        self.reversals += u64::from(trace.turn(angle(body.yaw - trace.yaw)));
-        if hypot(body.velocity.x, body.velocity.z) > SLOW && body.ride.is_none() {
-            let off = angle(libm::atan2f(body.velocity.x, body.velocity.z) - body.yaw).abs().to_degrees();
+        self.reversals += u64::from(trace.turn(angle(now.yaw - last.yaw)));
+        if hypot(now.velocity.x, now.velocity.z) > SLOW && !now.is_carried {
+            let off = angle(libm::atan2f(now.velocity.x, now.velocity.z) - now.yaw).abs().to_degrees();
             self.facing.resize(BINS, 0);
             self.facing[((off / BIN_DEG) as usize).min(BINS - 1)] += 1;
         }
-        let acceleration = (body.velocity - trace.velocity) / DECISION_SECONDS;
+        let acceleration = (now.velocity - last.velocity) / DECISION_SECONDS;
         let change = acceleration - trace.acceleration;
         self.jerk += f64::from(hypot(change.x, change.z) / DECISION_SECONDS);
-        *trace = Trace { side: trace.side, back: trace.back, acceleration, ..Trace::begin(npc) };
+        (trace.last, trace.acceleration) = (*now, acceleration);
     }
 
     /// Adds the sums of others.
@@ -171,6 +206,11 @@ impl Motion {
     /// Reversals of the heading per second.
     pub fn reversals_per_s(&self) -> f64 {
         self.reversals as f64 / (self.decisions.max(1) as f64 * f64::from(DECISION_SECONDS))
+    }
+
+    /// Reversals of the heading per 100 m; 0 without any distance.
+    pub fn reversals_per_100m(&self) -> f64 {
+        if self.all.metres > 0.0 { self.reversals as f64 / self.all.metres * 100.0 } else { 0.0 }
     }
 
     /// Quantile `share` of the angle between facing and motion over the decisions of moving bodies, degrees; 0 if none

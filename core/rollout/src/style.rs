@@ -2,8 +2,9 @@
 //!
 //! A policy that learned to arrive turns to and fro, runs sideways and jumps where walking would do. A composed NPC
 //! faces its direction of motion, straightens its way where the policy roughly does, acts without noise, and jumps only
-//! on legs that need it. The [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives;
-//! otherwise it moves freely. docs/adr/0026-composed-motion.md has measurements.
+//! where it cannot walk on. In the air it keeps its heading as far as its motion allows. The
+//! [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives; otherwise it moves freely.
+//! docs/adr/0026-composed-motion.md and docs/adr/0061-leaps-look-intended.md have measurements.
 
 use crate::steer::Course;
 use std::f32::consts::{PI, TAU};
@@ -11,10 +12,14 @@ use surefoot_policy::Policy;
 use surefoot_world::character::{Body, Ride, Support};
 use surefoot_world::float::hypot;
 use surefoot_world::sense::{FIELDS, LastDecision, STATE_BEGIN, field_idx};
-use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, ProfileIdx, Vec3};
+use surefoot_world::{
+    Ability, AbilitySet, Action, CharacterProfile, DECISION_SECONDS, Episode, Map, Npc, ProfileIdx, Vec3, arrival,
+};
 
 /// Angle between facing and motion up to which a composed body does not turn, rad.
 const SLACK: f32 = 0.15;
+/// The same in the air: a leap keeps the heading of its take-off.
+const SLACK_IN_AIR: f32 = 0.45;
 /// Angle between facing and motion after a turn, rad.
 const SETTLE: f32 = 0.05;
 /// Share of the top speed below which an action counts as standing still.
@@ -27,6 +32,11 @@ const CLOSE_M: f32 = 0.5;
 const SIDEWAYS: f32 = 0.4;
 /// Weight of the wanted change of velocity in the predicted direction of a body.
 const LOOK_AHEAD: f32 = 0.7;
+
+/// Distance ahead on which a body must be able to walk so that it does not jump: the way of two decisions, s, and at
+/// least this far, m.
+const RUN_UP_S: f32 = 2.0 * DECISION_SECONDS;
+const RUN_UP_M: f32 = 1.5;
 
 /// How an NPC carries out the actions of its policy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -56,6 +66,23 @@ impl Style {
         Self::Composed { jumps: ability != Ability::Walk }
     }
 
+    /// The same style for a body at a place on its map: a composed NPC on the ground does not jump while it could walk
+    /// on, as it moves and towards its waypoint, m.
+    #[must_use]
+    pub fn at(self, map: &Map, profile: &CharacterProfile, body: &Body, waypoint: Vec3) -> Self {
+        let Self::Composed { jumps: true } = self else { return self };
+        let velocity = body.velocity.with_y(0.0);
+        let run_up = (velocity.length() * RUN_UP_S).max(RUN_UP_M);
+        let walks_on = |way: Vec3, distance: f32| {
+            let offset = way.with_y(0.0).normalize_or_zero() * distance;
+            arrival::walks_on(map, profile, body.feet, offset)
+        };
+        let to_waypoint = waypoint - body.feet;
+        let has_way =
+            || walks_on(velocity, run_up) && walks_on(to_waypoint, run_up.min(hypot(to_waypoint.x, to_waypoint.z)));
+        Self::Composed { jumps: !body.is_grounded() || !has_way() }
+    }
+
     /// Whether an NPC that moves so must observe, and evaluate its policy: one with a memory always, since what it has
     /// seen counts later.
     pub fn needs(self, policy: &Policy) -> bool {
@@ -78,7 +105,7 @@ impl Style {
         let body = &npc.body;
         let jump = if jumps { action.jump } else { action.jump.min(0.0) };
         let (x, z) = wish(action, body, profile);
-        if hypot(x, z) < REST || body.ride.is_some() {
+        if body.is_grounded() && hypot(x, z) < REST || body.ride.is_some() {
             return Action { jump, ..action };
         }
         let way = npc.episode.map_or(Vec3::ZERO, |episode| episode.goal - body.feet);
@@ -86,7 +113,8 @@ impl Style {
         let (ahead_x, ahead_z) = ahead(body, profile, x, z);
         let off = angle(libm::atan2f(ahead_x, ahead_z) - body.yaw);
         let most = most_turn(profile);
-        let turn = if off.abs() <= SLACK { 0.0 } else { (off - SETTLE * off.signum()).clamp(-most, most) };
+        let slack = if body.is_grounded() { SLACK } else { SLACK_IN_AIR };
+        let turn = if off.abs() <= slack { 0.0 } else { (off - SETTLE * off.signum()).clamp(-most, most) };
         let (sin, cos) = libm::sincosf(body.yaw + 0.5 * turn);
         let (forward, right) = (x * sin + z * cos, z * sin - x * cos);
         let right = if body.is_grounded() { right * SIDEWAYS } else { right };

@@ -8,4 +8,5 @@ mod env;
 mod gaits;
 mod motion;
 mod rehearsals;
+mod reviews;
 mod shapes;

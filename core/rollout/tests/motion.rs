@@ -10,12 +10,13 @@ use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::steer::Course;
 use surefoot_rollout::{AttemptResult, Goal, Motion, ProbeContext, Rollout, Style};
-use surefoot_world::character::Body;
+use surefoot_world::character::{Body, Support};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{
-    Ability, Action, CharacterProfile, DECISION_SECONDS, End, Gait, Map, MapSpec, TaskConfig, Vec3, World, navigable,
+    Ability, Action, Arrival, CharacterProfile, DECISION_SECONDS, End, Gait, Map, MapSpec, Npc, TaskConfig, Vec3,
+    World, navigable,
 };
 
 fn map(side: u32) -> Arc<Map> {
@@ -35,7 +36,9 @@ fn composed_npcs_turn_and_jump_less_and_arrive_as_often() {
         let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         rollout.follow.composes = composes;
         let mut figures = Figures::default();
-        (rollout.measure(&policy, Some(&router), &goals, &mut figures), figures.motion)
+        let attempts = rollout.measure(&policy, Some(&router), &goals, &mut figures);
+        assert_eq!(figures.steered > 0, composes, "only composed NPCs are steered");
+        (attempts, figures.motion)
     };
     let ((composed, calm), (free, restless)) = (run(true), run(false));
     let reached = |attempts: &[AttemptResult]| attempts.iter().filter(|attempt| attempt.end == End::Reached).count();
@@ -65,7 +68,7 @@ fn a_composed_action_goes_where_the_policy_wants_and_looks_there() {
         assert!(walks.jump <= 0.0, "no jumps on a leg that can be walked");
         assert_eq!(Style::for_leg(Ability::Jump).shape(action, &npc, &profile).jump, action.jump);
         // A body that stands turns towards where the policy wants to go, as far as it can.
-        npc.body.velocity = Vec3::ZERO;
+        (npc.body.velocity, npc.body.support) = (Vec3::ZERO, Support::Ground);
         let turned = Style::for_leg(Ability::Walk).shape(action, &npc, &profile);
         let most = profile.turn_speed * DECISION_SECONDS;
         let (forward, right) =
@@ -84,6 +87,32 @@ fn a_composed_action_goes_where_the_policy_wants_and_looks_there() {
 }
 
 #[test]
+fn a_composed_body_keeps_its_heading_in_the_air_and_jumps_only_where_it_cannot_walk_on() {
+    let (map, profile) = (floor(), CharacterProfile::default());
+    let mut world = World::new(map.clone(), profile.clone(), TaskConfig::default());
+    let [start, goal] = [[10.0, 10.0], [30.0, 10.0]].map(|[x, z]| Vec3::new(x, 2.0, z));
+    let slot = world.spawn(start, 0.0);
+    world.head_for(slot, goal, Arrival::Pass);
+    // The policy spins and swerves.
+    let action = Action { forward: 1.0, strafe: 0.4, turn: -1.0, jump: 1.0 };
+    let leap = Style::for_leg(Ability::Jump);
+    let mut npc = *world.npc(slot).unwrap();
+    npc.body.yaw = PI / 2.0;
+    (npc.body.velocity, npc.body.support) = (Vec3::X * 8.0, Support::Air);
+    assert_eq!(leap.shape(action, &npc, &profile).turn, 0.0, "it keeps the heading of its take-off");
+    npc.body.yaw = 0.0;
+    assert!(leap.shape(action, &npc, &profile).turn > 0.9, "it flies to the left");
+    npc.body.yaw = PI / 2.0;
+    let jump = |npc: &Npc| leap.at(&map, &profile, &npc.body, goal).shape(action, npc, &profile).jump;
+    assert_eq!(jump(&npc), 1.0, "in the air a body may jump again");
+    npc.body.support = Support::Ground;
+    assert!(jump(&npc) <= 0.0, "the ground leads on");
+    npc.body.feet = Vec3::new(59.0, 2.0, 10.0);
+    npc.body.velocity = Vec3::X * 8.0;
+    assert_eq!(jump(&npc), 1.0, "the ground ends ahead");
+}
+
+#[test]
 fn motion_counts_what_is_seen() {
     let (policy, profile) = (Policy::shipped().unwrap(), CharacterProfile::default());
     let map = map(120);
@@ -93,6 +122,7 @@ fn motion_counts_what_is_seen() {
     let mut figures = Figures::default();
     let rollout = Rollout::new(map, profile, TaskConfig::default());
     let attempts = rollout.measure(&policy, None, &goals, &mut figures);
+    assert_eq!(figures.steered, 0, "no NPC follows a plan");
     let motion = figures.motion;
     assert_eq!(motion.decisions, attempts.iter().map(|attempt| u64::from(attempt.decisions)).sum::<u64>());
     let length: f64 = attempts.iter().map(|attempt| f64::from(attempt.length)).sum();

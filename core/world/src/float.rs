@@ -26,6 +26,12 @@ pub fn horizontal(vector: Vec3) -> f32 {
     hypot(vector.x, vector.z)
 }
 
+/// Heading of a vector, rad, in [-pi, pi]: 0 faces +z, counter-clockwise seen from above.
+#[inline]
+pub fn heading(vector: Vec3) -> f32 {
+    libm::atan2f(vector.x, vector.z)
+}
+
 /// Distance of a point from the segment between two others, m.
 #[inline]
 pub fn distance_to_segment(point: Vec3, from: Vec3, to: Vec3) -> f32 {

@@ -1,8 +1,9 @@
-//! How a body moves, as an animation graph needs it: its pace, its stride, and the phase of a leap or a ride.
+//! How a body moves, as an animation graph needs it: its pace, its stride, the phase of a leap or a ride, and the
+//! height of what is drawn over steps.
 
 use crate::character::Body;
 use crate::float::hypot;
-use crate::{Ability, AbilitySet, Action, CharacterProfile, TICK_SECONDS, TICKS_PER_SECOND};
+use crate::{Ability, AbilitySet, Action, CharacterProfile, Steps, TICK_SECONDS, TICKS_PER_SECOND};
 
 /// Height of the hip, as a share of the body's height (Winter, Biomechanics and Motor Control of Human Movement, 2009,
 /// figure 4.1).
@@ -64,12 +65,15 @@ pub struct Locomotion {
     pub ticks: u8,
     /// Whether the body is in the air because of an ability.
     pub was_thrown: bool,
+    /// Smooths the height of the drawn body over steps.
+    pub steps: Steps,
 }
 
 impl Locomotion {
     /// Follows a body by one tick, in which it carried out `action` and used the abilities in `used`.
     pub fn advance(&mut self, body: &Body, profile: &CharacterProfile, action: &Action, used: AbilitySet) {
         self.advance_move(body, used);
+        self.steps.advance(body, profile, used.contains(Ability::Teleporter));
         if !body.is_grounded() {
             self.stride_m = 0.0;
             return;

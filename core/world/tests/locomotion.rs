@@ -2,8 +2,8 @@
 
 use crate::stage::{FORWARD, NPC, STAND};
 use std::sync::Arc;
-use surefoot_world::character::Support;
 use surefoot_world::character::bodies::BODIES;
+use surefoot_world::character::{Ride, Support};
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{
@@ -121,4 +121,90 @@ fn a_body_winds_up_before_it_leaves_the_ground() {
     assert_eq!((standing.phase, standing.ability), (Some(MovePhase::WindUp), Ability::Jump));
     let flying = Locomotion { phase: Some(MovePhase::Flight), ..Locomotion::default() };
     assert_eq!(flying.winding_up(Ability::Jump), flying);
+}
+
+/// A world whose NPC stands before a flight of so many steps, each 0.3 m high and so deep, m, or a slope as steep.
+fn flight(depth: f32, is_slope: bool) -> World {
+    const COUNT: u8 = 10;
+    let mut edges = vec![(5.0, GROUND), (20.0, GROUND)];
+    for step in 0..COUNT {
+        let (z, y) = (20.0 + depth * f32::from(step), GROUND + 0.3 * f32::from(step));
+        let rises = if is_slope { vec![(z + depth, y + 0.3)] } else { vec![(z, y + 0.3), (z + depth, y + 0.3)] };
+        edges.extend(rises);
+    }
+    edges.push((60.0, GROUND + 0.3 * f32::from(COUNT)));
+    let strip = |pair: &[(f32, f32)]| {
+        let [(from, low), (to, high)] = [pair[0], pair[1]];
+        let corner = |x: f32, z: f32, y: f32| Vec3::new(x, y, z);
+        let [a, b, c, d] =
+            [corner(5.0, from, low), corner(5.0, to, high), corner(15.0, to, high), corner(15.0, from, low)];
+        [[a, b, c], [a, c, d]].into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground))
+    };
+    let triangles = edges.windows(2).flat_map(strip).collect();
+    let map = Map::from_parts(MapSize { width: 20, height: 30, depth: 70 }, triangles, Placed::default());
+    let mut world = World::new(Arc::new(map), CharacterProfile::default(), TaskConfig::default());
+    world.spawn(Vec3::new(10.0, GROUND, 18.0), 0.0);
+    world
+}
+
+/// The greatest changes of height in a tick, m, of the feet and of what is drawn, and the greatest offset, m.
+fn changes(world: &mut World, forward: f32, decisions: u32) -> [f32; 3] {
+    let (mut locomotion, mut most) = (Locomotion::default(), [0.0f32; 3]);
+    follow(world, &mut locomotion, STAND, 2);
+    let height = |world: &World| world.npc(NPC).unwrap().body.feet.y;
+    let mut before = [height(world), height(world) + locomotion.steps.offset_m];
+    for _ in 0..decisions {
+        world.decide(NPC, Action { forward, ..STAND });
+        for _ in 0..10 {
+            world.tick();
+            let npc = world.npc(NPC).unwrap();
+            locomotion.advance(&npc.body, world.profile_of(npc), &npc.action, world.used_in_tick(NPC));
+            let offset = locomotion.steps.offset_m;
+            let now = [height(world), height(world) + offset];
+            let seen = [now[0] - before[0], now[1] - before[1], offset];
+            most.iter_mut().zip(seen).for_each(|(most, seen)| *most = most.max(seen.abs()));
+            before = now;
+        }
+    }
+    assert_eq!(locomotion.steps.offset_m, 0.0, "it has decayed");
+    most
+}
+
+#[test]
+fn what_is_drawn_of_a_body_rises_smoothly_over_steps() {
+    // At 11 m/s the stairs rise by 0.18 m in each tick.
+    for (forward, decisions, bound) in [(0.1, 60, 0.06), (0.2, 30, 0.12), (0.4, 20, 0.12), (1.0, 12, 0.2)] {
+        let [feet, drawn, offset] = changes(&mut flight(0.3, false), forward, decisions);
+        assert!(feet > 0.25 && drawn < bound, "forward {forward}: the feet by {feet} m, what is drawn by {drawn} m");
+        assert!((0.2..=0.35).contains(&offset), "forward {forward}: offset {offset} m");
+        let [feet, drawn, offset] = changes(&mut flight(0.6, true), forward, decisions);
+        assert_eq!((drawn, offset), (feet, 0.0), "forward {forward}: slopes are not smoothed");
+    }
+}
+
+#[test]
+fn what_is_drawn_of_a_body_is_where_its_feet_are_after_a_teleport_and_on_rides() {
+    let mut locomotion = Locomotion::default();
+    let mut body = Body::at(Vec3::new(10.0, GROUND, 10.0), 0.0);
+    body.support = Support::Ground;
+    let mut offset_at = |body: &Body| {
+        locomotion.advance(body, &CharacterProfile::default(), &STAND, AbilitySet::default());
+        locomotion.steps.offset_m
+    };
+    offset_at(&body);
+    body.feet.y += 0.3;
+    assert!((-0.3..-0.2).contains(&offset_at(&body)), "a step");
+    body.feet.y += 4.0;
+    assert_eq!(offset_at(&body), 0.0, "a teleport");
+    body.feet.y -= 0.3;
+    assert!((0.2..0.3).contains(&offset_at(&body)), "a step down");
+    (body.support, body.ride) = (Support::Air, Some(Ride { line_idx: 0, distance: 0.0 }));
+    assert_eq!(offset_at(&body), 0.0, "a ride");
+    // A lift takes the body along.
+    (body.support, body.ride) = (Support::Ground, None);
+    let most = (0..60).fold(0.0f32, |most, _| {
+        body.feet.y += 0.05;
+        most.max(offset_at(&body).abs())
+    });
+    assert!(most < 0.05, "a lift: {most} m");
 }

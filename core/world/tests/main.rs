@@ -9,6 +9,7 @@ mod hostile;
 mod locomotion;
 mod movers;
 mod others;
+mod passing;
 mod pieces;
 mod players;
 mod recordings;

@@ -325,6 +325,15 @@ typedef struct sf_locomotion {
     uint32_t ticks;
     /* 1 in the air because of an ability. */
     int32_t was_thrown;
+    /* Height to add to the drawn character, m, so that its height changes smoothly over steps: up to the body's
+     * step_height, and negative after a step up. It decays with a time constant of 0.1 s, or as fast as the character
+     * moves. 0 on rides and after a teleport. */
+    float step_offset;
+    /* Height of the feet at the last tick, m, and how much they rose in it, m. */
+    float feet_height;
+    float rise;
+    /* 1 if it stood on ground at the last tick. */
+    int32_t was_grounded;
 } sf_locomotion;
 
 /* Progress of an agent towards its goal. */

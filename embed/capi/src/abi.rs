@@ -5,6 +5,7 @@
 #![expect(missing_docs, reason = "the header documents the fields")]
 
 use std::ffi::{c_char, c_void};
+use std::mem::offset_of;
 use surefoot_world as world;
 use surefoot_world::map::{LevelFrame, UpAxis};
 use surefoot_world::mesh::Surface;
@@ -165,6 +166,10 @@ pub struct Locomotion {
     pub stride_phase: f32,
     pub ticks: u32,
     pub was_thrown: i32,
+    pub step_offset: f32,
+    pub feet_height: f32,
+    pub rise: f32,
+    pub was_grounded: i32,
 }
 
 /// `sf_progress`: the progress of an agent.
@@ -294,20 +299,28 @@ pub type CastRays = unsafe extern "C" fn(user: *mut c_void, rays: *const Ray, ra
 pub trait Growing: Copy {
     /// Name in the header.
     const NAME: &'static str;
+    /// Size in the first library with this ABI version, bytes; later fields are 0 for callers that lack them.
+    const FIRST_SIZE: usize;
 }
 
 macro_rules! growing {
-    ($($kind:ident $name:literal),*) => {
+    ($($kind:ident $name:literal $first_size:expr;)*) => {
         $(impl Growing for $kind {
             const NAME: &'static str = $name;
+            const FIRST_SIZE: usize = $first_size;
         })*
     };
 }
 
-growing!(
-    Body "sf_body", State "sf_state", Progress "sf_progress", Query "sf_query", GraphInfo "sf_graph_info",
-    Step "sf_step", Locomotion "sf_locomotion"
-);
+growing! {
+    Body "sf_body" size_of::<Body>();
+    State "sf_state" size_of::<State>();
+    Progress "sf_progress" size_of::<Progress>();
+    Query "sf_query" size_of::<Query>();
+    GraphInfo "sf_graph_info" size_of::<GraphInfo>();
+    Step "sf_step" size_of::<Step>();
+    Locomotion "sf_locomotion" offset_of!(Locomotion, step_offset);
+}
 
 impl From<world::Vec3> for Vec3 {
     fn from(world::Vec3 { x, y, z }: world::Vec3) -> Self {

@@ -4,7 +4,7 @@ use crate::abi;
 use crate::agents::Sensed;
 use crate::checks;
 use crate::error::Fault;
-use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, Locomotion, MovePhase, Pace};
+use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, Locomotion, MovePhase, Pace, Steps};
 
 /// Follows a body by one tick, in which it carried out `action` and used the ability with this number.
 pub fn advance(
@@ -40,8 +40,9 @@ impl TryFrom<&abi::Locomotion> for Locomotion {
             2 => Some(MovePhase::Landing),
             other => return Err(unknown("phase", other)),
         };
-        if !(from.stride.is_finite() && from.stride_phase.is_finite()) {
-            return Err(Fault::argument("locomotion.stride or stride_phase is not finite: begin with 0"));
+        let numbers = [from.stride, from.stride_phase, from.step_offset, from.feet_height, from.rise];
+        if !numbers.into_iter().all(f32::is_finite) {
+            return Err(Fault::argument("a number of locomotion is not finite: begin with 0"));
         }
         Ok(Self {
             pace,
@@ -51,6 +52,12 @@ impl TryFrom<&abi::Locomotion> for Locomotion {
             stride_phase: from.stride_phase,
             ticks: from.ticks.min(u8::MAX.into()) as u8,
             was_thrown: from.was_thrown != 0,
+            steps: Steps {
+                offset_m: from.step_offset,
+                feet_m: from.feet_height,
+                rise_m: from.rise,
+                was_grounded: from.was_grounded != 0,
+            },
         })
     }
 }
@@ -72,6 +79,10 @@ impl From<Locomotion> for abi::Locomotion {
             stride_phase: from.stride_phase,
             ticks: from.ticks.into(),
             was_thrown: from.was_thrown.into(),
+            step_offset: from.steps.offset_m,
+            feet_height: from.steps.feet_m,
+            rise: from.steps.rise_m,
+            was_grounded: from.steps.was_grounded.into(),
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::abi::{self, Growing};
 use crate::error::{Fault, Status};
 use std::ffi::{CStr, c_char};
 use std::fmt::Display;
+use std::mem::MaybeUninit;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
@@ -137,14 +138,17 @@ pub(crate) unsafe fn growing<T: Growing>(pointer: *const T, name: &str) -> Resul
     // SAFETY: its size comes first.
     let size = unsafe { pointer.cast::<u32>().read() } as usize;
     check_size::<T>(size, name)?;
-    // SAFETY: it is at least as large as this library's.
+    // SAFETY: the struct has that many bytes. What the caller lacks stays 0, which all these structs allow.
     unsafe {
-        let beyond = slice(pointer.cast::<u8>(), size, name)?;
-        if beyond[size_of::<T>()..].iter().any(|byte| *byte != 0) {
+        let bytes = slice(pointer.cast::<u8>(), size, name)?;
+        let (known, beyond) = bytes.split_at(size.min(size_of::<T>()));
+        if beyond.iter().any(|byte| *byte != 0) {
             let message = format!("{name} uses fields of a later version of {}: update the library", T::NAME);
             return Err(Fault::argument(message));
         }
-        Ok(pointer.read())
+        let mut value = MaybeUninit::<T>::zeroed();
+        value.as_mut_ptr().cast::<u8>().copy_from_nonoverlapping(pointer.cast(), known.len());
+        Ok(value.assume_init())
     }
 }
 
@@ -169,9 +173,10 @@ pub(crate) unsafe fn write_growing<T: Growing>(pointer: *mut T, name: &str, valu
     // SAFETY: its size comes first.
     let size = unsafe { pointer.cast::<u32>().read() };
     check_size::<T>(size as usize, name)?;
-    // SAFETY: it is at least as large as this library's; it keeps its size.
+    // SAFETY: no more is written than the caller's struct has room for; it keeps its size.
     unsafe {
-        pointer.write(value);
+        let bytes = (&raw const value).cast::<u8>();
+        pointer.cast::<u8>().copy_from_nonoverlapping(bytes, size_of::<T>().min(size as usize));
         pointer.cast::<u32>().write(size);
     }
     Ok(())
@@ -180,7 +185,7 @@ pub(crate) unsafe fn write_growing<T: Growing>(pointer: *mut T, name: &str, valu
 fn check_size<T: Growing>(size: usize, name: &str) -> Result<(), Fault> {
     /// Larger than any struct will ever be.
     const MOST: usize = 4096;
-    if (size_of::<T>()..=MOST).contains(&size) {
+    if (T::FIRST_SIZE..=MOST).contains(&size) {
         return Ok(());
     }
     Err(Fault::argument(format!("{name}.struct_size is {size}: set it to sizeof({})", T::NAME)))

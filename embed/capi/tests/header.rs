@@ -197,7 +197,20 @@ fn structs_and_constants_are_those_of_the_source() {
     compare!(
         program,
         "sf_locomotion",
-        Locomotion { struct_size, pace, phase, ability, stride, stride_phase, ticks, was_thrown }
+        Locomotion {
+            struct_size,
+            pace,
+            phase,
+            ability,
+            stride,
+            stride_phase,
+            ticks,
+            was_thrown,
+            step_offset,
+            feet_height,
+            rise,
+            was_grounded
+        }
     );
     compare!(program, "sf_progress", Progress { struct_size, reached, best_distance, stalled_decisions, decisions });
     compare!(program, "sf_leg_key", LegKey { from, to });

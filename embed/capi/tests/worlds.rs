@@ -2,6 +2,7 @@
 #![expect(unsafe_code, reason = "calls C functions")]
 
 use crate::stage::{at, fails, handle, map, ok, state, world};
+use std::mem::offset_of;
 use std::ptr::{null, null_mut};
 use surefoot::abi::{Action, Locomotion, Outcome, State, Vec3};
 use surefoot::exports::*;
@@ -66,8 +67,12 @@ fn a_character_that_jumps_flies_and_lands() {
     }
     seen.dedup();
     assert_eq!(seen[seen.len() - 4..], [(0, 0), (1, 1), (2, 1), (0, 0)], "{seen:?}");
-    let mut damaged = Locomotion { pace: 9, ..locomotion };
+    // A program that was compiled before steps were smoothed has a shorter struct.
     let (state, action) = (state_of(world, npc), Action::default());
+    let mut shorter = Locomotion { struct_size: offset_of!(Locomotion, step_offset) as u32, rise: 7.0, ..locomotion };
+    ok(|error| unsafe { sf_locomotion_advance(&mut shorter, null(), &state, &action, 0, error) });
+    assert_eq!((shorter.pace, shorter.rise), (0, 7.0), "only its own fields are written");
+    let mut damaged = Locomotion { pace: 9, ..locomotion };
     fails(1, "locomotion.pace is 9", |error| unsafe {
         sf_locomotion_advance(&mut damaged, null(), &state, &action, 0, error)
     });

@@ -22,9 +22,9 @@ use surefoot_planner::{BuildSettings, BuildStats, Built, NavGraph, Progress, Rou
 use surefoot_policy::Policy;
 use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
-use surefoot_rollout::attempts::Figures;
+use surefoot_rollout::attempts::{Figures, GuideTimes};
 use surefoot_rollout::graphs::build;
-use surefoot_rollout::{AttemptResult, FollowConfig, Goal, Rollout};
+use surefoot_rollout::{AttemptResult, FollowConfig, Goal, Motion, Rollout};
 use surefoot_world::reach::Reach;
 use surefoot_world::{Arrival, CharacterProfile, End, Gait, Map, TaskConfig, navigable};
 
@@ -248,13 +248,13 @@ impl<'a> Site<'a> {
         let batches: Vec<Batch> = Batch::all(self.goals.len()).collect();
         let results = self.attempt(&batches)?;
         let mut attempts: Vec<Option<AttemptResult>> = vec![None; self.goals.len()];
-        let mut all = Figures::default();
+        let (mut search_us, mut motion) = (Vec::new(), Motion::default());
         for (batch, (of_batch, figures)) in batches.into_iter().zip(results) {
             for (idx, attempt) in batch.indices(self.goals.len()).zip(of_batch) {
                 attempts[idx] = Some(attempt);
             }
-            all.search_us.extend(figures.search_us);
-            all.motion.add(&figures.motion);
+            search_us.extend(figures.times.search_us);
+            motion.add(&figures.motion);
         }
         let attempts: Vec<AttemptResult> = attempts.into_iter().flatten().collect();
         // A goal that was reached is reachable, even if the survey disagrees.
@@ -262,7 +262,7 @@ impl<'a> Site<'a> {
             *reachable |= attempt.end == End::Reached;
         }
         let eval_s = started.elapsed().as_secs_f64();
-        all.search_us.sort_unstable_by(f64::total_cmp);
+        search_us.sort_unstable_by(f64::total_cmp);
         let graph = self.router.as_ref().map(|(router, stats)| GraphFigures {
             vertices: router.graph().vertex_count() as f64,
             edges: router.graph().edge_count() as f64,
@@ -271,7 +271,7 @@ impl<'a> Site<'a> {
             build_s: stats.seconds,
             probes: stats.probes as f64,
             candidates: stats.candidates as f64,
-            search_us_median: all.search_us[all.search_us.len() / 2],
+            search_us_median: search_us[search_us.len() / 2],
             eval_s,
         });
         Ok(Unit {
@@ -281,7 +281,7 @@ impl<'a> Site<'a> {
             reachable,
             on_foot: self.goals.iter().map(|goal| is_on_foot(self.reach, goal)).collect(),
             attempts,
-            motion: all.motion,
+            motion,
             graph,
         })
     }
@@ -325,7 +325,7 @@ impl<'a> Site<'a> {
         let level = Level { map: self.map.clone(), body: profile.clone(), solid_npcs: false };
         let rules = Rules { follow: *follow, noise_share: *noise_share, seed: self.seed_of(batch) };
         let (attempts, search_us) = attempt(game, &level, self.policy, self.router(), (&self.goals_of(batch), rules))?;
-        Ok((attempts, Figures { search_us, ..Figures::default() }))
+        Ok((attempts, Figures { times: GuideTimes { search_us, ..GuideTimes::default() }, ..Figures::default() }))
     }
 }
 

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 use surefoot_eval::EvalMap;
+use surefoot_eval::challenge::motion::{Comparison, MotionRow, compare};
 use surefoot_eval::challenge::record::{Entry, record};
 use surefoot_eval::challenge::{Approach, GoalSet, MapRun, PathPoint, Run, VERSION, score};
 use surefoot_planner::BuildSettings;
@@ -122,4 +123,53 @@ fn a_run_that_does_not_answer_the_set_is_refused_by_name() {
     other.maps[0].hash = "0".repeat(64);
     let error = score(&other, Path::new(""), &good, 1, |_| {}).unwrap_err().to_string();
     assert!(error.contains("differs from the map that the goals were drawn on"), "{error}");
+}
+
+/// The track of a body that slides straight to the goal at 6 m/s, so by 1 m in a decision, and looks where it goes; its
+/// heading swings to both sides by `swing`, rad.
+fn slide(goal: &surefoot_eval::challenge::SetGoal, swing: f32) -> Approach {
+    let [from, to] = [goal.start, goal.goal];
+    let way = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+    let length = way.iter().map(|it| it * it).sum::<f32>().sqrt();
+    let yaw = way[0].atan2(way[2]);
+    let sample = |decision: u16| {
+        let share = (f32::from(decision) / length).min(1.0);
+        let side = if decision % 2 == 0 { swing } else { -swing };
+        let [x, y, z] = [0, 1, 2].map(|axis| from[axis] + share * way[axis]);
+        let [speed_x, speed_y, speed_z] = way.map(|it| 6.0 * it / length);
+        [x, y, z, yaw + side, speed_x, speed_y, speed_z, 0.0]
+    };
+    Approach::Track((0..=length.ceil() as u16).map(sample).collect())
+}
+
+#[test]
+fn tracks_of_other_programs_are_measured_beside_runs_but_have_no_score() {
+    let set = small();
+    let runs = [
+        Run { entrant: "calm".to_owned(), ..run_of(&set, |goal| slide(goal, 0.0)) },
+        Run { entrant: "restless".to_owned(), ..run_of(&set, |goal| slide(goal, 0.1)) },
+        Run { entrant: "driven".to_owned(), ..run_of(&set, straight) },
+    ];
+    let refused = score(&set, Path::new(""), &runs[0], 2, |_| {}).unwrap_err();
+    assert!(refused.to_string().contains("only their motion is measured"), "{refused}");
+    let all = Comparison { runs: &runs, shortest: Some(&runs[2]), on_foot: false };
+    let measure = |comparison| compare((&set, Path::new("")), comparison, 2, |_| {}).unwrap();
+    let rows = measure(all);
+    let maps: Vec<Option<&str>> = rows.iter().map(|row| row.map.as_deref()).collect();
+    let [first, second] = [Some("terrain-1000"), Some("terrain-1001")];
+    assert_eq!(maps, [first, first, first, second, second, second, None, None, None]);
+    let [calm, restless, driven] = &rows[6..] else { panic!() };
+    let walked = score(&set, Path::new(""), &runs[2], 2, |_| {}).unwrap().ends["reached"];
+    assert_eq!((calm.goals, calm.reached, driven.reached), (24, 24, walked));
+    // Like with like: only what the plain controller reaches as well.
+    assert!(rows[6..].iter().all(|row| row.measured == walked));
+    assert_eq!((calm.reversals_per_s, calm.facing_p90_deg), (0.0, 1.0));
+    assert!(restless.reversals_per_s > 4.0 && restless.facing_p50_deg >= 5.0, "{restless:?}");
+    let ratio = |row: &MotionRow| row.path_over_shortest.unwrap();
+    assert!((ratio(calm) - 1.0).abs() < 1.0e-3 && ratio(driven) >= 1.0 - 1.0e-3, "{} {}", ratio(calm), ratio(driven));
+    assert!(driven.seconds_to_goal > 0.0 && driven.jerk > calm.jerk);
+    let on_foot = &measure(Comparison { on_foot: true, ..all })[6..];
+    assert!(on_foot[2].measured <= walked && on_foot[2].jumps_per_100m == 0.0, "{on_foot:?}");
+    let alone = measure(Comparison { runs: &runs[..1], shortest: None, on_foot: false });
+    assert_eq!((alone[2].measured, alone[2].path_over_shortest), (24, None));
 }

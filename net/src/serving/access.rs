@@ -40,7 +40,7 @@ const METHODS: &[Methods] = &[
          DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals SetGroupGoal MoveTargets ClearGoals SetRoutes \
          GetRoutes TeleportNpc BatchTeleportNpcs GetNpc BatchGetNpcs ListNpcs WatchWorld WatchEvents WatchStats \
          FollowNpc GetMesh GetFeatures ListMovers SetMover EditMap ListPieces SetZones ListZones SetNpcTags \
-         SetGaits SpawnPlayer MovePlayers RemovePlayer",
+         SetGaits LookAt SpawnPlayer MovePlayers RemovePlayer",
     ),
     ("surefoot.world.v1.WorldService", WORKERS, "Work"),
     ("surefoot.world.v1.DirectoryService", ALL_ROLES, "LocateWorld ListServers"),

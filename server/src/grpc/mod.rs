@@ -1,9 +1,10 @@
 //! `WorldService`: decode, call, encode.
 //!
-//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `groups` that about groups, `routes`
-//! those about routes, `living` those about movers, players and pieces, `zones` those about zones and tags, `readers`
-//! the streams to readers, `work` the stream of a worker. `env` implements `EnvService`, `directory`
-//! `DirectoryService`. `redirect` says where worlds run that other servers have, `errors` converts errors to statuses.
+//! `worlds` has the calls about worlds and their maps, `npcs` those about NPCs, `settings` those that change lasting
+//! properties of NPCs, `groups` that about groups, `routes` those about routes, `living` those about movers, players
+//! and pieces, `zones` those about zones, `readers` the streams to readers, `work` the stream of a worker. `env`
+//! implements `EnvService`, `directory` `DirectoryService`. `redirect` says where worlds run that other servers have,
+//! `errors` converts errors to statuses.
 
 pub mod directory;
 pub mod env;
@@ -14,6 +15,7 @@ mod npcs;
 mod readers;
 pub mod redirect;
 mod routes;
+mod settings;
 mod work;
 mod worlds;
 mod zones;
@@ -152,8 +154,9 @@ world_service! {
     living::list_pieces(wire::ListPiecesRequest) -> wire::ListPiecesResponse;
     zones::set_zones(wire::SetZonesRequest) -> wire::SetZonesResponse;
     zones::list_zones(wire::ListZonesRequest) -> wire::ListZonesResponse;
-    zones::set_npc_tags(wire::SetNpcTagsRequest) -> wire::SetNpcTagsResponse;
-    npcs::set_gaits(wire::SetGaitsRequest) -> wire::SetGaitsResponse;
+    settings::set_npc_tags(wire::SetNpcTagsRequest) -> wire::SetNpcTagsResponse;
+    settings::set_gaits(wire::SetGaitsRequest) -> wire::SetGaitsResponse;
+    settings::look_at(wire::LookAtRequest) -> wire::LookAtResponse;
     living::spawn_player(wire::SpawnPlayerRequest) -> wire::SpawnPlayerResponse;
     living::move_players(wire::MovePlayersRequest) -> wire::MovePlayersResponse;
     living::remove_player(wire::RemovePlayerRequest) -> wire::RemovePlayerResponse;

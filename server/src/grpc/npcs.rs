@@ -1,11 +1,11 @@
 //! The calls about NPCs. In a batch, each item has its own result.
 
+use super::settings::look_to_wire;
 use super::{Call, Reply, WorldApi, frame_on};
 use crate::hosted::{GoalOrder, GoalSet, HostedWorld, NpcError, NpcState, Pursuit, SpawnOrder, Target};
 use crate::ids::{NpcId, WorldId};
 use crate::wire::{finite, no_worker_to_wire, npc_to_wire, region as convert_region};
 use crate::worlds::{NpcAccess, WorldsError};
-use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 use surefoot_net::idempotency::Repeatable;
 use surefoot_net::paging::{PageSize, page_by_id};
@@ -187,29 +187,14 @@ pub async fn batch_teleport_npcs(
     Ok(wire::BatchTeleportNpcsResponse { results: results.into_iter().map(item_result).collect() })
 }
 
-pub async fn set_gaits(api: &WorldApi, call: Call<wire::SetGaitsRequest>) -> Reply<wire::SetGaitsResponse> {
-    let (caller, wire::SetGaitsRequest { npcs }) = call;
-    check_count(npcs.len(), "npcs")?;
-    let worlds: BTreeSet<WorldId> = npcs.iter().map(|npc| NpcId(npc.npc_id).world()).collect();
-    let item = |npc: &wire::NpcGait| -> Result<_, WorldsError> {
-        Ok((NpcId(npc.npc_id), npc.gait.as_ref().map(convert::gait).transpose()?.unwrap_or_default()))
-    };
-    let items = npcs.iter().map(item).collect();
-    let set = |world: &mut HostedWorld, npc, gait| world.set_gait(npc, gait);
-    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, set).await;
-    for world in worlds {
-        api.worlds.save_in_fleet(world).await?;
-    }
-    Ok(wire::SetGaitsResponse { results: results.into_iter().map(item_result).collect() })
-}
-
 pub async fn get_npc(api: &WorldApi, call: Call<wire::GetNpcRequest>) -> Reply<wire::GetNpcResponse> {
     let (caller, wire::GetNpcRequest { npc_id, coordinates }) = call;
     let (npc, coordinates) = (NpcId(npc_id), Coordinates::read(coordinates)?);
     let get = move |world: &mut HostedWorld| npc_on(world, npc, ());
     let (state, frame) = api.worlds.with_npc(&caller, NpcAccess::Read, npc, get).await?;
     let (npc, gait) = (Some(npc_to_wire(&state)), Some(convert::gait_to_wire(state.gait)));
-    Ok(coordinates.on(&frame).to_level(wire::GetNpcResponse { npc, gait }))
+    let look_at = state.looks_at.and_then(look_to_wire);
+    Ok(coordinates.on(&frame).to_level(wire::GetNpcResponse { npc, gait, look_at }))
 }
 
 pub async fn batch_get_npcs(

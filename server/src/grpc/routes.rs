@@ -149,7 +149,7 @@ fn threat(from: &wire::flee::From) -> Result<Target, FieldError> {
     Ok(match from {
         wire::flee::From::FromNpcId(npc) => Target::Npc(NpcId(*npc)),
         wire::flee::From::FromPlayerId(player) => Target::Player(PlayerSlot(*player)),
-        wire::flee::From::Position(at) => Threat::at(convert::point(Some(at), "flee.position")?),
+        wire::flee::From::Position(at) => Target::at(convert::point(Some(at), "flee.position")?),
     })
 }
 

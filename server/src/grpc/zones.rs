@@ -1,11 +1,8 @@
-//! The calls about zones, and about the tags of NPCs that zones ask for.
+//! The calls about zones.
 
-use super::npcs::{check_count, item_result};
 use super::{Call, Reply, WorldApi, frame_on};
 use crate::hosted::ZonesEdit;
-use crate::ids::{NpcId, WorldId};
-use crate::worlds::{NpcAccess, WorldsError};
-use std::collections::BTreeSet;
+use crate::ids::WorldId;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::zones;
 
@@ -24,20 +21,4 @@ pub async fn list_zones(api: &WorldApi, call: Call<wire::ListZonesRequest>) -> R
     let frame = frame_on(&handle, coordinates)?;
     let zones = handle.sim.call(|state| state.world.zones().map(zones::zone_to_wire).collect()).await?;
     Ok(frame.to_level(wire::ListZonesResponse { zones }))
-}
-
-pub async fn set_npc_tags(api: &WorldApi, call: Call<wire::SetNpcTagsRequest>) -> Reply<wire::SetNpcTagsResponse> {
-    let (caller, wire::SetNpcTagsRequest { npcs }) = call;
-    check_count(npcs.len(), "npcs")?;
-    let worlds: BTreeSet<WorldId> = npcs.iter().map(|npc| NpcId(npc.npc_id).world()).collect();
-    let item = |npc: &wire::NpcTags| -> Result<_, WorldsError> {
-        Ok((NpcId(npc.npc_id), zones::tags(&npc.tags, "npcs.tags")?))
-    };
-    let items = npcs.iter().map(item).collect();
-    let results = api.worlds.with_npcs(&caller, NpcAccess::Change, items, |world, npc, tags| world.set_tags(npc, tags));
-    let results = results.await.into_iter().map(item_result).collect();
-    for world in worlds {
-        api.worlds.save_in_fleet(world).await?;
-    }
-    Ok(wire::SetNpcTagsResponse { results })
 }

@@ -308,6 +308,7 @@ impl HostedWorld {
             route: record.itinerary.as_ref().map(|itinerary| itinerary.route.kind()),
             route_stop: record.itinerary.as_ref().map_or(0, |itinerary| itinerary.stop),
             gait: record.gait,
+            looks_at: record.looks_at,
             movement: Some(record.movement(npc, self.tick())),
         }
     }

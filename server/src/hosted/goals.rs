@@ -107,9 +107,7 @@ impl HostedWorld {
         let tick = self.tick();
         self.gatherings.release(id);
         let record = self.records.get_mut(&id).expect("an NPC that exists");
-        if record.turns_to.is_some() {
-            self.world.decide(record.slot, Action::default());
-        }
+        record.stop_turning(&mut self.world);
         record.clear_goal();
         (record.goal, record.pursuit) = (Some(goal), pursuit);
         record.attempts += 1;
@@ -139,6 +137,7 @@ impl HostedWorld {
         }
         record.pursuit = pursuit;
         if record.is_at_target {
+            record.stop_turning(&mut self.world);
             record.turns_to = pursuit.facing;
         }
         let attempt = record.attempts;
@@ -294,7 +293,7 @@ impl HostedWorld {
     /// Lets an NPC that has arrived keep its place, the reserved one or where it stands, and turn to its heading, rad.
     pub(super) fn stay_at(&mut self, id: NpcId, goal: Vec3, (reserved, facing): (Option<Reserved>, Option<f32>)) {
         let Some(record) = self.records.get_mut(&id) else { return };
-        record.turns_to = facing;
+        (record.turns_to, record.pursuit.facing) = (facing, facing);
         let feet = self.world.npc(record.slot).expect("every record has an NPC").body.feet;
         if reserved.is_some_and(|reserved| reserved.at.distance(feet) > PLACE_RADIUS_M) {
             self.gatherings.keep(id, goal, feet);
@@ -334,6 +333,7 @@ impl HostedWorld {
         let is_there = self.world.has_arrived(record.slot, goal, radius + slack, record.pursuit.arrival);
         let (attempt, is_in_group) = (record.attempts, record.pursuit.rank().is_some());
         if is_there != record.is_at_target {
+            record.stop_turning(&mut self.world);
             record.turns_to = facing.filter(|_| is_there && !is_in_group);
         }
         if self.brake(id, is_there) && !is_in_group {

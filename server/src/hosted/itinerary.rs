@@ -27,11 +27,6 @@ pub struct Threat {
 }
 
 impl Threat {
-    /// A threat that stays at a place, m.
-    pub fn at(place: Vec3) -> Target {
-        Target::Moving { from: place, velocity: Vec3::ZERO, since: Tick(0) }
-    }
-
     /// The place, m, if the threat is one.
     pub fn place_mut(&mut self) -> Option<&mut Vec3> {
         match &mut self.from {

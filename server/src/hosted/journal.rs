@@ -7,8 +7,8 @@
 use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
 use super::itinerary::{Itinerary, Route, RouteKind};
-use super::pursuit::Pursuit;
-use super::saved::{SavedError, WorldSave, open};
+use super::pursuit::{Pursuit, Target};
+use super::saved::{SavedError, WorldSave};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::NpcId;
 use crate::quota::Quota;
@@ -99,8 +99,8 @@ struct Newcomer {
     body: CharacterProfile,
     owner: String,
     tags: Tags,
-    #[serde(with = "super::gaits")]
     gait: Gait,
+    looks_at: Option<Target>,
 }
 
 impl FleetSave {
@@ -113,7 +113,7 @@ impl FleetSave {
     /// Decodes what [`encode`](Self::encode) returned.
     pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
         let damaged = |_| SavedError::Damaged(place.to_owned());
-        let content = open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
+        let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
         let (token, world, log): (i64, WorldSave, SavedLog) = postcard::from_bytes(content).map_err(damaged)?;
         let is_ascending = log.entries.is_sorted_by(|a, b| a.sequence < b.sequence);
         let ends = log.entries.last().map_or(0, |entry| entry.sequence);
@@ -214,6 +214,7 @@ impl HostedWorld {
                     owner: record.ticket.client().to_owned(),
                     tags: record.tags.clone(),
                     gait: record.gait,
+                    looks_at: record.looks_at,
                 });
                 Change::Spawned { position, newcomer }
             }
@@ -272,6 +273,7 @@ impl HostedWorld {
                 let mut record = NpcRecord::new(slot, npc_quota.grant(&newcomer.owner));
                 record.tags = newcomer.tags.clone();
                 record.gait = newcomer.gait;
+                record.looks_at = newcomer.looks_at;
                 self.add_record(entry.npc, record);
             }
             return;

@@ -94,7 +94,12 @@ impl HostedWorld {
 
     /// Removes a player.
     pub fn remove_player(&mut self, slot: PlayerSlot) -> Result<(), LivingError> {
-        if self.world.remove_player(slot) { Ok(()) } else { Err(LivingError::NoSuchPlayer(self.id, slot.0)) }
+        if !self.world.remove_player(slot) {
+            return Err(LivingError::NoSuchPlayer(self.id, slot.0));
+        }
+        // Another player may get the same slot before the next tick.
+        self.look_around();
+        Ok(())
     }
 
     fn check_on_map(&self, point: Vec3, field: &'static str) -> Result<(), LivingError> {

@@ -2,22 +2,22 @@
 //!
 //! A tick is [`HostedWorld::step`] (in `tick`): move, log motion, end attempts, request decisions. Answers arrive
 //! between ticks. `workers` assigns NPCs to workers, `commands` has the calls of clients (`goals` those about goals,
-//! `routes` those about routes, whose data is in `itinerary`, `living` those about movers and players, `pieces` edits
-//! of the map, `zones` zones and tags), `gathering` the places of NPCs that share goals, `groups` those of NPCs in
-//! formation, `snapshot` and `events` the data for clients (`motion` detects jumps and landings, `movement` says how
-//! NPCs move, `standing` why they stand), `saved` the save of a world, `journal` the changes since then in a fleet,
-//! and `gaits` how both save gaits. Nothing here awaits or knows wire types.
+//! `routes` those about routes, whose data is in `itinerary`, `looking` what NPCs at rest turn to, `living` those about
+//! movers and players, `pieces` edits of the map, `zones` zones and tags), `gathering` the places of NPCs that share
+//! goals, `groups` those of NPCs in formation, `snapshot` and `events` the data for clients (`motion` detects jumps and
+//! landings, `movement` says how NPCs move, `standing` why they stand), `saved` the save of a world, and `journal` the
+//! changes since then in a fleet. Nothing here awaits or knows wire types.
 
 mod commands;
 mod events;
 mod fleeing;
-mod gaits;
 mod gathering;
 mod goals;
 mod groups;
 mod itinerary;
 mod journal;
 mod living;
+mod looking;
 mod motion;
 mod movement;
 mod outbox;

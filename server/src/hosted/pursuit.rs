@@ -27,6 +27,22 @@ pub enum Target {
     Rank(Rank),
 }
 
+impl Target {
+    /// A place that does not move, m.
+    pub fn at(place: Vec3) -> Self {
+        Self::Moving { from: place, velocity: Vec3::ZERO, since: Tick(0) }
+    }
+
+    /// Whether the content is valid, which the checksum of a save does not prove.
+    pub(super) fn is_sound(&self) -> bool {
+        match self {
+            Self::Moving { from, velocity, .. } => from.is_finite() && velocity.is_finite(),
+            Self::Rank(rank) => rank.spacing.is_finite() && rank.spacing > 0.0,
+            Self::Npc(_) | Self::Player(_) => true,
+        }
+    }
+}
+
 /// The place of a follower in a group.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rank {
@@ -127,12 +143,7 @@ impl Pursuit {
 
     /// Whether the content is valid, which the checksum of a save does not prove.
     pub(super) fn is_sound(&self) -> bool {
-        let is_target_sound = match self.target {
-            Some(Target::Moving { from, velocity, .. }) => from.is_finite() && velocity.is_finite(),
-            Some(Target::Rank(rank)) => rank.spacing.is_finite() && rank.spacing > 0.0,
-            _ => true,
-        };
-        is_target_sound && self.facing.is_none_or(f32::is_finite)
+        self.target.is_none_or(|target| target.is_sound()) && self.facing.is_none_or(f32::is_finite)
     }
 }
 

@@ -1,4 +1,4 @@
-//! NPCs on routes: the attempts that worlds begin by themselves, and bodies that turn at rest.
+//! NPCs on routes: the attempts that worlds begin by themselves.
 
 use super::commands::NpcError;
 use super::events::EventKind;
@@ -11,8 +11,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use surefoot_planner::Shape;
 use surefoot_world::arrival::SNAP_M;
-use surefoot_world::float::wrapped;
-use surefoot_world::{Action, End, NpcSlot, TICKS_PER_SECOND, Tick, Vec3};
+use surefoot_world::{End, NpcSlot, Tick, Vec3};
 
 /// Distance from its place within which an NPC that holds it arrives, m.
 const POST_RADIUS_M: f32 = 0.5;
@@ -20,8 +19,6 @@ const POST_RADIUS_M: f32 = 0.5;
 const MAX_BEGUN: usize = 32;
 /// Most draws of a place in an area.
 const MAX_DRAWS: usize = 32;
-/// Angle within which a body has turned to a heading, rad.
-const FACING_TOLERANCE: f32 = 0.001;
 
 impl HostedWorld {
     /// Sets the route of an NPC, or clears it. An attempt of its former route ends; a goal of a client stays.
@@ -142,24 +139,6 @@ impl HostedWorld {
             let place = self.world.place_beside(slot, place, Vec3::ZERO)?;
             (shape.contains(place) && self.within_map(place).is_ok()).then_some(place)
         })
-    }
-
-    /// Turns bodies at rest to their headings.
-    pub(super) fn turn_bodies(&mut self) {
-        let Self { records, world, .. } = self;
-        for record in records.values_mut() {
-            let Some(facing) = record.turns_to else { continue };
-            let npc = world.npc(record.slot).expect("every record has an NPC");
-            let left = wrapped(facing - npc.body.yaw);
-            let in_tick = world.profile_of(npc).turn_speed / TICKS_PER_SECOND as f32;
-            if left.abs() <= FACING_TOLERANCE || npc.harm.is_some() {
-                record.turns_to = None;
-                world.decide(record.slot, Action::default());
-            } else {
-                let turn = (left / in_tick).clamp(-1.0, 1.0);
-                world.decide(record.slot, Action { turn, ..Action::default() });
-            }
-        }
     }
 }
 

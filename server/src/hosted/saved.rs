@@ -2,7 +2,7 @@
 
 use super::commands::MAX_BODIES;
 use super::itinerary::Itinerary;
-use super::pursuit::{Pursuit, Retry};
+use super::pursuit::{Pursuit, Retry, Target};
 use super::snapshot::Counters;
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::{NpcId, WorldId};
@@ -30,7 +30,7 @@ const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// former struct as a private `WorldSaveV9` with `impl From<WorldSaveV9> for WorldSave`, and tries the former version
 /// in [`WorldSave::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A
 /// server of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a
-/// server that was upgraded takes them over. Version 13 differs only in its [gaits](super::gaits), which say so.
+/// server that was upgraded takes them over.
 const VERSION: u32 = 14;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
@@ -55,14 +55,6 @@ pub struct WorldSave {
     npcs: Vec<SavedNpc>,
     last_serial: u32,
     counters: Counters,
-}
-
-/// Opens a save of this version or of the one before it, whose content is read in the same way.
-pub(super) fn open<'a>(magic: &[u8], version: u32, bytes: &'a [u8]) -> Result<&'a [u8], SealError> {
-    match sealed::open(magic, version, bytes) {
-        Err(SealError::Version(found)) if found + 1 == version => sealed::open(magic, found, bytes),
-        opened => opened,
-    }
 }
 
 /// Source of a saved world's map.
@@ -101,12 +93,12 @@ struct SavedNpc {
     pursuit: Pursuit,
     retry: Option<Retry>,
     itinerary: Option<Itinerary>,
+    looks_at: Option<Target>,
     turns_to: Option<f32>,
     last_outcome: Option<End>,
     attempts: u32,
     attempts_ended: u32,
     tags: Tags,
-    #[serde(with = "super::gaits")]
     gait: Gait,
 }
 
@@ -196,7 +188,7 @@ impl WorldSave {
     /// Decodes what [`encode`](Self::encode) returned.
     pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
         let damaged = || SavedError::Damaged(place.to_owned());
-        let content = open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
+        let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
         let saved: Self = postcard::from_bytes(content).map_err(|_| damaged())?;
         if saved.is_consistent() { Ok(saved) } else { Err(damaged()) }
     }
@@ -216,6 +208,7 @@ impl WorldSave {
                 && npc.itinerary.as_ref().is_none_or(Itinerary::is_sound)
                 && npc.pursuit.is_sound()
                 && npc.retry.is_none_or(|retry| retry.pursuit.is_sound())
+                && npc.looks_at.is_none_or(|target| target.is_sound())
                 && npc.turns_to.is_none_or(f32::is_finite)
                 && npc.gait.is_allowed()
         };
@@ -301,6 +294,7 @@ impl HostedWorld {
             pursuit: record.pursuit,
             retry: record.retry,
             itinerary: record.itinerary.clone(),
+            looks_at: record.looks_at,
             turns_to: record.turns_to,
             last_outcome: record.last_outcome,
             attempts: record.attempts,
@@ -337,7 +331,7 @@ impl HostedWorld {
         for npc in &saved.npcs {
             let mut record = NpcRecord::new(npc.slot, npc_quota.grant(&npc.owner));
             (record.goal, record.pursuit, record.retry) = (npc.goal, npc.pursuit, npc.retry);
-            (record.itinerary, record.turns_to) = (npc.itinerary.clone(), npc.turns_to);
+            (record.itinerary, record.looks_at, record.turns_to) = (npc.itinerary.clone(), npc.looks_at, npc.turns_to);
             record.last_outcome = npc.last_outcome;
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = saved.state.tick();

@@ -1,6 +1,7 @@
 //! Data of a hosted world for clients, copied from the world's thread.
 
 use super::itinerary::RouteKind;
+use super::pursuit::Target;
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
 use crate::times::TickTimes;
@@ -152,6 +153,8 @@ pub struct NpcState {
     pub route_stop: u32,
     /// How it goes where it can walk.
     pub gait: Gait,
+    /// What it looks at while it rests.
+    pub looks_at: Option<Target>,
     /// How it moves; `None` where that is left out.
     pub movement: Option<Movement>,
 }

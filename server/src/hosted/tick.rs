@@ -24,6 +24,7 @@ impl HostedWorld {
         if self.requested_tick != Some(self.tick()) {
             // Places at workers are also freed by other worlds.
             self.assign_workers();
+            self.look_around();
             let needs_time = |record: &NpcRecord| {
                 let is_up = self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_none());
                 record.goal.is_some() || record.turns_to.is_some() || record.rest().is_some() && is_up
@@ -231,6 +232,7 @@ impl HostedWorld {
         for (id, end) in ended {
             self.end_attempt(id, end);
         }
+        self.look_around();
         self.turn_bodies();
     }
 

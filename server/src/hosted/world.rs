@@ -5,7 +5,7 @@ use super::gathering::{Gatherings, Reserved};
 use super::itinerary::Itinerary;
 use super::motion::Motion;
 use super::outbox::Outbox;
-use super::pursuit::{Group, NoWay, Pursuit, Retry};
+use super::pursuit::{Group, NoWay, Pursuit, Retry, Target};
 use super::snapshot::{Counters, EndedAttempt, NpcPlan, Standing};
 use super::standing::{Shortage, Stand};
 use crate::ids::WorkerId;
@@ -42,6 +42,8 @@ pub(super) struct NpcRecord {
     pub retry: Option<Retry>,
     /// Its route.
     pub itinerary: Option<Itinerary>,
+    /// What it looks at while it rests.
+    pub looks_at: Option<Target>,
     /// Heading to which the body turns at rest, rad.
     pub turns_to: Option<f32>,
     pub waypoint: Option<Vec3>,
@@ -91,6 +93,7 @@ impl NpcRecord {
             awaits_group: false,
             retry: None,
             itinerary: None,
+            looks_at: None,
             turns_to: None,
             waypoint: None,
             last_outcome: None,
@@ -183,6 +186,7 @@ impl NpcRecord {
     /// Clears the goal with the waypoint, the plan and the pending decision; the route stays.
     pub fn clear_goal(&mut self) {
         self.goal = None;
+        self.pursuit.facing = None;
         self.reserved = None;
         self.is_at_target = false;
         self.awaits_group = false;

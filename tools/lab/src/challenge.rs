@@ -1,5 +1,7 @@
 //! `surefoot challenge`.
 
+mod motion;
+
 use crate::processes::{Services, Setup};
 use anyhow::{Context, bail};
 use flate2::Compression;
@@ -35,6 +37,8 @@ pub enum Command {
     Record(RecordArgs),
     /// Score a run: drive its paths or repeat its actions, and measure where the body gets
     Score(ScoreArgs),
+    /// Compare how the bodies of several runs move, at the goals that all of them reach
+    Motion(motion::Args),
     /// Send NPCs of a world server to the goals of a set, and score the outcomes that the server reports
     Host(HostArgs),
 }
@@ -167,6 +171,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Set(args) => write_set(args),
         Command::Record(args) => write_record(args),
         Command::Score(args) => print_scores(args),
+        Command::Motion(args) => motion::run(args),
         Command::Host(args) => host_set(args),
     }
 }

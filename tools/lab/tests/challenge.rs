@@ -67,6 +67,16 @@ fn a_stranger_draws_a_set_answers_it_and_is_scored() {
     assert_eq!((&both[0], &both[1]["entrant"]), (&score, &"ours".into()));
     assert!(both[1]["ends"]["reached"].as_u64() >= both[0]["ends"]["reached"].as_u64(), "{both}");
 
+    let runs = ["motion", "run.json", "ours.json.gz", "--shortest", "run.json", "--set", "set"];
+    let moved = json(&challenge(home, &[&runs[..], &["--json"]].concat()).stdout);
+    assert_eq!(
+        (&moved["rows"][0]["measured"], &moved["rows"][1]["entrant"]),
+        (&(20 - elsewhere).into(), &"ours".into())
+    );
+    assert!(moved["rows"][1]["path_over_shortest"].as_f64() > Some(0.9), "{moved}");
+    let table = challenge(home, &runs);
+    assert!(String::from_utf8_lossy(&table.stdout).contains("| storeys | by hand | "));
+
     says(&challenge(home, &["score", "run.json"]), "the sets of the challenge are paper-like, kinds, benchmark");
     says(&challenge(home, &["set", "custom", "--out", "other"]), "needs --maps");
     says(&challenge(home, &["set", "elsewhere", "--out", "other"]), "there is no set `elsewhere`");

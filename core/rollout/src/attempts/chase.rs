@@ -1,5 +1,6 @@
 //! NPCs that keep to goals which move, as in a world server.
 
+use super::guide::GuideTimes;
 use super::run::{Rollout, Run};
 use super::walker::Walker;
 use crate::attempt::Attempt;
@@ -57,8 +58,8 @@ impl Chase<'_> {
         let mut errands: Vec<Errand> =
             starts.iter().map(|start| Errand { goal: start.goal, waits: false, gait: Gait::default() }).collect();
         before_each_decision(&mut run.worlds[0], 0, &mut errands);
-        let mut search_us = Vec::new();
-        run.begin(Some(self.router), starts, &mut search_us);
+        let mut times = GuideTimes::default();
+        run.begin(Some(self.router), starts, &mut times);
         run.walkers.iter_mut().for_each(|walker| walker.keeps = true);
         let mut retries = vec![None; starts.len()];
         let mut decided = 0;

@@ -11,6 +11,17 @@ use surefoot_planner::{EdgeCosts, Router, Traffic};
 use surefoot_policy::Policy;
 use surefoot_world::{End, Vec3, World};
 
+/// How long the parts of guiding NPCs took.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct GuideTimes {
+    /// Duration of every search, us.
+    pub search_us: Vec<f64>,
+    /// Duration of all reviews of plans, with the searches that they asked for, s.
+    pub review_s: f64,
+    /// Duration of all rehearsals, s.
+    pub rehearsal_s: f64,
+}
+
 /// Plans for NPCs, and rehearses their plans.
 pub(super) struct Guide<'a> {
     pub router: &'a Router,
@@ -19,7 +30,7 @@ pub(super) struct Guide<'a> {
     pub rehearses: bool,
     /// Predicted places of the NPCs; `None` if they do not get in each other's way.
     pub traffic: Option<Traffic>,
-    pub search_us: &'a mut Vec<f64>,
+    pub times: &'a mut GuideTimes,
 }
 
 impl Guide<'_> {
@@ -94,14 +105,14 @@ impl Guide<'_> {
 
     /// Plans for an NPC from `feet`, m; it heads for the first waypoint.
     pub fn plan(&mut self, world: &mut World, walker: &mut Walker, feet: Vec3) {
-        let Self { router, traffic, search_us, .. } = self;
+        let Self { router, traffic, times, .. } = self;
         let waypoint = attempt_of(&mut walker.attempt).plan(feet, |query| {
             let started = Instant::now();
             let plan = match traffic {
                 Some(traffic) => router.find_path_in(traffic, query, &EdgeCosts::new()),
                 None => router.find_path(query),
             };
-            search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
+            times.search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
             plan
         });
         let arrival = attempt_of(&mut walker.attempt).follower.arrival();
@@ -148,11 +159,13 @@ impl Guide<'_> {
     /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more.
     fn rehearse(&mut self, world: &mut World, walkers: &mut [Walker], decisions: &DecisionLoop) {
         let hidden_len = self.policy.memory_len();
+        let started = Instant::now();
         for walker in walkers.iter_mut().filter(|walker| walker.acts()) {
             self.review(world, walker);
             let npc = world.npc(walker.deciding.slot).expect("a running NPC");
             attempt_of(&mut walker.attempt).skip_plain_rehearsal(world.map(), world.profile_of(npc), &npc.body);
         }
+        self.times.review_s += started.elapsed().as_secs_f64();
         let is_due = |walker: &Walker| walker.acts() && walker.attempt.as_ref().is_some_and(Attempt::is_due);
         let mut due: Vec<usize> = (0..walkers.len()).filter(|idx| is_due(&walkers[*idx])).collect();
         due.iter().for_each(|idx| attempt_of(&mut walkers[*idx].attempt).begin_rehearsals());
@@ -165,7 +178,9 @@ impl Guide<'_> {
                 attempt_of(attempt).rehearsal(npc, hidden, *noise)
             });
             let starts = starts.collect();
+            let started = Instant::now();
             let mut results = self.rehearsal.run(self.policy, starts, world.movers()).into_iter();
+            self.times.rehearsal_s += started.elapsed().as_secs_f64();
             due.retain(|idx| {
                 let walker = &mut walkers[*idx];
                 let result = results.next().expect("a result for each rehearsal");

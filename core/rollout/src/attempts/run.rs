@@ -1,13 +1,15 @@
 //! Attempts that run together in one world.
 
-use super::guide::Guide;
+use super::guide::{Guide, GuideTimes};
 use super::walker::{AttemptResult, Played, Walker};
 use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::follow::FollowConfig;
 use crate::goals::Goal;
 use crate::motion::Motion;
 use crate::rehearse::{NoiseStream, Rehearsal};
+use crate::style::Style;
 use std::sync::Arc;
+use std::time::Instant;
 use surefoot_planner::{Router, Traffic};
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, DecisionOutcome, End, Map, TaskConfig, World, WorldConfig};
@@ -36,10 +38,14 @@ pub struct Rollout {
 /// What was measured while attempts ran.
 #[derive(Debug, Default)]
 pub struct Figures {
-    /// Duration of every search, us.
-    pub search_us: Vec<f64>,
+    /// How long it took to plan, review and rehearse.
+    pub times: GuideTimes,
     /// How the NPCs moved.
     pub motion: Motion,
+    /// Decisions in which NPCs were steered, without their policy.
+    pub steered: u64,
+    /// Duration of all decisions: sensing, the policy and ten ticks of the world, s.
+    pub decide_s: f64,
 }
 
 impl Rollout {
@@ -100,12 +106,12 @@ impl Rollout {
         &self,
         (policy, router): (&Policy, Option<&Router>),
         goals: &[Goal],
-        Figures { search_us, motion }: &mut Figures,
+        Figures { times, motion, steered, decide_s }: &mut Figures,
         before_each_decision: &mut dyn FnMut(&mut World, u32),
     ) -> Vec<Played> {
         let mut run = Run::prepare(self, policy);
         before_each_decision(&mut run.worlds[0], 0);
-        run.begin(router, goals, search_us);
+        run.begin(router, goals, times);
         let mut npcs: Vec<DecidingNpc> = run.walkers.iter().map(|walker| walker.deciding).collect();
         for decision in 1.. {
             before_each_decision(&mut run.worlds[0], decision);
@@ -114,7 +120,10 @@ impl Rollout {
             if npcs.is_empty() {
                 break;
             }
+            let started = Instant::now();
             run.decide(&mut npcs, motion);
+            *decide_s += started.elapsed().as_secs_f64();
+            *steered += npcs.iter().filter(|npc| matches!(npc.style, Style::Walk(_))).count() as u64;
         }
         run.walkers.into_iter().map(Walker::finish).collect()
     }
@@ -147,7 +156,7 @@ impl<'a> Run<'a> {
     }
 
     /// Begins an attempt for each goal, with its first plan if there is a router.
-    pub fn begin(&mut self, router: Option<&'a Router>, goals: &[Goal], search_us: &'a mut Vec<f64>) {
+    pub fn begin(&mut self, router: Option<&'a Router>, goals: &[Goal], times: &'a mut GuideTimes) {
         let Self { rollout, policy, .. } = *self;
         let world = &mut self.worlds[0];
         let walkers = (0..).zip(goals).map(|(idx, goal)| {
@@ -162,7 +171,7 @@ impl<'a> Run<'a> {
             rehearsal: Rehearsal::new(rollout.map.clone(), rollout.profile.clone(), rollout.task.clone(), policy),
             rehearses: rollout.rehearses,
             traffic: rollout.solid.then(Traffic::default),
-            search_us,
+            times,
         });
         if let Some(guide) = &mut self.guide {
             self.walkers.iter_mut().for_each(|walker| guide.begin(&mut self.worlds[0], walker));

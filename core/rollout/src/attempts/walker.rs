@@ -4,7 +4,7 @@ use crate::attempt::Attempt;
 use crate::decision::DecidingNpc;
 use crate::follow::{Fault, FollowConfig, Follower};
 use crate::goals::Goal;
-use crate::motion::{Foresight, Motion, Trace};
+use crate::motion::{Foresight, Motion, Sample, Trace};
 use crate::rehearse::NoiseStream;
 use crate::style::Style;
 use serde::{Deserialize, Serialize};
@@ -142,7 +142,7 @@ impl Walker {
             rests: false,
             track: vec![goal.start],
             actions: Vec::new(),
-            trace: Trace::begin(world.npc(slot).expect("just spawned")),
+            trace: Trace::begin(Sample::of(world.npc(slot).expect("just spawned"))),
             foresight: Foresight::default(),
         }
     }
@@ -172,7 +172,8 @@ impl Walker {
     /// Records one decision.
     pub fn record(&mut self, world: &World, action: Action, motion: &mut Motion) {
         let npc = world.npc(self.deciding.slot).expect("a running NPC");
-        motion.note(&mut self.trace, npc, self.attempt.as_ref().and_then(|attempt| attempt.follower.ability()));
+        let ability = self.attempt.as_ref().and_then(|attempt| attempt.follower.ability());
+        motion.note(&mut self.trace, &Sample::of(npc), ability);
         self.foresight.check(npc.body.feet, motion);
         self.actions.push(action);
         self.track.push(npc.body.feet);

@@ -2,8 +2,8 @@
 //!
 //! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
 //! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
-//! (legs to avoid), `planning` (queries and their answers), `manner` (how the NPC moves), `prepare` (what is changed
-//! in a new plan, with `review`, `clearance` and `shortcuts`) and `detour` (the way back after a push).
+//! (legs to avoid), `planning` (queries and their answers), `manner` (how the NPC moves), `review`, `clearance` and
+//! `shortcuts` (what is changed in a new plan) and `detour` (the way back after a push).
 
 mod clearance;
 mod detour;
@@ -11,7 +11,6 @@ mod failures;
 mod manner;
 mod movers;
 mod planning;
-mod prepare;
 mod review;
 pub mod scene;
 mod shortcuts;

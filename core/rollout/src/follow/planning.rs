@@ -55,10 +55,8 @@ impl Follower {
 
     /// Starts to follow a plan and returns its first waypoint, m.
     pub fn take_plan(&mut self, mut plan: Plan) -> Vec3 {
-        if let Some(last) = plan.waypoints.last_mut().filter(|_| plan.nearest.is_none()) {
-            // The goal may have moved since the plan was requested.
-            *last = self.goal;
-        }
+        // The goal may have moved since the plan was requested.
+        self.lead_to_goal(&mut plan);
         let first = plan.waypoints[0];
         self.plan = Some(plan);
         self.accepts_jumps = false;
@@ -70,6 +68,13 @@ impl Follower {
         (self.shortcuts, self.clearance) = Default::default();
         self.start_leg(0);
         first
+    }
+
+    /// Lets a plan that leads to the goal end where the goal is now.
+    pub(super) fn lead_to_goal(&self, plan: &mut Plan) {
+        if let Some(last) = plan.waypoints.last_mut().filter(|_| plan.nearest.is_none()) {
+            *last = self.goal;
+        }
     }
 
     /// The goal, m.

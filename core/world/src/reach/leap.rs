@@ -1,6 +1,7 @@
 //! Scripted leaps: the landing of a character that runs off a ledge, jumps, or is thrown.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
+use crate::float::heading;
 use crate::map::CollisionMap;
 use crate::{Ability, TICK_SECONDS, Vec3};
 
@@ -71,8 +72,7 @@ struct Leaper {
 
 impl Leaper {
     fn new(profile: &CharacterProfile, from: Vec3, target: Vec3, leap: Leap) -> Self {
-        let heading = target - from;
-        let mut body = Body::at(from, libm::atan2f(heading.x, heading.z));
+        let mut body = Body::at(from, heading(target - from));
         body.support = crate::character::Support::Ground;
         body.air_jumps_left = profile.extra_jumps;
         match leap {

@@ -79,6 +79,7 @@ namespace Surefoot.Tests
                 Expect.That(phases.EndsWith("None,Walk Flight,Jump Landing,Jump None,Walk "), phases);
                 Expect.Equal(locomotion.Pace, Pace.Run, "the pace");
                 Expect.That(locomotion.Stride > 4, "the stride at 11 m/s");
+                Expect.That(System.Math.Abs(locomotion.StepOffset) <= Body.Default.StepHeight, "the offset over steps");
             }
         }
 

@@ -54,6 +54,23 @@ test('a jump has a flight and a landing, and a bump has neither', () => {
   expect(phases(state(5), FORWARD, 5)).toEqual(['none'])
 })
 
+test('what is drawn rises smoothly over steps, follows slopes, and is where the feet are after a teleport', () => {
+  const locomotion = new Locomotion(DEFAULT_BODY)
+  const offsetAt = (y: number) => {
+    locomotion.advance({ ...state(2), feet: { x: 0, y, z: 0 } }, FORWARD)
+    return locomotion.stepOffsetM
+  }
+  // Steps of 0.3 x 0.3 m at 2 m/s.
+  const drawn = Array.from({ length: 60 }, (_, tick) => 0.3 * Math.floor(tick / 9)).map((y) => y + offsetAt(y))
+  drawn.slice(1).forEach((height, idx) => expect(height - drawn[idx]!).toBeLessThan(0.06))
+  expect(drawn[9]).toBeGreaterThan(0)
+  for (let tick = 0; tick < 60; tick++) offsetAt(1.8)
+  expect(offsetAt(1.8)).toBe(0)
+  const onSlope = Array.from({ length: 60 }, (_, tick) => offsetAt(1.8 + 0.02 * tick))
+  expect(Math.max(...onSlope.map(Math.abs))).toBeLessThan(0.02)
+  expect(offsetAt(8)).toBe(0)
+})
+
 test('poses lie between those that are known, and not beyond', () => {
   const at = (x: number, yaw: number) => ({ position: { x, y: 0, z: 0 }, yaw })
   const prediction = { tick: 100n, in20Ticks: at(2, 3), in40Ticks: at(5, -3) }

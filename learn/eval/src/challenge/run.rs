@@ -11,6 +11,9 @@ pub const MAX_POINTS: usize = 10_000;
 /// Most decisions of an attempt: 300 s.
 pub const MAX_DECISIONS: usize = 1800;
 
+/// Number of values of a body in a track.
+pub const SAMPLE_LEN: usize = 8;
+
 /// An entrant's attempts at the goals of a set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -52,6 +55,9 @@ pub enum Approach {
     Path(Vec<PathPoint>),
     /// The actions of every decision of 10 ticks: forward, strafe, turn, jump, each -1 to 1.
     Actions(Vec<[f32; ACTION_LEN]>),
+    /// Where a body of another program was at the start and after every 10 ticks: `x y z`, heading, velocity `x y z`,
+    /// and 1 in the air, otherwise 0; in m, rad and m/s. Its motion can be measured; it has no score.
+    Track(Vec<[f32; SAMPLE_LEN]>),
     /// The entrant reports the goal as unreachable.
     Unreachable,
 }
@@ -88,6 +94,9 @@ pub enum RunError {
         /// Goals of the set.
         goals: usize,
     },
+    /// Attempts are tracks, which have no score.
+    #[error("the attempts on `{0}` are tracks, which another program's physics made: only their motion is measured")]
+    Track(String),
     /// An attempt is invalid.
     #[error("attempt {idx} on `{map}`: {wrong}")]
     Attempt {
@@ -150,6 +159,14 @@ impl Approach {
                     None => Ok(()),
                 }
             }
+            Self::Track(samples) if samples.len() > MAX_DECISIONS + 1 => {
+                Err(format!("its track has {} bodies, at most {} are allowed", samples.len(), MAX_DECISIONS + 1))
+            }
+            Self::Track(samples) => match samples.iter().position(|it| !it.iter().all(|value| value.abs() <= FARTHEST))
+            {
+                Some(idx) => Err(format!("body {idx} of its track has numbers that are not within 10,000")),
+                None => Ok(()),
+            },
             Self::Actions(actions) if actions.len() > MAX_DECISIONS => {
                 Err(format!("it has {} decisions, at most {MAX_DECISIONS} (300 s) are allowed", actions.len()))
             }

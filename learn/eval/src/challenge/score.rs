@@ -1,8 +1,9 @@
 //! The scorer: drives the paths or repeats the actions of a run, and measures where the body gets.
 
 use super::host::Hosted;
-use super::run::{Approach, MAX_DECISIONS, MapRun, Run, RunError};
-use super::set::{GoalSet, SetError, SetGoal, SetMap};
+use super::run::{Approach, MapRun, Run, RunError};
+use super::set::{GoalSet, SetError, SetMap};
+use super::trial::attempt;
 use super::{VERSION, set};
 use crate::report::{self, Rate, Success};
 use crate::unit::Unit;
@@ -12,14 +13,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use surefoot_planner::threads::map_indices;
-use surefoot_rollout::drive::{Driver, PathPoint};
 use surefoot_rollout::{AttemptResult, Goal, Motion};
-use surefoot_world::character::{ACTION_LEN, Action};
 use surefoot_world::reach::Reach;
-use surefoot_world::{CharacterProfile, End, Map, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, World};
-
-/// Ticks after which an attempt by path ends.
-const MAX_TICKS: u32 = MAX_DECISIONS as u32 * TICKS_PER_DECISION;
+use surefoot_world::{CharacterProfile, End, Map};
 
 /// The score of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -110,11 +106,15 @@ pub fn score(
 ) -> Result<Score, ScoreError> {
     set.check()?;
     let runs = run.check(set)?;
+    let is_track = |of_run: &&&MapRun| of_run.attempts.iter().any(|attempt| matches!(attempt, Approach::Track(_)));
+    if let Some(of_run) = runs.iter().find(is_track) {
+        return Err(RunError::Track(of_run.name.clone()).into());
+    }
     let mut units = Vec::with_capacity(runs.len());
     for (of_set, of_run) in set.maps.iter().zip(&runs) {
         progress(&of_set.name);
         let map = of_set.load(folder)?;
-        let trial = |idx: usize| attempt(&map, &set.body, &of_set.goals[idx], &of_run.attempts[idx]);
+        let trial = |idx: usize| attempt(&map, &set.body, &of_set.goals[idx], &of_run.attempts[idx]).0;
         let attempts = map_indices(of_set.goals.len(), thread_count, trial);
         units.push(unit(&map, &set.body, of_set, attempts, thread_count));
     }
@@ -175,75 +175,6 @@ fn unit(
         attempts,
         motion: Motion::default(),
         graph: None,
-    }
-}
-
-/// Makes one attempt. A path is driven; actions are done again; an entrant that says that the goal is out of reach is
-/// believed.
-pub(super) fn attempt(map: &Arc<Map>, body: &CharacterProfile, goal: &SetGoal, approach: &Approach) -> AttemptResult {
-    match approach {
-        Approach::Unreachable => Trial::new(map, body, goal).ended(End::Unreachable),
-        Approach::Path(points) => Trial::new(map, body, goal).drive(points, body),
-        Approach::Actions(actions) => Trial::new(map, body, goal).repeat(actions),
-    }
-}
-
-/// A world with one body that has one goal.
-struct Trial {
-    world: World,
-    slot: NpcSlot,
-    ticks: u32,
-    length: f32,
-    feet: Vec3,
-}
-
-impl Trial {
-    fn new(map: &Arc<Map>, body: &CharacterProfile, goal: &SetGoal) -> Self {
-        // The run ends attempts itself.
-        let task = TaskConfig { patience: u32::MAX, ..TaskConfig::default() };
-        let mut world = World::new(map.clone(), body.clone(), task);
-        let Goal { start, yaw, goal } = Goal::from(*goal);
-        let slot = world.spawn(start, yaw);
-        world.set_waypoint(slot, goal);
-        Self { world, slot, ticks: 0, length: 0.0, feet: start }
-    }
-
-    fn repeat(mut self, actions: &[[f32; ACTION_LEN]]) -> AttemptResult {
-        for action in actions {
-            self.world.decide(self.slot, Action::from_array(*action).unwrap_or_default());
-            self.world.tick_decision();
-            if let Some(end) = self.advance(TICKS_PER_DECISION) {
-                return self.ended(end);
-            }
-        }
-        self.ended(End::NoProgress)
-    }
-
-    fn drive(mut self, points: &[PathPoint], body: &CharacterProfile) -> AttemptResult {
-        let mut driver = Driver::new(points);
-        while self.ticks < MAX_TICKS {
-            let npc = self.world.npc(self.slot).expect("the only NPC");
-            let Some(action) = driver.steer(&npc.body, body) else { break };
-            self.world.decide(self.slot, action);
-            self.world.tick();
-            if let Some(end) = self.advance(1) {
-                return self.ended(end);
-            }
-        }
-        self.ended(End::NoProgress)
-    }
-
-    /// Accounts for `ticks` ticks that have run, and returns the end of the attempt, if it has ended.
-    fn advance(&mut self, ticks: u32) -> Option<End> {
-        let npc = self.world.npc(self.slot).expect("the only NPC");
-        self.ticks += ticks;
-        self.length += npc.body.feet.distance(self.feet);
-        self.feet = npc.body.feet;
-        npc.episode.and_then(|episode| episode.end)
-    }
-
-    fn ended(&self, end: End) -> AttemptResult {
-        AttemptResult::without_plans(end, self.ticks.div_ceil(TICKS_PER_DECISION), self.length)
     }
 }
 

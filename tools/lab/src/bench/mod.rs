@@ -3,6 +3,7 @@
 mod edits;
 mod feed;
 mod floods;
+mod follow;
 mod growth;
 mod learn;
 pub mod link;
@@ -32,6 +33,7 @@ use surefoot_cli::terminal::print_json;
         surefoot bench world\n  \
         surefoot bench learn --json\n  \
         surefoot bench plan\n  \
+        surefoot bench follow\n  \
         surefoot bench serve --minutes 1\n  \
         surefoot bench soak --minutes 3\n  \
         surefoot bench floods\n  \
@@ -82,6 +84,8 @@ enum Bench {
     Learn,
     /// Graphs and path queries
     Plan,
+    /// NPCs that follow plans, steered where they can be
+    Follow,
     /// The world server under load
     Serve,
     /// All services under a mixed load for a long time
@@ -178,6 +182,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         _ if !files.is_empty() => anyhow::bail!("--maps is only for `bench world`"),
         Bench::Learn => learn::figures()?,
         Bench::Plan => plan::figures()?,
+        Bench::Follow => follow::figures()?,
         Bench::Serve => serve::figures(args)?,
         Bench::Soak => soak::figures(args)?,
         Bench::Floods => floods::figures(args)?,

@@ -66,7 +66,7 @@ export class Scene {
   }
 
   draw({ feet, yaw }: AgentState, locomotion: Locomotion): void {
-    this.npc.group.position.set(feet.x, feet.y, feet.z)
+    this.npc.group.position.set(feet.x, feet.y + locomotion.stepOffsetM, feet.z)
     this.npc.group.rotation.y = yaw
     this.npc.animate(locomotion)
     this.renderer.render(this.scene, this.camera)

@@ -27,6 +27,10 @@ const [IDLE_SHARE, TURN_SHARE] = [0.1, 0.05]
 /** Least ticks of a fall without a jump, and ticks of a landing. */
 const [MIN_FALL_TICKS, LANDING_TICKS] = [6, 12]
 const TICK_SECONDS = 1 / 60
+/** Share of a step's offset by which it decays in a tick, and the offset that is dropped, m. */
+const [DECAY, LEAST_OFFSET_M] = [1 - Math.exp(-TICK_SECONDS / 0.1), 0.001]
+/** Steepest slope on which a character rises or sinks smoothly, as a tangent. */
+const STEEPEST = 2
 
 export class Locomotion {
   pace: Pace = 'idle'
@@ -35,15 +39,26 @@ export class Locomotion {
   strideM = 0
   /** Share of the stride done, 0 to 1: one foot is put down at 0, the other at 0.5. */
   stridePhase = 0
+  /**
+   * Height to add to the drawn character, m, so that its height changes smoothly over steps: up to the body's step
+   * height, and negative after a step up. It decays with a time constant of 0.1 s, or as fast as the character moves.
+   * 0 on rides and after a teleport.
+   */
+  stepOffsetM = 0
   /** Ticks in the air, or since the landing. */
   private ticks = 0
   private wasThrown = false
+  /** The feet at the last tick: their height, m, how much they rose, m, and whether they stood on ground. */
+  private feetM = 0
+  private riseM = 0
+  private wasGrounded = false
 
   constructor(private readonly body: Body) {}
 
   /** Follows the character by one tick of 1/60 s, in which it carried out an action and came to a state. */
   advance(state: AgentState, action: Action): void {
     this.advancePhase(state, action)
+    this.advanceSteps(state)
     if (!state.isGrounded) {
       this.strideM = 0
       return
@@ -75,6 +90,20 @@ export class Locomotion {
     this.ticks += 1
     this.wasThrown ||= isRiding === true || (jump > 0 && velocity.y > 0)
     if (this.wasThrown || this.ticks >= MIN_FALL_TICKS) this.phase = 'flight'
+  }
+
+  /** Slopes and lifts raise a character by about as much in each tick; only the rest is a step. */
+  private advanceSteps({ feet, velocity, isGrounded, isRiding }: AgentState): void {
+    const most = this.body.stepHeight
+    const rise = this.wasGrounded && isGrounded ? feet.y - this.feetM : 0
+    const way = Math.hypot(velocity.x, velocity.z) * TICK_SECONDS
+    const farthest = most + STEEPEST * way
+    const isCarried = isRiding === true || Math.abs(rise) > farthest
+    const steady = rise * this.riseM > 0 ? Math.sign(rise) * Math.min(Math.abs(rise), Math.abs(this.riseM)) : 0
+    const offset = Math.min(Math.max(this.stepOffsetM - (rise - steady), -most), most)
+    const left = Math.abs(offset) - Math.max(way, DECAY * Math.abs(offset))
+    this.stepOffsetM = isCarried || left < LEAST_OFFSET_M ? 0 : Math.sign(offset) * left
+    ;[this.feetM, this.riseM, this.wasGrounded] = [feet.y, isCarried ? 0 : rise, isGrounded]
   }
 
   private paceAt(speed: number, { forward, strafe, turn }: Action): Pace {

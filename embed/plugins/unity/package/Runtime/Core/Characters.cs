@@ -210,6 +210,14 @@ namespace Surefoot
         public float StridePhase;
         internal uint Ticks;
         internal int WasThrown;
+        /// <summary>
+        /// Height to add to the drawn character, m, so that its height changes smoothly over steps: up to the body's
+        /// step height, and negative after a step up.
+        /// </summary>
+        public float StepOffset;
+        internal float FeetHeight;
+        internal float Rise;
+        internal int WasGrounded;
 
         /// <summary>
         /// Follows the character by one tick of 1/60 s, in which it carried out <paramref name="action"/>, used

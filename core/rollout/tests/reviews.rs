@@ -1,0 +1,124 @@
+//! Reviews of new plans: shortcuts over open ground, and ways around what would be a leap.
+
+use std::sync::Arc;
+use surefoot_planner::{BuildSettings, LegKey, Plan, Progress, Query, Router};
+use surefoot_policy::Policy;
+use surefoot_rollout::attempt::{Recovery, RetryBudget};
+use surefoot_rollout::graphs::build;
+use surefoot_rollout::rehearse::RehearsalFailure;
+use surefoot_rollout::{Attempt, FollowConfig, Follower, ProbeContext};
+use surefoot_world::character::Body;
+use surefoot_world::map::mover::cuboid;
+use surefoot_world::map::{MapSize, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{CharacterProfile, Map, Vec3};
+
+const SIDE: u16 = 40;
+
+/// A floor of 40 x 40 m at a height of 2 m, with these boxes on it.
+fn floor(boxes: &[[Vec3; 2]]) -> Arc<Map> {
+    let side = f32::from(SIDE);
+    let ground = [Vec3::new(0.0, 1.0, 0.0), Vec3::new(side, 2.0, side)];
+    let faces = std::iter::once(&ground).chain(boxes).flat_map(|[low, high]| cuboid(*low, *high));
+    let triangles = faces.filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
+    let size = MapSize { width: SIDE.into(), height: 40, depth: SIDE.into() };
+    Arc::new(Map::from_parts(size, triangles, Placed::default()))
+}
+
+fn router(map: &Arc<Map>) -> Router {
+    let context = ProbeContext::new(map.clone(), Policy::shipped().unwrap());
+    let settings = BuildSettings::default().with(|it| it.vertices = 60).unwrap();
+    Router::new(build(&context, &settings, 2, &Progress::default()).unwrap().graph, 300, 2)
+}
+
+fn at(x: f32, z: f32) -> Vec3 {
+    Vec3::new(x, 2.0, z)
+}
+
+/// An attempt from `start` to `goal`, m, with its first plan.
+fn planned(router: &Router, start: Vec3, goal: Vec3) -> Attempt {
+    let mut attempt = Attempt::new(Follower::new(goal, FollowConfig::default()));
+    attempt.plan(start, |query| router.find_path(query));
+    attempt
+}
+
+/// Reviews the plans of an attempt of a body at `start`, m, until a review asks for no other; returns how many it
+/// asked for.
+fn review(
+    attempt: &mut Attempt,
+    map: &Map,
+    router: &Router,
+    start: Vec3,
+    may_cross: impl Fn(Vec3, Vec3) -> bool,
+) -> u32 {
+    let body = Body::at(start, 0.0);
+    let mut asked = 0;
+    while attempt.review(map, &CharacterProfile::default(), &body, &may_cross) {
+        attempt.plan(start, |query| router.find_path(query));
+        asked += 1;
+    }
+    asked
+}
+
+/// The length of the way from `start` along the waypoints ahead, m.
+fn length(start: Vec3, waypoints: &[Vec3]) -> f32 {
+    std::iter::once(&start).chain(waypoints).zip(waypoints).map(|(from, to)| from.distance(*to)).sum()
+}
+
+#[test]
+fn an_npc_on_open_ground_heads_past_the_vertices_of_its_plan_unless_it_must_not() {
+    let map = floor(&[]);
+    let router = router(&map);
+    let (start, goal) = (at(5.0, 6.0), at(34.0, 33.0));
+    let mut attempt = planned(&router, start, goal);
+    let legs = attempt.follower.waypoints_ahead().to_vec();
+    assert!(legs.len() >= 3 && length(start, &legs) > 1.02 * start.distance(goal), "{legs:?}");
+
+    assert_eq!(review(&mut attempt, &map, &router, start, |_, _| true), 0);
+    assert_eq!(attempt.follower.waypoint(), Some(goal), "straight to the goal");
+
+    let mut bound = planned(&router, start, goal);
+    review(&mut bound, &map, &router, start, |_, _| false);
+    assert_eq!(bound.follower.waypoints_ahead(), legs, "a zone beside its way keeps an NPC on its legs");
+
+    // A rehearsal of the shortcut fails: the NPC takes the legs of its plan, with the first one.
+    let failure = RehearsalFailure { leg: attempt.follower.leg_key().unwrap(), is_harm: false };
+    assert_eq!(RetryBudget::default().spend(failure, &mut attempt.follower), Recovery::MoveFreely);
+    let ahead = attempt.follower.waypoints_ahead();
+    assert!(legs.ends_with(ahead) && ahead.len() > 1, "{ahead:?}");
+    assert!(attempt.follower.waypoint().unwrap().distance(start) < start.distance(goal));
+}
+
+#[test]
+fn a_shortcut_goes_past_the_end_of_a_wall() {
+    let wall = [Vec3::new(19.0, 2.0, 0.0), Vec3::new(21.0, 30.0, 30.0)];
+    let map = floor(&[wall]);
+    let router = router(&map);
+    let (start, goal) = (at(5.0, 5.0), at(35.0, 5.0));
+    let mut attempt = planned(&router, start, goal);
+    review(&mut attempt, &map, &router, start, |_, _| true);
+    let ahead = attempt.follower.waypoints_ahead();
+    let first = ahead[0];
+    assert!(ahead.len() > 1 && first.z > 28.0, "the first turn is beyond the end of the wall: {ahead:?}");
+}
+
+#[test]
+fn a_review_keeps_the_goal_that_has_moved_meanwhile() {
+    // The goal is beyond a block that the body would have to climb on its direct leg.
+    let block = [Vec3::new(18.0, 2.0, 10.0), Vec3::new(22.0, 3.4, 30.0)];
+    let map = floor(&[block]);
+    let router = router(&map);
+    let (start, goal, moved) = (at(16.5, 20.0), at(23.5, 20.0), at(23.9, 20.2));
+    let body = Body::at(start, 0.0);
+    let mut attempt = Attempt::new(Follower::new(goal, FollowConfig::default()));
+    // The first plan is the direct leg, which cannot be walked: the review asks for another one.
+    attempt.take_plan(Plan::straight(goal));
+    assert!(attempt.review(&map, &CharacterProfile::default(), &body, |_, _| true));
+    let Query { avoid, .. } = attempt.follower.query(start);
+    assert_eq!(avoid, [LegKey::DIRECT], "the next plan does without the leap");
+    attempt.follow_goal(moved, start, true);
+    let asked = review(&mut attempt, &map, &router, start, |_, _| true);
+    assert!(asked <= 3, "{asked} further plans");
+    assert_eq!(attempt.follower.waypoints_ahead().last(), Some(&moved));
+    assert_eq!(attempt.follower.plans(), 1, "plans of one review count as one");
+}
