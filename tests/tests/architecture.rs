@@ -170,6 +170,7 @@ const KNOW_THE_WIRE: [&str; 41] = [
     "server/src/grpc/directory.rs",
     "server/src/grpc/redirect.rs",
     "server/src/grpc/routes.rs",
+    "server/src/grpc/settings.rs",
     "server/src/grpc/env.rs",
     "server/src/grpc/living.rs",
     "server/src/grpc/errors.rs",

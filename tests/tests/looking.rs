@@ -35,7 +35,7 @@ async fn npcs_look_at_places_npcs_and_players_until_these_are_gone() {
     };
     let player_id = stage.client.spawn_player(player).await.unwrap().into_inner().player_id;
 
-    // The player is at the last place, in the coordinates of the level.
+    // The player stands here, in the coordinates of the level.
     let level_place = Target::Position(wire::Vec3 { x: 15.0, y: 0.0, z: 5.0 });
     for (target, coordinates, at) in [
         (Target::NpcId(npcs[1]), wire::Coordinates::Unspecified, places[1]),
@@ -74,6 +74,6 @@ async fn npcs_look_at_places_npcs_and_players_until_these_are_gone() {
     assert_eq!(stage.client.get_npc(get).await.unwrap().into_inner().look_at, None);
 
     let too_many = wire::LookAtRequest { npcs: vec![look(npcs[0], None); 4097] };
-    assert_eq!(stage.client.look_at(too_many).await.unwrap_err().code(), tonic::Code::InvalidArgument);
+    assert_eq!(stage.client.look_at(too_many).await.unwrap_err().code(), tonic::Code::OutOfRange);
     server.stop().await;
 }

@@ -1,6 +1,5 @@
 //! The calls about NPCs. In a batch, each item has its own result.
 
-use super::settings::look_to_wire;
 use super::{Call, Reply, WorldApi, frame_on};
 use crate::hosted::{GoalOrder, GoalSet, HostedWorld, NpcError, NpcState, Pursuit, SpawnOrder, Target};
 use crate::ids::{NpcId, WorldId};
@@ -343,6 +342,19 @@ fn teleport_on(world: &mut HostedWorld, npc: NpcId, (position, yaw): (Place, f32
 /// The state of an NPC, and the frame of its map.
 pub(super) fn npc_on(world: &mut HostedWorld, npc: NpcId, (): ()) -> Result<(NpcState, LevelFrame), NpcError> {
     Ok((world.npc(npc)?, *world.map().frame()))
+}
+
+/// Converts what an NPC looks at, whose place stays as it is.
+fn look_to_wire(target: Target) -> Option<wire::LookTarget> {
+    use wire::look_target::Target as Kind;
+    let target = match target {
+        Target::Npc(npc) => Kind::NpcId(npc.0),
+        Target::Player(player) => Kind::PlayerId(player.0),
+        Target::Moving { from, .. } => Kind::Position(convert::to_wire(from)),
+        // NPCs do not look at places in groups.
+        Target::Rank(_) => return None,
+    };
+    Some(wire::LookTarget { target: Some(target) })
 }
 
 /// Converts the error of an item: code, reason and message are those of the single call.

@@ -79,16 +79,3 @@ fn look(npc: &wire::NpcLook) -> Result<Option<Look>, FieldError> {
         Kind::Position(at) => Look::Place(Place::read(Some(at), npc.coordinates, "npcs.target.position")?),
     }))
 }
-
-/// Converts what an NPC looks at, whose place stays as it is.
-pub(super) fn look_to_wire(target: Target) -> Option<wire::LookTarget> {
-    use wire::look_target::Target as Kind;
-    let target = match target {
-        Target::Npc(npc) => Kind::NpcId(npc.0),
-        Target::Player(player) => Kind::PlayerId(player.0),
-        Target::Moving { from, .. } => Kind::Position(convert::to_wire(from)),
-        // NPCs do not look at places in groups.
-        Target::Rank(_) => return None,
-    };
-    Some(wire::LookTarget { target: Some(target) })
-}
