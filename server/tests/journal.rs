@@ -11,7 +11,7 @@ use surefoot_server::hosted::{
 use surefoot_server::ids::NpcId;
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
-use surefoot_world::{CharacterProfile, Gait, MapSpec, NamedGait, Seed, Vec3, sealed};
+use surefoot_world::{CharacterProfile, Gait, MapSpec, NamedGait, Seed, Vec3};
 
 /// A world whose NPCs stand on its ground, and further places there.
 fn world() -> (HostedWorld, Arc<Quota>, Vec<Vec3>) {

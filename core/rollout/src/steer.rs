@@ -46,8 +46,8 @@ pub struct Course {
 impl Course {
     /// The action of a body on this course.
     pub fn action(&self, body: &Body, profile: &CharacterProfile) -> Action {
-        if let Some(to_corner) = self.to_corner(body.feet) {
-            return to_corner.action(body, profile);
+        if let Some(course) = self.before_corner(body.feet) {
+            return course.action(body, profile);
         }
         let rest = Action { jump: -1.0, ..Action::default() };
         let aim = self.aim(body.feet);
@@ -78,7 +78,7 @@ impl Course {
     }
 
     /// The course of a body that has not taken its corner yet: up to the line that halves the angle there.
-    fn to_corner(&self, feet: Vec3) -> Option<Self> {
+    fn before_corner(&self, feet: Vec3) -> Option<Self> {
         let [corner, before] = self.around?;
         let way = |from: Vec3, to: Vec3| (to - from).with_y(0.0).normalize_or_zero();
         let is_ahead = (feet - corner).dot(way(before, corner) + way(corner, self.to)) < 0.0;
