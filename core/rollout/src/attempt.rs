@@ -94,7 +94,7 @@ impl Attempt {
     /// How the NPC moves in the next decision: composed only where a rehearsal has shown that it arrives so, or where
     /// it could walk straight to a goal at which it must stand.
     pub fn style(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Style {
-        let style = self.follower.style_of(map, profile, body);
+        let style = self.follower.style();
         let is_shown = self.is_forecast() || self.follower.stay().is_some();
         let walks = matches!(style, Style::Walk(_)) || style == Style::for_leg(Ability::Walk);
         if is_shown || walks && self.walks_straight(map, profile, body) { style } else { Style::Free }

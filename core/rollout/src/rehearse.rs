@@ -252,12 +252,8 @@ impl Rehearsal {
     /// Runs one decision of all NPCs that have not arrived, and returns the ends of their ways, in order.
     fn decide(&mut self, policy: &Policy, running: &mut [Running]) -> Vec<Option<End>> {
         let deciding = || running.iter().filter(|run| run.arrival.is_none());
-        let [world] = &self.worlds;
-        let style = |run: &Running| {
-            let npc = world.npc(run.slot).expect("a running NPC");
-            run.forecast.follower.style_of(world.map(), world.profile_of(npc), &npc.body)
-        };
-        let npcs: Vec<DecidingNpc> = deciding().map(|run| DecidingNpc::of(run.slot).in_style(style(run))).collect();
+        let npcs: Vec<DecidingNpc> =
+            deciding().map(|run| DecidingNpc::of(run.slot).in_style(run.forecast.follower.style())).collect();
         for run in running.iter_mut().filter(|run| run.arrival.is_none()) {
             run.before = *self.worlds[0].npc(run.slot).expect("a running NPC");
         }

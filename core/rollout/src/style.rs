@@ -2,9 +2,9 @@
 //!
 //! A policy that learned to arrive turns to and fro, runs sideways and jumps where walking would do. A composed NPC
 //! faces its direction of motion, straightens its way where the policy roughly does, acts without noise, and jumps only
-//! where it cannot walk on. In the air it keeps its heading as far as its motion allows. The
+//! on legs that need it. In the air it keeps its heading as far as its motion allows. The
 //! [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives; otherwise it moves freely.
-//! docs/adr/0026-composed-motion.md and docs/adr/0061-leaps-look-intended.md have measurements.
+//! docs/adr/0026-composed-motion.md and docs/adr/0061-taut-ways-and-leaps.md have measurements.
 
 use crate::steer::Course;
 use std::f32::consts::{PI, TAU};
@@ -12,9 +12,7 @@ use surefoot_policy::Policy;
 use surefoot_world::character::{Body, Ride, Support};
 use surefoot_world::float::hypot;
 use surefoot_world::sense::{FIELDS, LastDecision, STATE_BEGIN, field_idx};
-use surefoot_world::{
-    Ability, AbilitySet, Action, CharacterProfile, DECISION_SECONDS, Episode, Map, Npc, ProfileIdx, Vec3, arrival,
-};
+use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, ProfileIdx, Vec3};
 
 /// Angle between facing and motion up to which a composed body does not turn, rad.
 const SLACK: f32 = 0.15;
@@ -32,11 +30,6 @@ const CLOSE_M: f32 = 0.5;
 const SIDEWAYS: f32 = 0.4;
 /// Weight of the wanted change of velocity in the predicted direction of a body.
 const LOOK_AHEAD: f32 = 0.7;
-
-/// Distance ahead on which a body must be able to walk so that it does not jump: the way of two decisions, s, and at
-/// least this far, m.
-const RUN_UP_S: f32 = 2.0 * DECISION_SECONDS;
-const RUN_UP_M: f32 = 1.5;
 
 /// How an NPC carries out the actions of its policy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -64,23 +57,6 @@ impl Style {
     /// The composed style for a leg that needs `ability`.
     pub fn for_leg(ability: Ability) -> Self {
         Self::Composed { jumps: ability != Ability::Walk }
-    }
-
-    /// The same style for a body at a place on its map: a composed NPC on the ground does not jump while it could walk
-    /// on, as it moves and towards its waypoint, m.
-    #[must_use]
-    pub fn at(self, map: &Map, profile: &CharacterProfile, body: &Body, waypoint: Vec3) -> Self {
-        let Self::Composed { jumps: true } = self else { return self };
-        let velocity = body.velocity.with_y(0.0);
-        let run_up = (velocity.length() * RUN_UP_S).max(RUN_UP_M);
-        let walks_on = |way: Vec3, distance: f32| {
-            let offset = way.with_y(0.0).normalize_or_zero() * distance;
-            arrival::walks_on(map, profile, body.feet, offset)
-        };
-        let to_waypoint = waypoint - body.feet;
-        let has_way =
-            || walks_on(velocity, run_up) && walks_on(to_waypoint, run_up.min(hypot(to_waypoint.x, to_waypoint.z)));
-        Self::Composed { jumps: !body.is_grounded() || !has_way() }
     }
 
     /// Whether an NPC that moves so must observe, and evaluate its policy: one with a memory always, since what it has

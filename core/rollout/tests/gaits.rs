@@ -65,7 +65,7 @@ fn nearest(played: &Played, edge: Vec3) -> f32 {
 #[test]
 fn an_npc_keeps_its_distance_from_walls() {
     // A wall that ends in the middle of the room, with a way around its end.
-    let map = room(&[[Vec3::new(11.5, 0.0, 0.0), Vec3::new(12.5, 4.0, 12.0)]]);
+    let map = room(&[[Vec3::new(11.5, 0.0, 0.0), Vec3::new(12.5, 30.0, 12.0)]]);
     let jog = Gait { wall_distance: 0.0, ..NamedGait::find("jog").unwrap().gait };
     let wide = Gait { wall_distance: 1.2, ..jog };
     let played = walk(&map, [at(6.0, 5.0), at(18.0, 5.0)], &[jog, wide, wide]);
@@ -80,7 +80,7 @@ fn an_npc_keeps_its_distance_from_walls() {
 
 #[test]
 fn an_npc_that_keeps_more_distance_than_a_door_has_goes_through() {
-    let wall = |from: f32, to: f32| [Vec3::new(11.5, 0.0, from), Vec3::new(12.5, 4.0, to)];
+    let wall = |from: f32, to: f32| [Vec3::new(11.5, 0.0, from), Vec3::new(12.5, 30.0, to)];
     let map = room(&[wall(0.0, 11.4), wall(12.6, 24.0)]);
     let wide = Gait { wall_distance: 2.0, ..NamedGait::find("walk").unwrap().gait };
     let played = walk(&map, [at(6.0, 8.0), at(18.0, 16.0)], &[wide]);

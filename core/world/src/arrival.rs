@@ -132,14 +132,6 @@ pub fn is_plain(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> 
     place.is_open(from, to) && place.has_ground_within(from, to, profile.step_height)
 }
 
-/// Whether a body could walk straight on from a place by a horizontal offset, m, at whatever height the ground leads
-/// it there.
-pub fn walks_on(map: &Map, profile: &CharacterProfile, from: Vec3, offset: Vec3) -> bool {
-    let place = Place { map, movers: &Movers::default(), profile };
-    let (to, usual) = (from + offset, |_| true);
-    place.usual_ground(from, to, place.rise(from, to), usual).is_some_and(|end| place.is_open(from, end))
-}
-
 /// Whether a body could walk straight from one place on a map to another, m, with room on both sides, over dry ground
 /// without devices, and out of the reach of movers. Except near its ends, the lane has `margin` metres more room on
 /// both sides.
@@ -339,22 +331,18 @@ impl Place<'_> {
     /// Like [`has_ground_within`](Self::has_ground_within), where the ground at the end of each stride also
     /// `is_usual`.
     fn has_usual_ground(self, from: Vec3, to: Vec3, rise: f32, is_usual: impl Fn(Vec3) -> bool) -> bool {
-        self.usual_ground(from, to, rise, is_usual).is_some_and(|end| (to.y - end.y).abs() <= rise)
-    }
-
-    /// Where the ground leads on the straight way between two places, at the second one's x and z; `None` if it rises
-    /// or drops by more than `rise` metres in a stride, or is not usual.
-    fn usual_ground(self, from: Vec3, to: Vec3, rise: f32, is_usual: impl Fn(Vec3) -> bool) -> Option<Vec3> {
+        let offset = to - from;
         let stride_count = stride_count(from, to);
-        let mut ground = from;
+        let mut height = from.y;
         for stride in 1..=stride_count as u32 {
-            let above = from.lerp(to, stride as f32 / stride_count).with_y(ground.y + rise);
-            ground = above.with_y(above.y - self.ground_below(above, 2.0 * rise)?);
-            if !is_usual(ground) {
-                return None;
+            let above = (from + offset * (stride as f32 / stride_count)).with_y(height + rise);
+            let Some(depth) = self.ground_below(above, 2.0 * rise) else { return false };
+            height = above.y - depth;
+            if !is_usual(above.with_y(height)) {
+                return false;
             }
         }
-        Some(ground)
+        (to.y - height).abs() <= rise
     }
 
     /// Depth of the ground below a point, m, at most `most`.

@@ -134,7 +134,7 @@ fn slide(goal: &surefoot_eval::challenge::SetGoal, swing: f32) -> Approach {
     let yaw = way[0].atan2(way[2]);
     let sample = |decision: u16| {
         let share = (f32::from(decision) / length).min(1.0);
-        let side = if decision % 2 == 0 { swing } else { -swing };
+        let side = if decision.is_multiple_of(2) { swing } else { -swing };
         let [x, y, z] = [0, 1, 2].map(|axis| from[axis] + share * way[axis]);
         let [speed_x, speed_y, speed_z] = way.map(|it| 6.0 * it / length);
         [x, y, z, yaw + side, speed_x, speed_y, speed_z, 0.0]

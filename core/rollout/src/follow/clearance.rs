@@ -1,5 +1,5 @@
-//! Distance from walls and rims: where a gait keeps some, waypoints between two walk legs move to where there is room,
-//! and so that there is room on the way between them.
+//! Waypoints between two walk legs move: where a gait keeps a distance from walls and rims, to where there is room;
+//! otherwise towards the straight way between their neighbours, since vertices lie beside the shortest way.
 //!
 //! No proof covers the moved waypoints. Where the rehearsal of a leg fails, its NPC takes the legs of the plan.
 
@@ -11,10 +11,13 @@ use surefoot_world::{Ability, Vec3};
 
 /// Distance between two places of a leg at which the room is measured, m.
 const SAMPLE_M: f32 = 1.0;
-/// Least distance by which waypoints move for the room between them, m.
+/// Least distance by which waypoints move for the room between them, and towards the straight way, m.
 const LEAST_M: f32 = 0.1;
+/// Shares of the distance to the straight way by which a waypoint may move, and how often all move.
+const PULLS: [f32; 4] = [0.8, 0.6, 0.4, 0.2];
+const PASSES: usize = 2;
 
-/// What a plan keeps from walls.
+/// What a plan keeps from walls, and which of its waypoints have moved.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Clearance {
     /// Where the plan begins, m; `None` if it keeps no distance.
@@ -57,9 +60,43 @@ impl Clearance {
         let (former, after) = (plan.waypoints[idx], plan.waypoints[idx + 1]);
         let place = former + offset;
         if ground.is_way(before, place) && ground.is_way(place, after) {
-            plan.waypoints[idx] = place;
-            if self.moved.iter().all(|(moved, _)| *moved != idx) {
-                self.moved.push((idx, former));
+            self.place(plan, idx, place);
+        }
+    }
+
+    fn place(&mut self, plan: &mut Plan, idx: usize, place: Vec3) {
+        let former = std::mem::replace(&mut plan.waypoints[idx], place);
+        if self.moved.iter().all(|(moved, _)| *moved != idx) {
+            self.moved.push((idx, former));
+        }
+    }
+
+    /// Whether an end of the leg `leg` has moved.
+    pub fn changes(&self, leg: usize) -> bool {
+        self.moved.iter().any(|(idx, _)| *idx == leg || idx + 1 == leg)
+    }
+
+    /// Moves waypoints of a plan from `feet`, m, towards the straight way between their neighbours, as far as the body
+    /// has lanes to and from there. The ways between them are shortcuts, or legs.
+    pub fn tighten(
+        &mut self,
+        plan: &mut Plan,
+        feet: Vec3,
+        shortcuts: &Shortcuts,
+        is_lane: impl Fn(Vec3, Vec3) -> bool,
+    ) {
+        for _ in 0..PASSES {
+            let (mut from, mut leg) = (feet, shortcuts.end(0));
+            while leg + 1 < plan.legs.len() {
+                let next = shortcuts.end(leg + 1);
+                let (at, to) = (plan.waypoints[leg], plan.waypoints[next]);
+                let offset = from + (to - from) * share_along(from, to, at) - at;
+                if moves(plan, leg) && offset.length() >= LEAST_M {
+                    let mut places = PULLS.into_iter().map(|share| at + offset * share);
+                    let place = places.find(|place| is_lane(from, *place) && is_lane(*place, to));
+                    place.into_iter().for_each(|place| self.place(plan, leg, place));
+                }
+                (from, leg) = (plan.waypoints[leg], next);
             }
         }
     }
@@ -72,6 +109,12 @@ impl Clearance {
         let before = shortcuts.begin(last).checked_sub(1).map_or(start, |before| plan.waypoints[before]);
         Some([plan.waypoints[last], before])
     }
+}
+
+/// Where on the straight way between two places another one is nearest to it, as a share of the way.
+fn share_along(from: Vec3, to: Vec3, at: Vec3) -> f32 {
+    let way = to - from;
+    ((at - from).dot(way) / way.length_squared().max(f32::EPSILON)).clamp(0.0, 1.0)
 }
 
 /// Whether a waypoint of a plan is between two walk legs.

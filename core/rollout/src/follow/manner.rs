@@ -5,17 +5,11 @@ use super::scene::MoverResponse;
 use crate::steer::Course;
 use crate::style::Style;
 use surefoot_planner::LegKey;
-use surefoot_world::character::Body;
-use surefoot_world::{Ability, CharacterProfile, Gait, Map};
+use surefoot_world::{Ability, Gait};
 
 impl Follower {
-    /// How the NPC with this body moves on the current leg, if a rehearsal of it has arrived.
-    pub fn style_of(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Style {
-        let style = self.style();
-        self.waypoint().map_or(style, |waypoint| style.at(map, profile, body, waypoint))
-    }
-
-    fn style(&self) -> Style {
+    /// How the NPC moves on the current leg, if a rehearsal of it has arrived.
+    pub fn style(&self) -> Style {
         if let Some(stay) = self.stay() {
             return stay;
         }

@@ -383,7 +383,8 @@ impl Follower {
     fn end_leg(&mut self, end: TryEnd) {
         let Some(plan) = &self.plan else { return };
         // An NPC that takes its time, or another way, says nothing about an edge.
-        let is_usual = self.config.gait == Gait::DEFAULT && !self.shortcuts.contain(self.leg);
+        let has_moved = self.shortcuts.contain(self.leg) || self.clearance.changes(self.leg);
+        let is_usual = self.config.gait == Gait::DEFAULT && !has_moved;
         if let Some(edge) = plan.legs[self.leg].key.edge().filter(|_| is_usual) {
             self.traversals.push(Traversal { edge, end, decisions: self.decisions_on_leg });
         }

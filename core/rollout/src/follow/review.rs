@@ -97,7 +97,11 @@ impl Follower {
         if best.plan.needs.is_empty() {
             let margin = self.config.gait.wall_distance;
             self.clearance = Clearance::make(&mut best.plan, feet, margin, ground);
-            self.shortcuts = Shortcuts::find(&best.plan, feet, |from, to| ground.is_lane(from, to, margin));
+            let is_lane = |from, to| ground.is_lane(from, to, margin);
+            self.shortcuts = Shortcuts::find(&best.plan, feet, is_lane);
+            if margin == 0.0 {
+                self.clearance.tighten(&mut best.plan, feet, &self.shortcuts, is_lane);
+            }
         }
         self.plan = Some(best.plan);
         self.start_leg(0);
