@@ -2,6 +2,7 @@
 //! no plan.
 
 use super::batch::{Answer, Batch, Sighting};
+use super::npc::Npc;
 use super::planning::PlanRequest;
 use super::{WorldError, WorldTask};
 use std::cmp::Reverse;
@@ -121,9 +122,11 @@ impl WorldTask {
                 }
             }
         }
+        // An NPC whose next plan is on its way follows the present one, and would move freely without a forecast.
+        let awaits_plan = |npc: &Npc| npc.planning.is_requested && !npc.attempt.must_rehearse_from_here();
         let is_due = |seen: &&Sighting| {
-            seen.state.is_some()
-                && self.npcs.get(&seen.id).is_some_and(|npc| npc.attempt.is_due() && !npc.planning.is_requested)
+            let npc = seen.state.and_then(|_| self.npcs.get(&seen.id));
+            npc.is_some_and(|npc| npc.attempt.is_due() && !awaits_plan(npc))
         };
         let mut due: Vec<&Sighting> = batch.sightings.iter().filter(is_due).collect();
         // NPCs that have waited longest come first, so that every NPC has a turn.
@@ -188,7 +191,7 @@ impl WorldTask {
     }
 }
 
-impl super::npc::Npc {
+impl Npc {
     /// The rehearsal of the straight way to the goal, with other noise each time.
     fn straight_rehearsal(&mut self, npc: State) -> RehearsalStart {
         self.noise.change();

@@ -3,9 +3,9 @@
 //!
 //! No proof covers the moved waypoints. Where the rehearsal of a leg fails, its NPC takes the legs of the plan.
 
-use super::Follower;
-use super::review::Ground;
+use super::ground::Ground;
 use super::shortcuts::Shortcuts;
+use std::ops::RangeInclusive;
 use surefoot_planner::Plan;
 use surefoot_world::{Ability, Vec3};
 
@@ -101,6 +101,15 @@ impl Clearance {
         }
     }
 
+    /// Moves the waypoints of a plan with these indices back to where the plan had them; returns whether any had moved.
+    pub fn undo(&mut self, plan: &mut Plan, legs: RangeInclusive<usize>) -> bool {
+        let (back, kept): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.moved).into_iter().partition(|(idx, _)| legs.contains(idx));
+        back.iter().for_each(|(idx, place)| plan.waypoints[*idx] = *place);
+        self.moved = kept;
+        !back.is_empty()
+    }
+
     /// The corner at which the walk leg `leg` of a plan begins, or the shortcut that contains it, and the waypoint
     /// before, m; `None` if the body keeps no distance from walls, or did not walk there.
     pub fn corner(&self, plan: &Plan, leg: usize, shortcuts: &Shortcuts) -> Option<[Vec3; 2]> {
@@ -139,22 +148,4 @@ fn narrowest(plan: &Plan, leg: usize, from: Vec3, margin: f32, ground: &impl Gro
     let offsets = (1..count).map(offset);
     let (share, most) = offsets.max_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()))?;
     (most.length() >= LEAST_M).then_some((share, most))
-}
-
-impl Follower {
-    /// Moves the waypoints between the current one and the end of `leg` back to where the plan had them; returns
-    /// whether any had moved.
-    pub(super) fn move_waypoints_back(&mut self, leg: usize) -> bool {
-        let Some(plan) = &mut self.plan else { return false };
-        let legs = self.leg.min(leg)..=self.leg.max(leg);
-        let (back, kept): (Vec<_>, Vec<_>) =
-            std::mem::take(&mut self.clearance.moved).into_iter().partition(|(idx, _)| legs.contains(idx));
-        back.iter().for_each(|(idx, place)| plan.waypoints[*idx] = *place);
-        self.clearance.moved = kept;
-        let is_changed = !back.is_empty();
-        if is_changed {
-            self.to_waypoint = super::Approach::NONE;
-        }
-        is_changed
-    }
 }

@@ -2,15 +2,17 @@
 //!
 //! A [`Follower`] neither senses nor searches. A driver reports each decision of the NPC and does what the [`Step`]
 //! says. The parts are [`scene`] (what a follower sees of movers), `movers` (waiting, riding and calling), `failures`
-//! (legs to avoid), `planning` (queries and their answers), `manner` (how the NPC moves), `review`, `clearance` and
-//! `shortcuts` (what is changed in a new plan) and `detour` (the way back after a push).
+//! (legs to avoid), `planning` (queries and their answers), `manner` (how the NPC moves), `prepare` (what is changed
+//! in a new plan, with `review`, `clearance` and `shortcuts`) and `detour` (the way back after a push).
 
 mod clearance;
 mod detour;
 mod failures;
+mod ground;
 mod manner;
 mod movers;
 mod planning;
+mod prepare;
 mod review;
 pub mod scene;
 mod shortcuts;
@@ -18,7 +20,7 @@ mod shortcuts;
 use clearance::Clearance;
 use detour::Detour;
 use failures::Failures;
-pub use review::Ground;
+pub use ground::Ground;
 use review::Review;
 use scene::{MoverResponse, MoverWatch};
 use serde::{Deserialize, Serialize};

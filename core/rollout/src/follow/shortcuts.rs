@@ -4,7 +4,6 @@
 //! No proof covers a shortcut. Its rehearsal shows whether the NPC arrives, and where it does not, the NPC takes the
 //! legs of the plan.
 
-use super::Follower;
 use std::ops::RangeInclusive;
 use surefoot_planner::Plan;
 use surefoot_world::{Ability, Vec3};
@@ -64,24 +63,5 @@ impl Shortcuts {
     /// Removes the shortcut that contains `leg`, and returns its legs.
     pub fn remove(&mut self, leg: usize) -> Option<RangeInclusive<usize>> {
         self.containing(leg).map(|at| self.ranges.remove(at))
-    }
-}
-
-impl Follower {
-    /// The leg after the next `count` legs, shortcuts counted as one leg each.
-    pub fn leg_after(&self, count: usize) -> usize {
-        (0..count).fold(self.leg, |leg, _| self.shortcuts.end(leg) + 1)
-    }
-
-    /// Removes a shortcut that contains one of the legs up to `leg`; returns whether there was one. An NPC on it goes
-    /// on with the leg whose end is nearest to where it was last.
-    pub(super) fn remove_shortcut(&mut self, leg: usize) -> bool {
-        let Some(range) = (self.leg..=leg).find_map(|leg| self.shortcuts.remove(leg)) else { return false };
-        if let Some(plan) = self.plan.as_ref().filter(|_| range.contains(&self.leg)) {
-            let distance = |leg: &usize| plan.waypoints[*leg].distance(self.feet);
-            let nearest = range.clone().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-            self.start_leg(nearest.unwrap_or(*range.start()));
-        }
-        true
     }
 }

@@ -1,0 +1,16 @@
+//! What a follower asks about the ground of its map.
+
+use surefoot_world::Vec3;
+
+/// The ground between two places, as far as it matters to a body that walks there straight.
+pub trait Ground {
+    /// Whether a body could walk straight from one place to another, m.
+    fn is_walk(&self, from: Vec3, to: Vec3) -> bool;
+    /// Whether it could do so with room on both sides, and with `margin` metres more except near the ends, and may
+    /// leave the legs of its plan for that.
+    fn is_lane(&self, from: Vec3, to: Vec3, margin: f32) -> bool;
+    /// Whether it could do so, and may leave the legs of its plan for that.
+    fn is_way(&self, from: Vec3, to: Vec3) -> bool;
+    /// The place near `at`, m, where it has `margin` metres of room besides its radius, or as much as there is.
+    fn with_room(&self, at: Vec3, margin: f32) -> Vec3;
+}
