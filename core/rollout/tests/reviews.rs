@@ -1,5 +1,6 @@
 //! Reviews of new plans: shortcuts over open ground, and ways around what would be a leap.
 
+use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 use surefoot_planner::{BuildSettings, LegKey, Plan, Progress, Query, Router};
 use surefoot_policy::Policy;
@@ -121,4 +122,35 @@ fn a_review_keeps_the_goal_that_has_moved_meanwhile() {
     assert!(asked <= 3, "{asked} further plans");
     assert_eq!(attempt.follower.waypoints_ahead().last(), Some(&moved));
     assert_eq!(attempt.follower.plans(), 1, "plans of one review count as one");
+}
+
+#[test]
+fn ways_are_pulled_taut_and_let_go_where_a_rehearsal_fails() {
+    let block = [Vec3::new(15.0, 2.0, 15.0), Vec3::new(25.0, 30.0, 25.0)];
+    let map = floor(&[block]);
+    let router = router(&map);
+    let around = |angle: f32| at(20.0 + 15.0 * angle.cos(), 20.0 + 15.0 * angle.sin());
+    let mut moves = 0;
+    for idx in 0..24 {
+        let angle = idx as f32 * TAU / 24.0;
+        let (start, goal) = (around(angle), around(angle + 0.8 * PI));
+        let mut attempt = planned(&router, start, goal);
+        let waypoints = |attempt: &Attempt| attempt.follower.current_plan().unwrap().waypoints.clone();
+        let legs = waypoints(&attempt);
+        if review(&mut attempt, &map, &router, start, |_, _| true) > 0 {
+            continue;
+        }
+        let taut = waypoints(&attempt);
+        for idx in (0..legs.len()).filter(|idx| legs[*idx] != taut[*idx]) {
+            assert!(idx + 1 < legs.len() && legs[idx].distance(taut[idx]) > 0.05, "{:?} {:?}", legs[idx], taut[idx]);
+            moves += 1;
+        }
+        let former = attempt.follower.waypoint().unwrap();
+        let failure = RehearsalFailure { leg: attempt.follower.leg_key().unwrap(), is_harm: false };
+        let recovery = RetryBudget::default().spend(failure, &mut attempt.follower);
+        let first = attempt.follower.waypoint().unwrap();
+        assert_eq!(recovery, Recovery::MoveFreely);
+        assert!(legs.contains(&former) || legs.contains(&first), "it heads for a vertex of its plan again");
+    }
+    assert!(moves >= 5, "{moves} waypoints moved");
 }
