@@ -110,7 +110,7 @@ describe('motionAt', () => {
     expect(motionAt(found, 0.025)).toMatchObject({
       heading: expect.closeTo(0.5),
       speed: expect.closeTo(3),
-      gait: 'walk',
+      gait: 'jog',
     })
   })
 
