@@ -252,18 +252,16 @@ impl Planning {
             let plan = found.next().flatten();
             let Some(npc) = npcs.get_mut(&request.npc_id).filter(|npc| npc.number == request.attempt) else { continue };
             npc.planning.is_requested = false;
+            // The planner knows that there is no path only when the graph is complete.
+            let is_known = |plan: &Plan| !plans.is_interim || plan.no_path.is_none();
+            let follower = &mut npc.attempt.follower;
             match plan {
                 None => self.failed_count = self.failed_count.saturating_add(1),
                 // The NPC requests another plan at its next decision.
                 Some(_) if rules_revision != self.rules.revision => npc.planning.is_outdated = true,
-                Some(plan) if plans.is_interim && plan.no_path.is_some() => {
-                    if npc.attempt.follower.reconsiders_jumps(&plan) {
-                        again.push(request);
-                    } else {
-                        self.failed_count = self.failed_count.saturating_add(1);
-                    }
-                }
-                Some(plan) if npc.attempt.follower.reconsiders(&plan) => again.push(request),
+                Some(plan) if follower.reconsiders_jumps(&plan) => again.push(request),
+                Some(plan) if !is_known(&plan) => self.failed_count = self.failed_count.saturating_add(1),
+                Some(plan) if follower.reconsiders(&plan) => again.push(request),
                 Some(plan) => npc.take_plan(plan, plans.revision),
             }
         }

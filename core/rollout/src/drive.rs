@@ -4,6 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 use surefoot_world::character::{Action, Body};
+use surefoot_world::float::heading;
 use surefoot_world::{Ability, CharacterProfile, TICK_SECONDS, TICKS_PER_SECOND, Vec3};
 
 /// A point of a path.
@@ -241,7 +242,7 @@ fn run(body: &Body, profile: &CharacterProfile, target: Vec3, final_speed: f32) 
 fn turn_towards(body: &Body, target: Vec3) -> f32 {
     use std::f32::consts::{PI, TAU};
     let to = target - body.feet;
-    let turn = libm::atan2f(to.x, to.z) - body.yaw;
+    let turn = heading(to) - body.yaw;
     (turn + PI).rem_euclid(TAU) - PI
 }
 

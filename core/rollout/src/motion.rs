@@ -4,7 +4,7 @@ use crate::attempt::Attempt;
 use crate::style::angle;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use surefoot_world::float::hypot;
+use surefoot_world::float::{heading, hypot};
 use surefoot_world::{Ability, AbilitySet, Body, DECISION_SECONDS, Npc, POSE_TICKS, TICKS_PER_DECISION, Vec3};
 
 /// Width of a bin of the angle between facing and motion, degrees.
@@ -165,7 +165,7 @@ impl Motion {
         let Trace { last, .. } = *trace;
         let mut gait = Gait { decisions: 1, ..Gait::default() };
         gait.in_air = u64::from(now.in_air);
-        gait.jumps = [Ability::Jump, Ability::DoubleJump].map(|jump| u64::from(now.used.contains(jump))).iter().sum();
+        gait.jumps = Ability::JUMPS.map(|jump| u64::from(now.used.contains(jump))).iter().sum();
         gait.metres =
             if now.used.contains(Ability::Teleporter) { 0.0 } else { f64::from(now.feet.distance(last.feet)) };
         self.all.add(&gait);
@@ -175,7 +175,7 @@ impl Motion {
         self.decisions += 1;
         self.reversals += u64::from(trace.turn(angle(now.yaw - last.yaw)));
         if hypot(now.velocity.x, now.velocity.z) > SLOW && !now.is_carried {
-            let off = angle(libm::atan2f(now.velocity.x, now.velocity.z) - now.yaw).abs().to_degrees();
+            let off = angle(heading(now.velocity) - now.yaw).abs().to_degrees();
             self.facing.resize(BINS, 0);
             self.facing[((off / BIN_DEG) as usize).min(BINS - 1)] += 1;
         }

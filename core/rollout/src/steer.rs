@@ -6,7 +6,7 @@
 
 use std::f32::consts::FRAC_PI_2;
 use surefoot_world::character::Body;
-use surefoot_world::float::{horizontal, hypot, wrapped};
+use surefoot_world::float::{heading, horizontal, hypot, share_along, wrapped};
 use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Gait, Vec3};
 
 /// Share of the acceleration on the ground with which a body brakes.
@@ -53,15 +53,15 @@ impl Course {
         let aim = self.aim(body.feet);
         let left = horizontal(aim - body.feet);
         let Some(way) = (aim - body.feet).with_y(0.0).try_normalize() else { return rest };
-        let heading = libm::atan2f(way.x, way.z);
-        let off = wrapped(heading - body.yaw);
+        let towards = heading(way);
+        let off = wrapped(towards - body.yaw);
         let most = profile.turn_speed * DECISION_SECONDS;
         let most_here = self.gait.turn_rate * most;
         let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most_here, most_here) };
         // The body goes where it faces in the middle of the decision, or a little to the side.
         let off = wrapped(off - 0.5 * turn);
         let aside = off.clamp(-ASIDE, ASIDE);
-        let corner = self.then.map(|then| libm::atan2f(then.x - aim.x, then.z - aim.z) - heading);
+        let corner = self.then.map(|then| heading(then - aim) - towards);
         let speed = speed(body, profile, self.gait, left, (off - aside, corner)) / profile.forward_speed;
         let (sin, cos) = libm::sincosf(aside);
         let side = profile.side_speed_share;
@@ -73,8 +73,8 @@ impl Course {
     fn aim(&self, feet: Vec3) -> Vec3 {
         let Some(then) = self.then.filter(|_| self.cuts) else { return self.to };
         let (along, offset) = ((then - feet).with_y(0.0), (self.to - feet).with_y(0.0));
-        let share = (offset.dot(along) / along.length_squared().max(f32::EPSILON)).clamp(0.0, 1.0);
-        self.to + (along * share - offset).clamp_length_max((CUT_M - self.gait.wall_distance).max(0.0))
+        self.to
+            + (along * share_along(along, offset) - offset).clamp_length_max((CUT_M - self.gait.wall_distance).max(0.0))
     }
 
     /// The course of a body that has not taken its corner yet: up to the line that halves the angle there.

@@ -1,20 +1,19 @@
 //! An NPC that keeps to a goal which moves.
 
+use super::stage::of_boxes;
 use std::sync::Arc;
 use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::attempts::Chase;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{Goal, ProbeContext, Rollout};
-use surefoot_world::map::mover::cuboid;
-use surefoot_world::map::{MapSize, Placed};
-use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::map::MapSize;
 use surefoot_world::{CharacterProfile, DECISION_SECONDS, Map, NpcSlot, TaskConfig, Vec3};
 
 const FLOOR: f32 = 10.0;
 
 /// A hall of 44 x 44 m around a block of 24 x 24 m.
-fn hall() -> Map {
+fn hall() -> Arc<Map> {
     let boxes = [
         ([2.0, -1.0, 2.0], [46.0, 0.0, 46.0]),
         ([1.0, -1.0, 1.0], [47.0, 20.0, 2.0]),
@@ -24,9 +23,7 @@ fn hall() -> Map {
         ([12.0, -1.0, 12.0], [36.0, 20.0, 36.0]),
     ];
     let up = |corner: [f32; 3]| Vec3::from(corner) + Vec3::Y * FLOOR;
-    let faces = boxes.into_iter().flat_map(|(low, high)| cuboid(up(low), up(high)));
-    let triangles = faces.filter_map(|face| Triangle::new(face, Surface::Ground)).collect();
-    Map::from_parts(MapSize { width: 48, height: 60, depth: 48 }, triangles, Placed::default())
+    of_boxes(MapSize { width: 48, height: 60, depth: 48 }, boxes.into_iter().map(|(low, high)| [up(low), up(high)]))
 }
 
 /// The place of a runner after `run` metres round the block.
@@ -39,7 +36,7 @@ fn runner(run: f32) -> Vec3 {
 
 /// Distances of an NPC from a runner with this speed, m/s, that starts `ahead_m` ahead of it, before each decision.
 fn gaps(speed: f32, ahead_m: f32) -> Vec<f32> {
-    let (map, policy) = (Arc::new(hall()), Policy::shipped().unwrap());
+    let (map, policy) = (hall(), Policy::shipped().unwrap());
     let context = ProbeContext::new(map.clone(), policy.clone());
     let settings = BuildSettings::default().with(|it| it.vertices = 120).unwrap();
     let graph = build(&context, &settings, 2, &Progress::default()).unwrap().graph;

@@ -1,19 +1,18 @@
 //! A crowd of solid NPCs that has to get through one door.
 
+use super::stage::of_boxes;
 use std::sync::Arc;
 use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{AttemptResult, Goal, ProbeContext, Rollout};
-use surefoot_world::map::mover::cuboid;
-use surefoot_world::map::{MapSize, Placed};
-use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::map::MapSize;
 use surefoot_world::{CharacterProfile, End, Map, TaskConfig, Vec3};
 
 const FLOOR: f32 = 10.0;
 
 /// Two rooms of 20 x 22 m, with doors of 1.2 m between them whose middles are at these z.
-fn rooms(doors: &[f32]) -> Map {
+fn rooms(doors: &[f32]) -> Arc<Map> {
     let mut boxes = vec![
         ([2.0, -1.0, 2.0], [44.0, 0.0, 24.0]),
         ([1.0, -1.0, 1.0], [45.0, 9.0, 2.0]),
@@ -25,9 +24,7 @@ fn rooms(doors: &[f32]) -> Map {
     let ends = doors.iter().map(|z| z - 0.6).chain([24.0]);
     boxes.extend(begins.zip(ends).map(|(begin, end)| ([22.8, -1.0, begin], [23.2, 9.0, end])));
     let up = |corner: [f32; 3]| Vec3::from(corner) + Vec3::Y * FLOOR;
-    let faces = boxes.into_iter().flat_map(|(low, high)| cuboid(up(low), up(high)));
-    let triangles = faces.filter_map(|face| Triangle::new(face, Surface::Ground)).collect();
-    Map::from_parts(MapSize { width: 46, height: 60, depth: 26 }, triangles, Placed::default())
+    of_boxes(MapSize { width: 46, height: 60, depth: 26 }, boxes.into_iter().map(|(low, high)| [up(low), up(high)]))
 }
 
 /// Eight rows of eight in each room; the first NPC has its goal in the last place.
@@ -38,7 +35,7 @@ fn goals() -> Vec<Goal> {
 
 /// The map, what its NPCs go by, and plans on it.
 fn prepare(doors: &[f32]) -> (Arc<Map>, Policy, Router) {
-    let (map, policy) = (Arc::new(rooms(doors)), Policy::shipped().unwrap());
+    let (map, policy) = (rooms(doors), Policy::shipped().unwrap());
     let context = ProbeContext::new(map.clone(), policy.clone());
     let graph = build(&context, &BuildSettings::default(), 2, &Progress::default()).unwrap().graph;
     (map, policy, Router::new(graph, 1000, 2))

@@ -1,16 +1,13 @@
 //! Gaits: distance from walls, ways without jumps, and slow turns.
 
+use super::stage::{of_boxes, router};
 use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
-use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::attempts::Played;
-use surefoot_rollout::graphs::build;
 use surefoot_rollout::steer::Course;
-use surefoot_rollout::{Goal, ProbeContext, Rollout};
-use surefoot_world::map::mover::cuboid;
-use surefoot_world::map::{MapSize, Placed};
-use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_rollout::{Goal, Rollout};
+use surefoot_world::map::MapSize;
 use surefoot_world::{Arrival, CharacterProfile, End, Gait, Map, NamedGait, TaskConfig, Vec3, World};
 
 /// Height of the floor, m.
@@ -20,17 +17,15 @@ const FLOOR: f32 = 2.0;
 fn room(boxes: &[[Vec3; 2]]) -> Arc<Map> {
     let size = MapSize { width: 24, height: 40, depth: 24 };
     let side = 24.0;
-    let solid = |[low, high]: [Vec3; 2]| cuboid(low + Vec3::Y * FLOOR, high + Vec3::Y * FLOOR);
+    let above_floor = |solid: &[Vec3; 2]| solid.map(|corner| corner + Vec3::Y * FLOOR);
     let around = [
         [Vec3::ZERO, Vec3::new(side, 4.0, 0.5)],
         [Vec3::new(0.0, 0.0, side - 0.5), Vec3::new(side, 4.0, side)],
         [Vec3::ZERO, Vec3::new(0.5, 4.0, side)],
         [Vec3::new(side - 0.5, 0.0, 0.0), Vec3::new(side, 4.0, side)],
     ];
-    let floor = cuboid(Vec3::new(0.0, 1.0, 0.0), Vec3::new(side, FLOOR, side));
-    let faces = around.iter().chain(boxes).flat_map(|corners| solid(*corners)).chain(floor);
-    let triangles = faces.filter_map(|corners| Triangle::new(corners, Surface::Ground));
-    Arc::new(Map::from_parts(size, triangles.collect(), Placed::default()))
+    let floor = [Vec3::new(0.0, 1.0, 0.0), Vec3::new(side, FLOOR, side)];
+    of_boxes(size, around.iter().chain(boxes).map(above_floor).chain([floor]))
 }
 
 fn at(x: f32, z: f32) -> Vec3 {
@@ -39,10 +34,7 @@ fn at(x: f32, z: f32) -> Vec3 {
 
 /// The attempts of an NPC with each of these gaits from one place of a map to another.
 fn walk(map: &Arc<Map>, [start, goal]: [Vec3; 2], gaits: &[Gait]) -> Vec<Played> {
-    let policy = Policy::shipped().unwrap();
-    let settings = BuildSettings::default().with(|it| it.vertices = 80).unwrap();
-    let context = ProbeContext::new(map.clone(), policy.clone());
-    let router = Router::new(build(&context, &settings, 2, &Progress::default()).unwrap().graph, 300, 2);
+    let (policy, router) = (Policy::shipped().unwrap(), router(map, 80));
     let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
     rollout.follow.arrival = Arrival::Stand;
     let goal = Goal { start, yaw: 0.0, goal };

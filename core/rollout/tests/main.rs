@@ -10,3 +10,4 @@ mod motion;
 mod rehearsals;
 mod reviews;
 mod shapes;
+mod stage;

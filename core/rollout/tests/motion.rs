@@ -1,19 +1,16 @@
 //! Motion: composed NPCs face where they go, turn less and jump less than free ones, and arrive as often.
 
+use super::stage::{of_boxes, router};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::PI;
 use std::sync::Arc;
-use surefoot_planner::{BuildSettings, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::attempts::Figures;
-use surefoot_rollout::graphs::build;
 use surefoot_rollout::steer::Course;
-use surefoot_rollout::{AttemptResult, Goal, Motion, ProbeContext, Rollout, Style};
+use surefoot_rollout::{AttemptResult, Goal, Motion, Rollout, Style};
 use surefoot_world::character::{Body, Support};
-use surefoot_world::map::mover::cuboid;
-use surefoot_world::map::{MapSize, Placed};
-use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::map::MapSize;
 use surefoot_world::{
     Ability, Action, Arrival, CharacterProfile, DECISION_SECONDS, End, Gait, Map, MapSpec, TaskConfig, Vec3, World,
     navigable,
@@ -26,9 +23,7 @@ fn map(side: u32) -> Arc<Map> {
 #[test]
 fn composed_npcs_turn_and_jump_less_and_arrive_as_often() {
     let (map, policy) = (map(120), Policy::shipped().unwrap());
-    let settings = BuildSettings::default().with(|it| it.vertices = 120).unwrap();
-    let context = ProbeContext::new(map.clone(), policy.clone());
-    let router = Router::new(build(&context, &settings, 2, &Progress::default()).unwrap().graph, 300, 2);
+    let router = router(&map, 120);
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let points = navigable::sample_many(&map, &CharacterProfile::default(), 400, &mut rng).unwrap();
     let goals = Goal::draw(&points, 5.0..200.0, 80, &mut rng);
@@ -131,9 +126,7 @@ fn motion_counts_what_is_seen() {
 /// A floor of 60 x 60 m, 2 m above the lowest point of its map.
 fn floor() -> Arc<Map> {
     let size = MapSize { width: 60, height: 60, depth: 60 };
-    let faces = cuboid(Vec3::new(0.0, 1.0, 0.0), Vec3::new(60.0, 2.0, 60.0));
-    let ground = faces.into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground));
-    Arc::new(Map::from_parts(size, ground.collect(), Placed::default()))
+    of_boxes(size, [[Vec3::new(0.0, 1.0, 0.0), Vec3::new(60.0, 2.0, 60.0)]])
 }
 
 #[test]

@@ -1,16 +1,16 @@
 //! Rehearsals: what they foretell happens, and NPCs that rehearse stay alive where others fall.
 
+use super::stage::router;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
-use surefoot_planner::{BuildSettings, LegKey, Progress, Router};
+use surefoot_planner::LegKey;
 use surefoot_policy::Policy;
 use surefoot_rollout::attempt::{Recovery, RetryBudget};
 use surefoot_rollout::attempts::Figures;
-use surefoot_rollout::graphs::build;
 use surefoot_rollout::rehearse::{NoiseStream, Rehearsal, RehearsalFailure, RehearsalStart};
 use surefoot_rollout::{
-    AttemptResult, DecidingNpc, DecisionBatch, DecisionLoop, FollowConfig, Follower, Goal, Noise, ProbeContext, Rollout,
+    AttemptResult, DecidingNpc, DecisionBatch, DecisionLoop, FollowConfig, Follower, Goal, Noise, Rollout,
 };
 use surefoot_world::map::MapKind;
 use surefoot_world::{Arrival, CharacterProfile, End, Map, MapSpec, RawMapSpec, TaskConfig, Vec3, World, navigable};
@@ -35,9 +35,7 @@ fn harmed(attempts: &[AttemptResult]) -> usize {
 #[test]
 fn npcs_that_rehearse_do_not_fall_where_others_do() {
     let (map, policy) = (islands(), Policy::shipped().unwrap());
-    let settings = BuildSettings::default().with(|it| it.vertices = 120).unwrap();
-    let context = ProbeContext::new(map.clone(), policy.clone());
-    let router = Router::new(build(&context, &settings, 2, &Progress::default()).unwrap().graph, 300, 2);
+    let router = router(&map, 120);
     let goals = goals(&map, 150);
     let mut rollout = Rollout::new(map, CharacterProfile::default(), TaskConfig::default());
     let run = |rollout: &Rollout| rollout.measure(&policy, Some(&router), &goals, &mut Figures::default());

@@ -1,17 +1,14 @@
 //! Reviews of new plans: shortcuts over open ground, and ways around what would be a leap.
 
+use super::stage::{self, of_boxes};
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
-use surefoot_planner::{BuildSettings, LegKey, Plan, Progress, Query, Router};
-use surefoot_policy::Policy;
+use surefoot_planner::{LegKey, Plan, Query, Router};
 use surefoot_rollout::attempt::{Recovery, RetryBudget};
-use surefoot_rollout::graphs::build;
 use surefoot_rollout::rehearse::RehearsalFailure;
-use surefoot_rollout::{Attempt, FollowConfig, Follower, ProbeContext};
+use surefoot_rollout::{Attempt, FollowConfig, Follower};
 use surefoot_world::character::Body;
-use surefoot_world::map::mover::cuboid;
-use surefoot_world::map::{MapSize, Placed};
-use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::map::MapSize;
 use surefoot_world::{CharacterProfile, Map, Vec3};
 
 const SIDE: u16 = 40;
@@ -20,16 +17,12 @@ const SIDE: u16 = 40;
 fn floor(boxes: &[[Vec3; 2]]) -> Arc<Map> {
     let side = f32::from(SIDE);
     let ground = [Vec3::new(0.0, 1.0, 0.0), Vec3::new(side, 2.0, side)];
-    let faces = std::iter::once(&ground).chain(boxes).flat_map(|[low, high]| cuboid(*low, *high));
-    let triangles = faces.filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
     let size = MapSize { width: SIDE.into(), height: 40, depth: SIDE.into() };
-    Arc::new(Map::from_parts(size, triangles, Placed::default()))
+    of_boxes(size, std::iter::once(ground).chain(boxes.iter().copied()))
 }
 
 fn router(map: &Arc<Map>) -> Router {
-    let context = ProbeContext::new(map.clone(), Policy::shipped().unwrap());
-    let settings = BuildSettings::default().with(|it| it.vertices = 60).unwrap();
-    Router::new(build(&context, &settings, 2, &Progress::default()).unwrap().graph, 300, 2)
+    stage::router(map, 60)
 }
 
 fn at(x: f32, z: f32) -> Vec3 {

@@ -41,6 +41,8 @@ pub enum Ability {
 impl Ability {
     /// All abilities, the least demanding first.
     pub const ALL: &[Ability] = Self::VARIANTS;
+    /// Jumps, from the ground and in the air.
+    pub const JUMPS: [Ability; 2] = [Self::Jump, Self::DoubleJump];
 
     /// Name in snake case, as used in reports and exports.
     pub fn name(self) -> &'static str {

@@ -32,12 +32,17 @@ pub fn heading(vector: Vec3) -> f32 {
     libm::atan2f(vector.x, vector.z)
 }
 
+/// Where the segment from the origin to `along` is nearest to `point`, as a share of its length.
+#[inline]
+pub fn share_along(along: Vec3, point: Vec3) -> f32 {
+    (point.dot(along) / along.length_squared().max(1.0e-9)).clamp(0.0, 1.0)
+}
+
 /// Distance of a point from the segment between two others, m.
 #[inline]
 pub fn distance_to_segment(point: Vec3, from: Vec3, to: Vec3) -> f32 {
     let (along, offset) = (to - from, point - from);
-    let share = (offset.dot(along) / along.length_squared().max(1.0e-9)).clamp(0.0, 1.0);
-    offset.distance(along * share)
+    offset.distance(along * share_along(along, offset))
 }
 
 /// The angle in (-pi, pi] that equals `angle`, rad, which is within two turns of it.

@@ -103,7 +103,7 @@ impl Prover<'_> {
     /// Probes the proved edges along which every try that arrived has jumped once more, without jumps: most of them can
     /// be walked.
     pub fn prove_on_foot(&self, evidence: &mut [Evidence]) -> Result<(), BuildError> {
-        let jumps = |own: &Evidence| matches!(own.ability, Ability::Jump | Ability::DoubleJump);
+        let jumps = |own: &Evidence| Ability::JUMPS.contains(&own.ability);
         let is_due = |own: &Evidence| own.proves(self.builder.settings.threshold) && jumps(own);
         let which: Vec<u32> = (0..).zip(&*evidence).filter(|(_, own)| is_due(own)).map(|(idx, _)| idx).collect();
         let trials: Vec<Trial> = which.iter().map(|&idx| self.trial(idx, EdgeRun::OnFoot)).collect();

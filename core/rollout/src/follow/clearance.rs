@@ -7,6 +7,7 @@ use super::ground::Ground;
 use super::shortcuts::Shortcuts;
 use std::ops::RangeInclusive;
 use surefoot_planner::Plan;
+use surefoot_world::float::share_along;
 use surefoot_world::{Ability, Vec3};
 
 /// Distance between two places of a leg at which the room is measured, m.
@@ -90,7 +91,7 @@ impl Clearance {
             while leg + 1 < plan.legs.len() {
                 let next = shortcuts.end(leg + 1);
                 let (at, to) = (plan.waypoints[leg], plan.waypoints[next]);
-                let offset = from + (to - from) * share_along(from, to, at) - at;
+                let offset = from + (to - from) * share_along(to - from, at - from) - at;
                 if moves(plan, leg) && offset.length() >= LEAST_M {
                     let mut places = PULLS.into_iter().map(|share| at + offset * share);
                     let place = places.find(|place| is_lane(from, *place) && is_lane(*place, to));
@@ -118,12 +119,6 @@ impl Clearance {
         let before = shortcuts.begin(last).checked_sub(1).map_or(start, |before| plan.waypoints[before]);
         Some([plan.waypoints[last], before])
     }
-}
-
-/// Where on the straight way between two places another one is nearest to it, as a share of the way.
-fn share_along(from: Vec3, to: Vec3, at: Vec3) -> f32 {
-    let way = to - from;
-    ((at - from).dot(way) / way.length_squared().max(f32::EPSILON)).clamp(0.0, 1.0)
 }
 
 /// Whether a waypoint of a plan is between two walk legs.

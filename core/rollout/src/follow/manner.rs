@@ -71,8 +71,8 @@ impl Follower {
         self.config.composes && leg >= self.free_until
     }
 
-    /// Lets the NPC move in another way up to the end of the leg `key` of its plan: without keeping its distance from
-    /// walls, without shortcuts, steered without cutting corners, then by its policy, composed, and then freely; false
+    /// Lets the NPC move in another way up to the end of the leg `key` of its plan: with the waypoints that the planner
+    /// gave, without shortcuts, steered without cutting corners, then by its policy, composed, and then freely. False
     /// if it already did.
     pub fn move_freely_on(&mut self, key: LegKey) -> bool {
         let Some(plan) = &self.plan else { return false };

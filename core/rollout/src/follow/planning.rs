@@ -19,8 +19,7 @@ impl Follower {
         self.planned_goal = self.goal;
         let avoid = [self.failures.keys(), self.review.leaps.clone()].concat();
         let stops = self.movers.stops.clone();
-        let jumps = [Ability::Jump, Ability::DoubleJump].into_iter();
-        let without = jumps.filter(|_| self.excludes_jumps()).collect();
+        let without = Ability::JUMPS.into_iter().filter(|_| self.excludes_jumps()).collect();
         Query { avoid, stops, without, attach: self.config.attach, ..Query::new(feet, self.goal) }
     }
 
@@ -28,7 +27,7 @@ impl Follower {
     /// avoids, or with legs without progress, which get another chance, since other noise may help.
     pub fn reconsiders(&mut self, plan: &Plan) -> bool {
         let is_open = plan.no_path.is_some() && !self.review.is_under_way();
-        is_open && (self.reconsiders_jumps(plan) || self.failures.give_another_chance())
+        self.reconsiders_jumps(plan) || is_open && self.failures.give_another_chance()
     }
 
     /// Whether to plan again, with jumps, instead of taking `plan`, which leads elsewhere than to the goal.

@@ -39,7 +39,7 @@ impl Review {
     /// Whether the best plan so far jumps.
     pub fn jumps(&self) -> bool {
         let mut legs = self.best.iter().flat_map(|best| &best.plan.legs);
-        legs.any(|leg| matches!(leg.ability, Ability::Jump | Ability::DoubleJump))
+        legs.any(|leg| Ability::JUMPS.contains(&leg.ability))
     }
 
     /// The better of a plan whose leaps cost `leaps_s` and the best one so far.
