@@ -51,6 +51,10 @@ impl WorldTask {
             due.retain(|seen| {
                 let npc = self.npcs.get_mut(&seen.id).expect("seen in this batch");
                 let result = results.next().expect("a result for each rehearsal");
+                // Its next plan is on its way, so a failure of the present one is no reason to give up or plan again.
+                if npc.planning.is_requested && result.is_err() {
+                    return false;
+                }
                 match npc.attempt.record_rehearsal(result, &mut npc.noise) {
                     AfterRehearsal::Act => false,
                     AfterRehearsal::Rehearse => true,
