@@ -15,7 +15,7 @@ use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
 use surefoot_world::character::Body;
-use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Trajectory, Vec3, arrival};
+use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Trajectory, Vec3, around, arrival};
 
 /// Rehearsals that end in harm, with other noise each time, before the NPC takes another way.
 const HARM_DRAWS: u32 = 3;
@@ -239,6 +239,16 @@ impl<F: Fn(Vec3, Vec3) -> bool> Ground for OnMap<'_, F> {
 
     fn is_way(&self, from: Vec3, to: Vec3) -> bool {
         (self.may_cross)(from, to) && self.is_walk(from, to)
+    }
+
+    fn walk_around(&self, from: Vec3, to: Vec3) -> Option<Vec<Vec3>> {
+        let way = around::walk_around(self.map, self.profile, [from, to])?;
+        let starts = std::iter::once(&from).chain(&way);
+        starts.zip(&way).all(|(from, to)| (self.may_cross)(*from, *to)).then_some(way)
+    }
+
+    fn rims(&self, from: Vec3, to: Vec3) -> Option<[Vec3; 2]> {
+        arrival::rims(self.map, self.profile, [from, to])
     }
 
     fn with_room(&self, at: Vec3, margin: f32) -> Vec3 {

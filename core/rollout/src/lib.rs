@@ -19,6 +19,7 @@ pub mod env;
 pub mod follow;
 pub mod goals;
 pub mod graphs;
+pub mod leap;
 pub mod motion;
 pub mod probe;
 pub mod rehearse;

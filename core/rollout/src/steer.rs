@@ -10,7 +10,7 @@ use surefoot_world::float::{heading, horizontal, hypot, share_along, wrapped};
 use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Gait, Vec3};
 
 /// Share of the acceleration on the ground with which a body brakes.
-const BRAKE: f32 = 0.6;
+pub(crate) const BRAKE: f32 = 0.6;
 /// Angle to the side at which a body moves, at most, rad.
 const ASIDE: f32 = 0.35;
 /// Distance over which a body turns to its way on an arc, and that over which it takes a corner, m.

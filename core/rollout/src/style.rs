@@ -6,6 +6,7 @@
 //! [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives; otherwise it moves freely.
 //! docs/adr/0026-composed-motion.md and docs/adr/0061-taut-ways-and-leaps.md have measurements.
 
+use crate::leap::Leap;
 use crate::steer::Course;
 use std::f32::consts::{PI, TAU};
 use surefoot_policy::Policy;
@@ -44,6 +45,8 @@ pub enum Style {
     },
     /// Steered along a course, without the policy.
     Walk(Course),
+    /// Steered over a gap, without the policy.
+    Leap(Leap),
     /// Standing still at a place and ignoring the policy, while the NPC waits for a mover or rides on it.
     Stay {
         /// The place, m.
@@ -62,7 +65,12 @@ impl Style {
     /// Whether an NPC that moves so must observe, and evaluate its policy: one with a memory always, since what it has
     /// seen counts later.
     pub fn needs(self, policy: &Policy) -> bool {
-        policy.memory_len() > 0 || !matches!(self, Self::Walk(_) | Self::Stay { .. })
+        policy.memory_len() > 0 || !(self.is_steered() || matches!(self, Self::Stay { .. }))
+    }
+
+    /// Whether the NPC is steered.
+    pub fn is_steered(self) -> bool {
+        matches!(self, Self::Walk(_) | Self::Leap(_))
     }
 
     /// Share of the noise that an NPC keeps, 0 or 1.
@@ -75,6 +83,7 @@ impl Style {
         let jumps = match self {
             Self::Free => return action,
             Self::Walk(course) => return course.action(&npc.body, profile),
+            Self::Leap(leap) => return leap.action(&npc.body, profile),
             Self::Stay { at, within } => return stay(at, within, &npc.body, profile),
             Self::Composed { jumps } => jumps,
         };

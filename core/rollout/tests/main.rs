@@ -6,6 +6,7 @@ mod crowd;
 mod edits;
 mod env;
 mod gaits;
+mod leaps;
 mod motion;
 mod rehearsals;
 mod reviews;

@@ -9,7 +9,7 @@ use surefoot_rollout::rehearse::RehearsalFailure;
 use surefoot_rollout::{Attempt, FollowConfig, Follower};
 use surefoot_world::character::Body;
 use surefoot_world::map::MapSize;
-use surefoot_world::{CharacterProfile, Map, Vec3};
+use surefoot_world::{Ability, CharacterProfile, Map, Vec3};
 
 const SIDE: u16 = 40;
 
@@ -134,6 +134,9 @@ fn ways_are_pulled_taut_and_let_go_where_a_rehearsal_fails() {
             continue;
         }
         let taut = waypoints(&attempt);
+        if taut.len() > legs.len() {
+            continue; // A leg leads around the block.
+        }
         for idx in (0..legs.len()).filter(|idx| legs[*idx] != taut[*idx]) {
             assert!(idx + 1 < legs.len() && legs[idx].distance(taut[idx]) > 0.05, "{:?} {:?}", legs[idx], taut[idx]);
             moves += 1;
@@ -146,4 +149,30 @@ fn ways_are_pulled_taut_and_let_go_where_a_rehearsal_fails() {
         assert!(legs.contains(&former) || legs.contains(&first), "it heads for a vertex of its plan again");
     }
     assert!(moves >= 5, "{moves} waypoints moved");
+}
+
+#[test]
+fn a_leg_behind_a_wall_is_walked_around_until_a_rehearsal_fails() {
+    let wall = [Vec3::new(19.5, 2.0, 14.0), Vec3::new(20.5, 30.0, 26.0)];
+    let map = floor(&[wall]);
+    let router = router(&map);
+    let (start, goal) = (at(17.0, 16.0), at(23.0, 16.0));
+    let mut attempt = Attempt::new(Follower::new(goal, FollowConfig::default()));
+    attempt.take_plan(Plan::straight(goal));
+    assert_eq!(review(&mut attempt, &map, &router, start, |_, _| true), 0, "it needs no other plan");
+    let ahead = attempt.follower.waypoints_ahead();
+    assert!(ahead.len() > 1 && ahead.iter().any(|place| place.z < 14.0), "around the near end: {ahead:?}");
+    assert_eq!(attempt.follower.ability(), Some(Ability::Walk));
+
+    let mut budget = RetryBudget::default();
+    while attempt.follower.waypoints_ahead() != [goal] {
+        let failure = RehearsalFailure { leg: LegKey::DIRECT, is_harm: false };
+        assert_eq!(budget.spend(failure, &mut attempt.follower), Recovery::MoveFreely);
+    }
+    assert_eq!(attempt.follower.ability(), Some(Ability::Jump));
+
+    let mut bound = Attempt::new(Follower::new(goal, FollowConfig::default()));
+    bound.take_plan(Plan::straight(goal));
+    let body = Body::at(start, 0.0);
+    assert!(bound.review(&map, &CharacterProfile::default(), &body, |_, _| false), "a zone bars the way around");
 }

@@ -159,6 +159,17 @@ pub fn is_lane(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2], mar
     })
 }
 
+/// The rims of the only gap or ledge on the straight way from one place on a map to another, m: the last place before it
+/// to which a body could walk, and the first one behind it from which it could walk on. `None` if the body could walk
+/// all the way, or walks to places beyond each other.
+pub fn rims(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2]) -> Option<[Vec3; 2]> {
+    let place = Place { map, movers: &Movers::default(), profile };
+    let offset = (to - from).with_y(0.0);
+    let ((_, near), (_, far)) = (place.walkable(from, offset), place.walkable(to, -offset));
+    let width = (far - near).dot(offset.normalize_or_zero());
+    (width > 0.0 && width < horizontal(offset)).then_some([near, far])
+}
+
 /// Whether the ground at a place is dry, and no device is there.
 fn is_usual_ground(map: &Map, feet: Vec3) -> bool {
     map.liquid_at(feet, 0.0).is_none() && map.device_at(feet).is_none()
@@ -279,7 +290,7 @@ impl Place<'_> {
     }
 
     /// How far a body could walk from a place along `offset`, m, over dry ground without devices, and where it is then.
-    fn walkable(self, from: Vec3, offset: Vec3) -> (f32, Vec3) {
+    pub(crate) fn walkable(self, from: Vec3, offset: Vec3) -> (f32, Vec3) {
         let stride_count = stride_count(from, from + offset);
         let (stride, rise) = (offset / stride_count, self.rise(from, from + offset));
         let mut feet = from;

@@ -12,6 +12,7 @@
 
 mod aabb;
 mod ability;
+pub mod around;
 pub mod arrival;
 pub mod cells;
 pub mod character;

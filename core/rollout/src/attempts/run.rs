@@ -7,7 +7,6 @@ use crate::follow::FollowConfig;
 use crate::goals::Goal;
 use crate::motion::Motion;
 use crate::rehearse::{NoiseStream, Rehearsal};
-use crate::style::Style;
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_planner::{Router, Traffic};
@@ -123,7 +122,7 @@ impl Rollout {
             let started = Instant::now();
             run.decide(&mut npcs, motion);
             *decide_s += started.elapsed().as_secs_f64();
-            *steered += npcs.iter().filter(|npc| matches!(npc.style, Style::Walk(_))).count() as u64;
+            *steered += npcs.iter().filter(|npc| npc.style.is_steered()).count() as u64;
         }
         run.walkers.into_iter().map(Walker::finish).collect()
     }

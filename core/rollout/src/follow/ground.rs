@@ -11,6 +11,11 @@ pub trait Ground {
     fn is_lane(&self, from: Vec3, to: Vec3, margin: f32) -> bool;
     /// Whether it could do so, and may leave the legs of its plan for that.
     fn is_way(&self, from: Vec3, to: Vec3) -> bool;
+    /// The corners of a short walk around what bars the straight way, m, and its end.
+    fn walk_around(&self, from: Vec3, to: Vec3) -> Option<Vec<Vec3>>;
+    /// The rims of the only gap, or ledge, on the straight way from one place to another, m: where the body leaves the
+    /// ground from which it comes, and where it can walk on.
+    fn rims(&self, from: Vec3, to: Vec3) -> Option<[Vec3; 2]>;
     /// The place near `at`, m, where it has `margin` metres of room besides its radius, or as much as there is.
     fn with_room(&self, at: Vec3, margin: f32) -> Vec3;
 }

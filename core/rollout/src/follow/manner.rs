@@ -2,10 +2,11 @@
 
 use super::Follower;
 use super::scene::MoverResponse;
+use crate::leap::Leap;
 use crate::steer::Course;
 use crate::style::Style;
 use surefoot_planner::LegKey;
-use surefoot_world::{Ability, Gait};
+use surefoot_world::{Ability, Gait, Vec3};
 
 impl Follower {
     /// How the NPC moves on the current leg, if a rehearsal of it has arrived.
@@ -14,7 +15,11 @@ impl Follower {
             return stay;
         }
         let Some(ability) = self.ability().filter(|_| self.composes(self.leg)) else { return Style::Free };
-        self.course().map_or(Style::for_leg(ability), Style::Walk)
+        let Some(course) = self.course() else { return Style::for_leg(ability) };
+        match self.rims(self.leg) {
+            Some([take_off, landing]) => Style::Leap(Leap { take_off, landing, course }),
+            None => Style::Walk(course),
+        }
     }
 
     /// Ability of the next leap or ride, on the current leg or the one after it; [`Ability::Walk`] if there is none.
@@ -31,7 +36,7 @@ impl Follower {
             return None;
         }
         let next = self.shortcuts.end(self.leg + 1);
-        let then = plan.waypoints.get(next).filter(|_| plan.legs[next].ability == Ability::Walk);
+        let then = plan.waypoints.get(next).filter(|_| self.steers(next));
         let around = self.clearance.corner(plan, self.leg, &self.shortcuts);
         Some(Course {
             to: plan.waypoints[self.leg],
@@ -42,10 +47,15 @@ impl Follower {
         })
     }
 
-    /// Whether the NPC is steered on a leg of its plan: one that can be walked.
+    /// Whether the NPC is steered on a leg of its plan: one that can be walked, or leaps over a single gap.
     fn steers(&self, leg: usize) -> bool {
         let is_walk = || self.plan.as_ref().is_some_and(|plan| plan.legs[leg].ability == Ability::Walk);
-        self.composes(leg) && leg >= self.unsteered_until && is_walk()
+        self.composes(leg) && leg >= self.unsteered_until && (is_walk() || self.rims(leg).is_some())
+    }
+
+    /// The rims of the gap on a leg of the plan, m, if the NPC can be steered over it.
+    fn rims(&self, leg: usize) -> Option<[Vec3; 2]> {
+        self.plan.as_ref().and_then(|plan| self.leaps.rims(plan.legs[leg].key))
     }
 
     /// How the NPC goes where it can walk.
@@ -72,11 +82,11 @@ impl Follower {
     }
 
     /// Lets the NPC move in another way up to the end of the leg `key` of its plan: with the waypoints that the planner
-    /// gave, without shortcuts, steered without cutting corners, then by its policy, composed, and then freely. False
+    /// gave, without shortcuts, steered without cutting corners, without ways around, then by its policy, composed, and then freely. False
     /// if it already did.
     pub fn move_freely_on(&mut self, key: LegKey) -> bool {
         let Some(plan) = &self.plan else { return false };
-        let leg = plan.legs.iter().position(|leg| leg.key == key).unwrap_or(self.leg);
+        let leg = plan.legs.iter().rposition(|leg| leg.key == key).unwrap_or(self.leg);
         if self.move_waypoints_back(leg) {
             return true;
         }
@@ -86,7 +96,11 @@ impl Follower {
         let Some(plan) = &self.plan else { return false };
         if (self.leg..=leg).any(|leg| self.steers(leg)) {
             // Cutting a corner may lead into a wall, down a rim, or off a platform.
-            let cuts = self.exact_until <= leg && leg + 1 < plan.legs.len() && plan.needs.is_empty();
+            let is_leap = self.rims(leg).is_some();
+            let cuts = !is_leap && self.exact_until <= leg && leg + 1 < plan.legs.len() && plan.needs.is_empty();
+            if !cuts && self.remove_way(leg) {
+                return true;
+            }
             *(if cuts { &mut self.exact_until } else { &mut self.unsteered_until }) = leg + 1;
             return true;
         }

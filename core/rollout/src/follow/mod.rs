@@ -9,6 +9,7 @@ mod clearance;
 mod detour;
 mod failures;
 mod ground;
+mod leaps;
 mod manner;
 mod movers;
 mod planning;
@@ -16,11 +17,13 @@ mod prepare;
 mod review;
 pub mod scene;
 mod shortcuts;
+mod ways;
 
 use clearance::Clearance;
 use detour::Detour;
 use failures::Failures;
 pub use ground::Ground;
+use leaps::Leaps;
 use review::Review;
 use scene::{MoverResponse, MoverWatch};
 use serde::{Deserialize, Serialize};
@@ -29,6 +32,7 @@ use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{Attach, LegKey, Plan, Traffic};
 use surefoot_world::{Ability, Arrival, CharacterProfile, End, Gait, Map, MoverAt, Vec3};
+use ways::way_of;
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
@@ -148,6 +152,7 @@ pub struct Follower {
     leg: usize,
     shortcuts: Shortcuts,
     clearance: Clearance,
+    leaps: Leaps,
     review: Review,
     /// Whether the next plan may use jumps although the NPC avoids them, because no other way leads to the goal.
     accepts_jumps: bool,
@@ -180,6 +185,7 @@ impl Follower {
             leg: 0,
             shortcuts: Shortcuts::default(),
             clearance: Clearance::default(),
+            leaps: Leaps::default(),
             review: Review::default(),
             accepts_jumps: false,
             feet: goal,
@@ -385,7 +391,8 @@ impl Follower {
     fn end_leg(&mut self, end: TryEnd) {
         let Some(plan) = &self.plan else { return };
         // An NPC that takes its time, or another way, says nothing about an edge.
-        let has_moved = self.shortcuts.contain(self.leg) || self.clearance.changes(self.leg);
+        let is_corner = way_of(plan, self.leg).count() > 1;
+        let has_moved = is_corner || self.shortcuts.contain(self.leg) || self.clearance.changes(self.leg);
         let is_usual = self.config.gait == Gait::DEFAULT && !has_moved;
         if let Some(edge) = plan.legs[self.leg].key.edge().filter(|_| is_usual) {
             self.traversals.push(Traversal { edge, end, decisions: self.decisions_on_leg });

@@ -3,8 +3,10 @@
 
 use super::clearance::Clearance;
 use super::ground::Ground;
-use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S, Review, leaps_of};
+use super::leaps::Leaps;
+use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S};
 use super::shortcuts::Shortcuts;
+use super::ways::way_of;
 use super::{Approach, Follower};
 use surefoot_world::{Ability, Vec3};
 
@@ -16,12 +18,13 @@ impl Follower {
         let is_under_way = self.review.is_under_way();
         let plan = self.plan.as_ref().filter(|plan| is_open && (plan.needs.is_empty() || is_under_way));
         let Some(plan) = plan.cloned() else { return false };
-        let leaps = leaps_of(&plan, feet, ground);
+        let margin = self.config.gait.wall_distance;
+        let (leaps, ways_s) = self.review.ways.find(&plan, feet, margin, ground);
         let is_settled =
             leaps.is_empty() || plan.no_path.is_some() || !plan.needs.is_empty() || self.review.rounds >= MAX_ROUNDS;
         self.review.leaps.extend_from_slice(&leaps);
         let per_leap = if self.config.gait.avoids_jumps { PER_AVOIDED_LEAP_S } else { PER_LEAP_S };
-        let mut best = self.review.better_of(plan, leaps.len() as f32 * per_leap);
+        let mut best = self.review.better_of(plan, leaps.len() as f32 * per_leap + ways_s);
         if !is_settled {
             self.review.rounds += 1;
             self.review.best = Some(best);
@@ -32,18 +35,20 @@ impl Follower {
                 leg.ability = Ability::Jump;
             }
         }
-        self.review = Review { is_done: true, ..Review::default() };
+        let ways = std::mem::take(&mut self.review).ways;
+        self.review.is_done = true;
         // The goal may have moved since the plan was made.
         self.lead_to_goal(&mut best.plan);
         self.feet = feet;
         if best.plan.needs.is_empty() {
-            let margin = self.config.gait.wall_distance;
+            ways.insert(&mut best.plan);
             self.clearance = Clearance::make(&mut best.plan, feet, margin, ground);
             let is_lane = |from, to| ground.is_lane(from, to, margin);
             self.shortcuts = Shortcuts::find(&best.plan, feet, is_lane);
             if margin == 0.0 {
                 self.clearance.tighten(&mut best.plan, feet, &self.shortcuts, is_lane);
             }
+            self.leaps = Leaps::find(&best.plan, feet, ground);
         }
         self.plan = Some(best.plan);
         self.start_leg(0);
@@ -64,6 +69,33 @@ impl Follower {
             let nearest = range.clone().min_by(|a, b| distance(a).total_cmp(&distance(b)));
             self.start_leg(nearest.unwrap_or(*range.start()));
         }
+        true
+    }
+
+    /// Removes the corners of the way that contains `leg`, and with them what was changed in the plan since; returns
+    /// whether there were any. Its leg is a leap, unless it was proved.
+    pub(super) fn remove_way(&mut self, leg: usize) -> bool {
+        let Some(plan) = &mut self.plan else { return false };
+        let legs = way_of(plan, leg);
+        let (first, last) = legs.into_inner();
+        if first == last {
+            return false;
+        }
+        self.clearance.undo(plan, 0..=plan.legs.len());
+        (self.clearance, self.shortcuts) = Default::default();
+        let seconds = plan.legs[first..=last].iter().map(|leg| leg.seconds).sum();
+        let leg = &mut plan.legs[last];
+        leg.seconds = seconds;
+        if leg.key.edge().is_none() {
+            leg.ability = Ability::Jump;
+        }
+        plan.legs.drain(first..last);
+        plan.waypoints.drain(first..last);
+        let moved = |leg: usize| if leg > last { leg - (last - first) } else { leg.min(first) };
+        self.exact_until = moved(self.exact_until);
+        self.unsteered_until = moved(self.unsteered_until);
+        self.free_until = moved(self.free_until);
+        self.start_leg(moved(self.leg));
         true
     }
 

@@ -1,0 +1,287 @@
+//! Leaps over a gap, without the policy: straight to the rim, a jump at the last decision before it that arrives, and
+//! straight on from where the body lands.
+//!
+//! A leap knows both rims of its gap. It senses nothing, like [steering](crate::steer), and its rehearsal shows whether
+//! the NPC arrives so.
+
+use crate::steer::{BRAKE, Course};
+use surefoot_world::character::Body;
+use surefoot_world::float::{heading, hypot, wrapped};
+use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Gait, TICK_SECONDS, TICKS_PER_DECISION, Vec3};
+
+/// Distance before the rim at which a body takes off, at least, m.
+const RIM_M: f32 = 0.1;
+/// How far a body must be past the rim when it lands, at least, m.
+const BEYOND_M: f32 = 0.2;
+/// How far beyond the landing the place is that a body in the air faces, m.
+const FACES_M: f32 = 2.5;
+/// Distance before the far rim at which the body must be above it, and by how much, m.
+const TOE_M: f32 = 0.2;
+const ABOVE_M: f32 = 0.1;
+/// Distance before the rim up to which a body heads for the rim, and from where on it heads for the landing, m.
+const ALIGN_M: f32 = 2.0;
+/// Height below the far rim at which a body has not landed beyond it, m.
+const BELOW_M: f32 = 0.5;
+/// Angle between facing and the leap up to which a body jumps, rad.
+const FACED: f32 = 0.35;
+/// Angle between facing and motion up to which a body does not turn, rad.
+const SLACK: f32 = 0.05;
+/// Least speed of a run-up, m/s.
+const LEAST_SPEED: f32 = 2.5;
+/// Decisions in the air after which a jump in the air may follow.
+const AIR_JUMPS: [u32; 6] = [1, 2, 3, 4, 5, 6];
+
+/// A leap over the gap between two rims, and the leg that it belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leap {
+    /// The last place before the gap, m.
+    pub take_off: Vec3,
+    /// The first place beyond the gap, m.
+    pub landing: Vec3,
+    /// The course of the leg, which ends beyond the gap.
+    pub course: Course,
+}
+
+impl Leap {
+    /// The action of a body on this leap.
+    pub fn action(&self, body: &Body, profile: &CharacterProfile) -> Action {
+        let gap = Gap::of(self);
+        let at = gap.along(body.feet);
+        let is_beyond = at > gap.width - TOE_M && body.feet.y > self.landing.y - BELOW_M;
+        if is_beyond && body.is_grounded() || body.ride.is_some() {
+            return self.course.action(body, profile);
+        }
+        if body.is_grounded() {
+            return self.run_up(&gap, body, profile);
+        }
+        let flight = Flight::of(&gap, body, profile);
+        let lands_before = at + flight.speed * flight.seconds_to(0.0).unwrap_or(0.0) < -RIM_M;
+        if lands_before {
+            return self.approach(&gap, body, profile);
+        }
+        let air_jumps = (body.air_jumps_left > 0).then_some(std::iter::once(0).chain(AIR_JUMPS));
+        let throw = flight.best(&gap, profile, air_jumps.into_iter().flatten());
+        let jump = if throw.air_jump == Some(0) { 1.0 } else { -1.0 };
+        Action { jump, ..gap.fly(throw.speed, body, profile) }
+    }
+
+    /// The action of a body on the ground before the gap.
+    fn run_up(&self, gap: &Gap, body: &Body, profile: &CharacterProfile) -> Action {
+        let run = self.approach(gap, body, profile);
+        let is_faced = wrapped(heading(gap.ahead) - body.yaw).abs() <= FACED;
+        let here = Flight::of(gap, body, profile);
+        let wish = run.forward * profile.forward_speed;
+        let next = here.after_decision(wish, profile);
+        let falls = Flight { at: 0.0, height: 0.0, speed: next.speed, rising: 0.0, ..here };
+        if !is_faced || falls.clearance(gap, profile, None).0 >= 0.0 {
+            return run;
+        }
+        let jump_speed = profile.jump_speed;
+        let air_jumps = || AIR_JUMPS.into_iter().filter(|_| profile.extra_jumps > 0);
+        let best = |flight: Flight| Flight { rising: jump_speed, ..flight }.best(gap, profile, air_jumps());
+        let now = best(here);
+        if next.at < -RIM_M && best(next).is_as_good(now) {
+            return run;
+        }
+        Action { jump: 1.0, ..gap.fly(now.speed, body, profile) }
+    }
+
+    /// The action of a body that runs to the gap, as fast as the leap needs.
+    fn approach(&self, gap: &Gap, body: &Body, profile: &CharacterProfile) -> Action {
+        let is_far = gap.along(body.feet) < -ALIGN_M;
+        let (to, then) =
+            if is_far { (self.take_off, self.course.to) } else { (self.course.to, self.course.to + gap.ahead) };
+        let course = Course { to, then: Some(then), cuts: false, gait: Gait::DEFAULT, around: None };
+        let run = course.action(body, profile);
+        let wish = hypot(run.forward, run.strafe * profile.side_speed_share);
+        let brake = BRAKE * profile.ground_acceleration;
+        // A decision passes before the next one can brake.
+        let room = (-gap.along(body.feet) - body.velocity.dot(gap.ahead) * DECISION_SECONDS).max(0.0);
+        let most = hypot(gap.run_up_speed(profile), (2.0 * brake * room).sqrt());
+        let share = (most / profile.forward_speed / wish.max(f32::EPSILON)).min(1.0);
+        Action { forward: run.forward * share, strafe: run.strafe * share, ..run }
+    }
+}
+
+/// A gap, seen along its leap from the rim before it.
+#[derive(Debug, Clone, Copy)]
+struct Gap {
+    /// Horizontal unit vector of the leap.
+    ahead: Vec3,
+    take_off: Vec3,
+    /// Distance between the rims, m.
+    width: f32,
+    /// Height of the far rim above the near one, m.
+    rise: f32,
+    /// Where the body lands, m.
+    aim: f32,
+}
+
+impl Gap {
+    fn of(leap: &Leap) -> Self {
+        let ahead = (leap.course.to - leap.take_off).with_y(0.0).normalize_or_zero();
+        let along = |at: Vec3| (at - leap.take_off).dot(ahead);
+        let width = along(leap.landing);
+        let aim = along(leap.course.to).max(width + BEYOND_M);
+        Self { ahead, take_off: leap.take_off, width, rise: leap.landing.y - leap.take_off.y, aim }
+    }
+
+    /// How far a place is beyond the near rim, m.
+    fn along(&self, at: Vec3) -> f32 {
+        (at - self.take_off).dot(self.ahead)
+    }
+
+    /// The action of a body in flight that aims at `speed`, m/s, along the leap, and faces a place beyond the landing.
+    fn fly(&self, speed: f32, body: &Body, profile: &CharacterProfile) -> Action {
+        let way = self.take_off + self.ahead * (self.aim + FACES_M) - body.feet;
+        let most = profile.turn_speed * DECISION_SECONDS;
+        let off = wrapped(heading(way) - body.yaw);
+        let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most, most) };
+        let (sin, cos) = libm::sincosf(wrapped(off - 0.5 * turn));
+        let share = speed / profile.forward_speed;
+        let side = profile.side_speed_share;
+        let strafe = if side > 0.0 { -sin * share / side } else { 0.0 };
+        let forward = (cos * share).clamp(-1.0, 1.0);
+        Action { forward, strafe: strafe.clamp(-1.0, 1.0), turn: turn / most, ..Action::default() }
+    }
+
+    /// Speed at the rim with which a body lands where it aims, m/s.
+    fn run_up_speed(&self, profile: &CharacterProfile) -> f32 {
+        let flight = Flight { at: -RIM_M, height: 0.0, speed: 0.0, rising: profile.jump_speed, drop: profile.gravity };
+        let jump = flight.seconds_to(self.rise);
+        let twice = || flight.after_air_jump(AIR_JUMPS[2], profile).0.seconds_to(self.rise);
+        let seconds = jump.or_else(|| Some(twice()? + AIR_JUMPS[2] as f32 * DECISION_SECONDS));
+        let speed = seconds.map_or(profile.forward_speed, |seconds| (self.aim + RIM_M) / seconds);
+        speed.clamp(LEAST_SPEED.min(profile.forward_speed), profile.forward_speed)
+    }
+}
+
+/// A body in flight along a gap.
+#[derive(Debug, Clone, Copy)]
+struct Flight {
+    /// How far the body is beyond the near rim, m.
+    at: f32,
+    /// Height above the near rim, m.
+    height: f32,
+    /// Speed along the leap, m/s.
+    speed: f32,
+    /// Upward speed, m/s.
+    rising: f32,
+    /// Gravity, m/s2.
+    drop: f32,
+}
+
+/// What a body does in its flight.
+#[derive(Debug, Clone, Copy)]
+struct Throw {
+    /// Decisions until the body jumps in the air, if it does.
+    air_jump: Option<u32>,
+    /// Speed along the leap at which the body aims, m/s.
+    speed: f32,
+    /// By how much the flight clears the gap, m; below 0 if it does not.
+    clearance: f32,
+}
+
+impl Throw {
+    /// Whether a flight is as good as another: one that clears the gap, and without a jump in the air.
+    fn is_as_good(self, other: Self) -> bool {
+        let rank = |throw: Self| (throw.clearance >= 0.0, throw.clearance >= 0.0 && throw.air_jump.is_none());
+        rank(self) >= rank(other)
+    }
+}
+
+impl Flight {
+    fn of(gap: &Gap, body: &Body, profile: &CharacterProfile) -> Self {
+        Self {
+            at: gap.along(body.feet),
+            height: body.feet.y - gap.take_off.y,
+            speed: body.velocity.dot(gap.ahead),
+            rising: body.velocity.y,
+            drop: profile.gravity,
+        }
+    }
+
+    /// The body after a decision on the ground in which it wants this speed, m/s.
+    fn after_decision(self, wish: f32, profile: &CharacterProfile) -> Self {
+        let most = profile.ground_acceleration * TICK_SECONDS;
+        (0..TICKS_PER_DECISION).fold(self, |flight, _| {
+            let speed = flight.speed + (wish - flight.speed).clamp(-most, most);
+            Self { at: flight.at + speed * TICK_SECONDS, speed, ..flight }
+        })
+    }
+
+    /// The body when it jumps in the air after so many decisions, and the time until then, s. Its place is that of now.
+    fn after_air_jump(self, decisions: u32, profile: &CharacterProfile) -> (Self, f32) {
+        let seconds = decisions as f32 * DECISION_SECONDS;
+        let height = self.height + self.rising * seconds - 0.5 * self.drop * seconds * seconds;
+        (Self { height, rising: profile.jump_speed, ..self }, seconds)
+    }
+
+    /// Time until the body falls below a height, s; `None` if it never is above it.
+    fn seconds_to(self, height: f32) -> Option<f32> {
+        let left = self.rising * self.rising - 2.0 * self.drop * (height - self.height);
+        (left >= 0.0).then(|| (self.rising + left.sqrt()) / self.drop)
+    }
+
+    /// The best flight: without a jump in the air if that clears the gap, otherwise with one of these.
+    fn best(self, gap: &Gap, profile: &CharacterProfile, air_jumps: impl Iterator<Item = u32>) -> Throw {
+        let throw = |air_jump| {
+            let (clearance, speed) = self.clearance(gap, profile, air_jump);
+            Throw { air_jump, speed, clearance }
+        };
+        let plain = throw(None);
+        if plain.clearance >= 0.0 {
+            return plain;
+        }
+        let others = air_jumps.map(|decisions| throw(Some(decisions)));
+        others.chain([plain]).max_by(|a, b| a.clearance.total_cmp(&b.clearance)).unwrap_or(plain)
+    }
+
+    /// By how much the body clears the gap, m, and the speed at which it aims, m/s.
+    fn clearance(self, gap: &Gap, profile: &CharacterProfile, air_jump: Option<u32>) -> (f32, f32) {
+        let (last, before) = air_jump.map_or((self, 0.0), |decisions| self.after_air_jump(decisions, profile));
+        let Some(seconds) = last.seconds_to(gap.rise).map(|seconds| seconds + before) else {
+            let peak = last.height + 0.5 * last.rising * last.rising / self.drop;
+            return (peak - gap.rise, profile.forward_speed);
+        };
+        let speed = self.speed_for(gap.aim - self.at, seconds, profile);
+        let lands_at = self.at + self.distance(speed, seconds, profile);
+        let beyond = lands_at - (gap.width + BEYOND_M);
+        let to_rim = gap.width - TOE_M - self.at;
+        if to_rim <= 0.0 {
+            return (beyond, speed);
+        }
+        let rim = self.seconds_over(to_rim, speed, seconds, profile);
+        let (flight, after) = if rim < before { (self, rim) } else { (last, rim - before) };
+        let height = flight.height + flight.rising * after - 0.5 * self.drop * after * after;
+        (beyond.min(height - gap.rise - ABOVE_M), speed)
+    }
+
+    /// Distance that the body covers when it aims at `wish`, m/s.
+    fn distance(self, wish: f32, seconds: f32, profile: &CharacterProfile) -> f32 {
+        let change = wish - self.speed;
+        let ramp = (change.abs() / profile.air_acceleration.max(f32::EPSILON)).min(seconds);
+        let reached = self.speed + profile.air_acceleration * ramp * change.signum();
+        0.5 * (self.speed + reached) * ramp + reached * (seconds - ramp)
+    }
+
+    /// Speed at which the body aims to cover a distance in this time, m/s.
+    fn speed_for(self, distance: f32, seconds: f32, profile: &CharacterProfile) -> f32 {
+        let (mut low, mut high) = (-profile.side_speed_share * profile.forward_speed, profile.forward_speed);
+        for _ in 0..8 {
+            let middle = 0.5 * (low + high);
+            if self.distance(middle, seconds, profile) < distance { low = middle } else { high = middle }
+        }
+        high
+    }
+
+    /// Time that the body takes for a distance when it aims at `wish`, m/s, at most `most`, s.
+    fn seconds_over(self, distance: f32, wish: f32, most: f32, profile: &CharacterProfile) -> f32 {
+        let (mut low, mut high) = (0.0, most);
+        for _ in 0..8 {
+            let middle = 0.5 * (low + high);
+            if self.distance(wish, middle, profile) < distance { low = middle } else { high = middle }
+        }
+        high
+    }
+}
