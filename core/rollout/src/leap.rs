@@ -28,6 +28,8 @@ const FACED: f32 = 0.35;
 const SLACK: f32 = 0.05;
 /// Least speed of a run-up, m/s.
 const LEAST_SPEED: f32 = 2.5;
+/// Places before the rim from which a leap is tried to see whether it is possible, m.
+const TRIED_M: [f32; 3] = [RIM_M, 1.5, 3.0];
 /// Decisions in the air after which a jump in the air may follow.
 const AIR_JUMPS: [u32; 6] = [1, 2, 3, 4, 5, 6];
 
@@ -65,6 +67,18 @@ impl Leap {
         Action { jump, ..gap.fly(throw.speed, body, profile) }
     }
 
+    /// Whether a body that takes its run-up clears the gap.
+    pub fn is_possible(&self, profile: &CharacterProfile) -> bool {
+        let gap = Gap::of(self);
+        let (rising, drop) = (profile.jump_speed, profile.gravity);
+        TRIED_M.into_iter().any(|before| {
+            [gap.run_up_speed(profile), profile.forward_speed].into_iter().any(|speed| {
+                let flight = Flight { at: -before, height: 0.0, speed, rising, drop };
+                flight.best(&gap, profile, air_jumps(profile)).clearance >= 0.0
+            })
+        })
+    }
+
     /// The action of a body on the ground before the gap.
     fn run_up(&self, gap: &Gap, body: &Body, profile: &CharacterProfile) -> Action {
         let run = self.approach(gap, body, profile);
@@ -76,9 +90,8 @@ impl Leap {
         if !is_faced || falls.clearance(gap, profile, None).0 >= 0.0 {
             return run;
         }
-        let jump_speed = profile.jump_speed;
-        let air_jumps = || AIR_JUMPS.into_iter().filter(|_| profile.extra_jumps > 0);
-        let best = |flight: Flight| Flight { rising: jump_speed, ..flight }.best(gap, profile, air_jumps());
+        let best =
+            |flight: Flight| Flight { rising: profile.jump_speed, ..flight }.best(gap, profile, air_jumps(profile));
         let now = best(here);
         if next.at < -RIM_M && best(next).is_as_good(now) {
             return run;
@@ -101,6 +114,11 @@ impl Leap {
         let share = (most / profile.forward_speed / wish.max(f32::EPSILON)).min(1.0);
         Action { forward: run.forward * share, strafe: run.strafe * share, ..run }
     }
+}
+
+/// Decisions after a jump from the ground at which a body may jump in the air.
+fn air_jumps(profile: &CharacterProfile) -> impl Iterator<Item = u32> {
+    AIR_JUMPS.into_iter().take(if profile.extra_jumps > 0 { AIR_JUMPS.len() } else { 0 })
 }
 
 /// A gap, seen along its leap from the rim before it.

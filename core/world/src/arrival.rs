@@ -159,15 +159,23 @@ pub fn is_lane(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2], mar
     })
 }
 
-/// The rims of the only gap or ledge on the straight way from one place on a map to another, m: the last place before it
-/// to which a body could walk, and the first one behind it from which it could walk on. `None` if the body could walk
-/// all the way, or walks to places beyond each other.
+/// The rims of the only gap or ledge on the straight way from one place on a map to another, m: the last place before
+/// it to which a body could walk, and the first one behind it from which it could walk on. `None` if the body could
+/// walk all the way, and if what lies between is higher than a jump.
 pub fn rims(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2]) -> Option<[Vec3; 2]> {
     let place = Place { map, movers: &Movers::default(), profile };
     let offset = (to - from).with_y(0.0);
     let ((_, near), (_, far)) = (place.walkable(from, offset), place.walkable(to, -offset));
     let width = (far - near).dot(offset.normalize_or_zero());
-    (width > 0.0 && width < horizontal(offset)).then_some([near, far])
+    let top = near.y.max(far.y) + 0.5 * profile.height;
+    let jump = 0.5 * profile.jump_speed * profile.jump_speed / profile.gravity;
+    let is_open_at = |height: f32| {
+        let (from, to) = (near.with_y(height), far.with_y(height));
+        let hit = map.mesh().cast_ray(from, (to - from).normalize_or_zero(), from.distance(to));
+        hit.is_none_or(|hit| !hit.surface.is_solid())
+    };
+    let is_open = || [top, top + jump].into_iter().any(is_open_at);
+    (width > 0.0 && width < horizontal(offset) && is_open()).then_some([near, far])
 }
 
 /// Whether the ground at a place is dry, and no device is there.

@@ -78,4 +78,6 @@ fn a_gap_and_a_ledge_have_two_rims_and_other_ways_have_none() {
     assert_eq!(far.y - near.y, 1.5);
     let flat = map(&[slab(0.0, 24.0, 0.0)]);
     assert_eq!(rims(&flat, &body, [at(4.0, 8.0), at(20.0, 8.0)]), None);
+    let wall = map(&[slab(0.0, 24.0, 0.0), wall(0.0, 24.0)]);
+    assert_eq!(rims(&wall, &body, [at(4.0, 8.0), at(20.0, 8.0)]), None, "no body jumps over a wall of 10 m");
 }

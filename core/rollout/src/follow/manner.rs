@@ -82,8 +82,8 @@ impl Follower {
     }
 
     /// Lets the NPC move in another way up to the end of the leg `key` of its plan: with the waypoints that the planner
-    /// gave, without shortcuts, steered without cutting corners, without ways around, then by its policy, composed, and then freely. False
-    /// if it already did.
+    /// gave, without shortcuts, steered without cutting corners, without ways around, then by its policy, composed, and
+    /// then freely. False if it already did.
     pub fn move_freely_on(&mut self, key: LegKey) -> bool {
         let Some(plan) = &self.plan else { return false };
         let leg = plan.legs.iter().rposition(|leg| leg.key == key).unwrap_or(self.leg);

@@ -4,9 +4,9 @@
 use super::clearance::Clearance;
 use super::ground::Ground;
 use super::leaps::Leaps;
-use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S};
+use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S, leaps_of};
 use super::shortcuts::Shortcuts;
-use super::ways::way_of;
+use super::ways::{lead_around, way_of};
 use super::{Approach, Follower};
 use surefoot_world::{Ability, Vec3};
 
@@ -19,29 +19,26 @@ impl Follower {
         let plan = self.plan.as_ref().filter(|plan| is_open && (plan.needs.is_empty() || is_under_way));
         let Some(plan) = plan.cloned() else { return false };
         let margin = self.config.gait.wall_distance;
-        let (leaps, ways_s) = self.review.ways.find(&plan, feet, margin, ground);
+        let leaps = leaps_of(&plan, feet, ground);
         let is_settled =
             leaps.is_empty() || plan.no_path.is_some() || !plan.needs.is_empty() || self.review.rounds >= MAX_ROUNDS;
         self.review.leaps.extend_from_slice(&leaps);
         let per_leap = if self.config.gait.avoids_jumps { PER_AVOIDED_LEAP_S } else { PER_LEAP_S };
-        let mut best = self.review.better_of(plan, leaps.len() as f32 * per_leap + ways_s);
+        let mut best = self.review.better_of(plan, leaps.len() as f32 * per_leap);
         if !is_settled {
             self.review.rounds += 1;
             self.review.best = Some(best);
             return true;
         }
-        for leg in &mut best.plan.legs {
-            if self.review.leaps.contains(&leg.key) {
-                leg.ability = Ability::Jump;
-            }
-        }
-        let ways = std::mem::take(&mut self.review).ways;
+        let barred = std::mem::take(&mut self.review).leaps;
         self.review.is_done = true;
         // The goal may have moved since the plan was made.
         self.lead_to_goal(&mut best.plan);
         self.feet = feet;
+        // A way around leads along walls, and waypoints of plans with movers must not change.
+        let may_look = margin == 0.0 && best.plan.needs.is_empty();
+        lead_around(&mut best.plan, feet, &barred, may_look, ground);
         if best.plan.needs.is_empty() {
-            ways.insert(&mut best.plan);
             self.clearance = Clearance::make(&mut best.plan, feet, margin, ground);
             let is_lane = |from, to| ground.is_lane(from, to, margin);
             self.shortcuts = Shortcuts::find(&best.plan, feet, is_lane);
@@ -73,7 +70,7 @@ impl Follower {
     }
 
     /// Removes the corners of the way that contains `leg`, and with them what was changed in the plan since; returns
-    /// whether there were any. Its leg is a leap, unless it was proved.
+    /// whether there were any. Its leg is a leap.
     pub(super) fn remove_way(&mut self, leg: usize) -> bool {
         let Some(plan) = &mut self.plan else { return false };
         let legs = way_of(plan, leg);
@@ -85,10 +82,7 @@ impl Follower {
         (self.clearance, self.shortcuts) = Default::default();
         let seconds = plan.legs[first..=last].iter().map(|leg| leg.seconds).sum();
         let leg = &mut plan.legs[last];
-        leg.seconds = seconds;
-        if leg.key.edge().is_none() {
-            leg.ability = Ability::Jump;
-        }
+        (leg.seconds, leg.ability) = (seconds, Ability::Jump);
         plan.legs.drain(first..last);
         plan.waypoints.drain(first..last);
         let moved = |leg: usize| if leg > last { leg - (last - first) } else { leg.min(first) };

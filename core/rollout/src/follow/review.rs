@@ -1,9 +1,9 @@
-//! Reviews of new plans: where legs that no proof covers cannot be walked, not even [around](super::ways) what bars
-//! them, a follower asks for a plan without them, and keeps the better one.
+//! Reviews of new plans: where legs that no proof covers cannot be walked, a follower asks for a plan without them, and
+//! keeps the better one.
 
-use super::ways::Ways;
+use super::ground::Ground;
 use surefoot_planner::{LegKey, Plan};
-use surefoot_world::Ability;
+use surefoot_world::{Ability, Vec3};
 
 /// Most further plans that a review asks for.
 pub(super) const MAX_ROUNDS: u32 = 3;
@@ -20,14 +20,13 @@ pub(super) struct Review {
     /// Legs that cannot be walked.
     pub leaps: Vec<LegKey>,
     pub best: Option<Reviewed>,
-    pub ways: Ways,
 }
 
 /// A plan that was reviewed.
 #[derive(Debug, Clone)]
 pub(super) struct Reviewed {
     pub plan: Plan,
-    /// Its time with what its leaps and ways cost, s.
+    /// Its time with what its leaps cost, s.
     cost: f32,
 }
 
@@ -43,11 +42,19 @@ impl Review {
         legs.any(|leg| Ability::JUMPS.contains(&leg.ability))
     }
 
-    /// The better of a plan whose leaps and ways cost `more_s` and the best one so far.
-    pub fn better_of(&mut self, plan: Plan, more_s: f32) -> Reviewed {
-        let cost = plan.seconds().0 + more_s;
+    /// The better of a plan whose leaps cost `leaps_s` and the best one so far.
+    pub fn better_of(&mut self, plan: Plan, leaps_s: f32) -> Reviewed {
+        let cost = plan.seconds().0 + leaps_s;
         let is_path = plan.no_path.is_none();
         let is_worse = |best: &Reviewed| !is_path || best.cost <= cost;
         self.best.take().filter(is_worse).unwrap_or(Reviewed { plan, cost })
     }
+}
+
+/// The legs of a plan from `feet`, m, that no proof covers and that cannot be walked.
+pub(super) fn leaps_of(plan: &Plan, feet: Vec3, ground: &impl Ground) -> Vec<LegKey> {
+    let starts = std::iter::once(&feet).chain(&plan.waypoints);
+    let legs = plan.legs.iter().zip(starts.zip(&plan.waypoints));
+    let unproved = legs.filter(|(leg, _)| leg.key.edge().is_none() && leg.ability == Ability::Walk);
+    unproved.filter(|(_, (start, end))| !ground.is_walk(**start, **end)).map(|(leg, _)| leg.key).collect()
 }
