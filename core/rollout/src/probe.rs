@@ -19,8 +19,8 @@ use surefoot_policy::noise::fill_gaussian;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    Ability, Arrival, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, TICKS_PER_DECISION,
-    TaskConfig, Vec3, World,
+    Ability, Arrival, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, StopSet,
+    TICKS_PER_DECISION, TaskConfig, Vec3, World,
 };
 
 /// Most trials of a chunk.
@@ -227,6 +227,8 @@ pub(crate) struct Probes<'a> {
     running: Vec<Running>,
     decisions: DecisionLoop,
     reliance: &'a Reliance,
+    /// The mover that is held at a stop.
+    held: Option<MoverAt>,
     boarding: Option<Boarding>,
 }
 
@@ -241,6 +243,7 @@ impl<'a> Probes<'a> {
             running: Vec::new(),
             decisions: DecisionLoop::new(policy),
             reliance,
+            held,
             boarding: Boarding::of(&context.map, held),
         }
     }
@@ -287,13 +290,17 @@ impl<'a> Probes<'a> {
         };
         let mut closed = closed.iter();
         let mut finished = Vec::new();
-        let [world] = &mut self.worlds;
+        let ([world], held) = (&mut self.worlds, self.held);
         self.running.retain_mut(|run| {
             if run.record(world, *closed.next().expect("an outcome for each NPC")) {
                 return true;
             }
             world.despawn(run.slot);
-            finished.push((run.trial_idx, run.probe.outcome.clone()));
+            let mut outcome = run.probe.outcome.clone();
+            // Trials with a held mover begin or end on it, also where a body would hardly notice that it is away.
+            let held = held.map(|MoverAt { mover, stop }| Need { mover, stops: StopSet::only(stop) });
+            held.into_iter().for_each(|need| outcome.needs.add(need));
+            finished.push((run.trial_idx, outcome));
             false
         });
         finished

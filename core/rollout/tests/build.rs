@@ -1,5 +1,6 @@
 //! Builds on a small real map with the shipped policy.
 
+use super::stage::of_boxes;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
@@ -11,12 +12,12 @@ use surefoot_planner::{
     RawBuildSettings, Ride, Router,
 };
 use surefoot_policy::Policy;
-use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs::{self, build};
+use surefoot_rollout::{Goal, ProbeContext, Rollout};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Pad, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{CharacterProfile, Map, MapSpec, MoverId, StopIdx, Vec3, navigable};
+use surefoot_world::{CharacterProfile, End, Map, MapSpec, MoverId, StopIdx, StopSet, TaskConfig, Vec3, navigable};
 
 fn context() -> ProbeContext {
     ProbeContext {
@@ -221,6 +222,53 @@ fn cancelling_ends_a_ride_that_takes_ten_minutes() {
     assert_eq!(context.run_chunk(&[trial], 0, &Cancelled), None);
     let arrived = &context.run_chunk(&[trial], 0, &Progress::default()).unwrap()[0];
     assert!(arrived.reached && arrived.decisions >= 600 * 6 && arrived.needs == Needs::of_ride(ride), "{arrived:?}");
+}
+
+#[test]
+fn an_npc_that_could_walk_below_a_lift_still_boards_it_only_while_it_is_there() {
+    let boxes = [
+        [Vec3::new(2.0, 1.0, 2.0), Vec3::new(30.0, 2.0, 22.0)],
+        [Vec3::new(16.0, 2.0, 2.0), Vec3::new(30.0, 8.0, 22.0)],
+    ];
+    let map = of_boxes(MapSize { width: 32, height: 30, depth: 24 }, boxes);
+    let stops = [0.0, 5.95].map(|rise| MoverStop { offset: Vec3::Y * rise, yaw: 0.0, is_there: true });
+    // The top of the lift is 5 cm above the floor, less than the body's steps.
+    let low = Vec3::new(12.9, 1.9, 10.0);
+    let lift = Mover {
+        name: "lift".to_owned(),
+        kind: MoverKind::Lift,
+        triangles: cuboid(low, Vec3::new(15.95, 2.05, 14.0)),
+        pivot: low,
+        stops: stops.to_vec(),
+        start: StopIdx(0),
+        travel_s: 2.0,
+        dwell_s: 4.0,
+        cycles: false,
+        belt: Vec3::ZERO,
+    };
+    let map = Arc::new(Arc::into_inner(map).unwrap().with_movers(vec![lift]).unwrap());
+    let context = ProbeContext::new(map.clone(), Policy::shipped().unwrap());
+    let middle = Vec3::new(14.425, 2.05, 12.0);
+    let held = Some(MoverAt { mover: MoverId(0), stop: StopIdx(0) });
+    let trial = Trial { held, ..Trial::walk(Vec3::new(8.0, 2.0, 12.0), middle, 0) };
+    let boarding = &context.run_chunk(&[trial], 0, &Progress::default()).unwrap()[0];
+    let needs: Vec<(MoverId, StopSet)> = boarding.needs.iter().map(|need| (need.mover, need.stops)).collect();
+    assert!(boarding.reached);
+    assert_eq!(needs, [(MoverId(0), StopSet::only(StopIdx(0)))]);
+
+    // NPCs from the floor to the deck and back, with one lift.
+    let graph = build(&context, &BuildSettings::default(), 2, &Progress::default()).unwrap().graph;
+    let router = Router::new(graph, 1000, 2);
+    let (floor, deck) = (|idx| Vec3::new(5.0, 2.0, 4.0 + idx), |idx| Vec3::new(24.0, 8.0, 4.0 + idx));
+    let way = |idx: u8| {
+        let (start, goal) = (floor(f32::from(idx)), deck(f32::from(idx)));
+        if idx.is_multiple_of(2) { Goal { start, yaw: 0.0, goal } } else { Goal { start: goal, yaw: 0.0, goal: start } }
+    };
+    let goals: Vec<Goal> = (0..16).map(way).collect();
+    let rollout = Rollout::new(map, CharacterProfile::default(), TaskConfig::default());
+    let attempts = rollout.live(&context.policy, &router, &goals, |_, _| {});
+    let ends: Vec<End> = attempts.iter().map(|attempt| attempt.end).collect();
+    assert_eq!(ends, [End::Reached; 16]);
 }
 
 #[test]
