@@ -110,6 +110,41 @@ void levels_keep_their_origin(const std::string& square) {
     expect(below(21.0 * metre, 0.0).surface == SF_SURFACE_NONE, "there is none outside");
 }
 
+// ----------------------------------------------------------------------------------------------------------------- animation
+
+// A run with a jump, in frames of another length than ticks.
+void leaps_have_phases(const std::string& square) {
+    const LevelFrame frame = must(LevelFrame::of_level(square));
+    const sf_body body = must(surefoot::default_body());
+    for (const int frames_per_tick : {1, 2}) {
+        Game game(square, frame);
+        const std::uint32_t npc = game.spawn({-15.0 * metre, 0.0, 0.0}, 0.0);
+        surefoot::Locomotion moving;
+        std::string phases, last;
+        double widest = 0.0;
+        for (int decision = 0; decision < 10; decision++) {
+            const Controls controls{1.0, 0.0, 0.0, decision == 2};
+            game.decide(npc, controls);
+            for (std::uint32_t tick = 0; tick < SF_TICKS_PER_DECISION; tick++) {
+                game.tick();
+                for (int part = 0; part < frames_per_tick; part++) {
+                    const sf_ability used = decision == 2 && tick == 0 && part == 0 ? SF_JUMP : SF_WALK;
+                    const double seconds = 1.0 / SF_TICKS_PER_SECOND / frames_per_tick + 1e-9;
+                    must(moving.advance(body, game.character(npc), controls, seconds, used));
+                }
+                const std::string now = std::to_string(moving.phase()) + "," + std::to_string(moving.ability()) + " ";
+                phases += now == last ? "" : now;
+                last = now;
+                widest = std::max(widest, moving.stride());
+            }
+        }
+        expect(phases == "0,0 1,1 2,1 0,0 ", "none, flight and landing by a jump, none: " + phases);
+        expect(moving.pace() == SF_PACE_RUN, "the pace of a run");
+        expect(widest > 4.0 * metre, "the stride at 11 m/s");
+        expect(std::abs(moving.step_offset()) <= body.step_height * metre, "the offset over steps");
+    }
+}
+
 // ----------------------------------------------------------------------------------------------------------------- agents
 
 Vector goal_behind(const Vector& feet) { return {feet.x - 9.0 * metre, feet.y + 4.0 * metre, feet.z}; }
@@ -426,6 +461,7 @@ int main(int argc, char** argv) {
     places_and_angles_come_back();
     sides_agree(square);
     levels_keep_their_origin(square);
+    leaps_have_phases(square);
     decides_for_many_without_allocation(square);
     walks_straight(square);
     arrives_standing(square);

@@ -14,6 +14,9 @@ constexpr std::uint32_t hopeless_after = 300;
 // How far a place is from the goal at most to be near it: in cm, and as a share of the character's distance from the goal.
 constexpr double near_cm = 400.0;
 constexpr double near_share = 0.25;
+constexpr double tick_seconds = 1.0 / double(SF_TICKS_PER_SECOND);
+// Of a longer frame, such as one in which a level was loaded, only so much is followed, s.
+constexpr double longest_frame = 0.25;
 // A waypoint within 1 cm of the goal is the goal: places are rounded on their way to the map and back.
 constexpr double same_cm = 1.0;
 
@@ -71,6 +74,10 @@ sf_hit hit_of(const SegmentHit& hit) {
 Controls controls_of(const sf_action& action) {
     // The policy turns to the left with positive values.
     return {action.forward, action.strafe, -action.turn, action.jump > 0.0f};
+}
+
+sf_action action_of(const Controls& controls) {
+    return {float(controls.forward), float(controls.right), float(-controls.turn), controls.jump ? 1.0f : -1.0f};
 }
 
 }  // namespace
@@ -243,6 +250,31 @@ void Agents::trace(std::size_t count, RayBatch& rays) {
     std::fill_n(segment_hits_.data(), ray_count, SegmentHit{});
     rays.trace(segments_.data(), ray_count, segment_hits_.data());
     std::transform(segment_hits_.data(), segment_hits_.data() + ray_count, hits_.data(), hit_of);
+}
+
+// ----------------------------------------------------------------------------------------------------------------- animation
+
+Error Locomotion::advance(const sf_body& body, const Character& character, const Controls& controls, double seconds, sf_ability ability) {
+    seconds_ = std::min(seconds_ + seconds, longest_frame);
+    used_ = ability == SF_WALK ? used_ : ability;
+    // The origin of a level only shifts the feet, and their height counts from tick to tick.
+    const sf_state state = state_of(character, LevelFrame());
+    const sf_action action = action_of(controls);
+    Error error;
+    for (; seconds_ >= tick_seconds && !error.is_set(); seconds_ -= tick_seconds) {
+        native_.struct_size = sizeof native_;
+        error = error_of(sf_locomotion_advance, &native_, &body, &state, &action, used_);
+        used_ = SF_WALK;
+    }
+    return error;
+}
+
+double Locomotion::stride() const {
+    return native_.stride * cm_per_metre;
+}
+
+double Locomotion::step_offset() const {
+    return native_.step_offset * cm_per_metre;
 }
 
 // ----------------------------------------------------------------------------------------------------------------- graphs

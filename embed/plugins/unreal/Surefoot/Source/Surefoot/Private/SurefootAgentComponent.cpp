@@ -129,16 +129,32 @@ void USurefootAgentComponent::TickComponent(float DeltaTime, ELevelTick TickType
     {
         return;
     }
+    const surefoot::Character Described = Describe();
     if (Attempt)
     {
-        LogSurefootError(Attempt->note(Describe(), Subsystem->GetRays()), GetPathName());
+        LogSurefootError(Attempt->note(Described, Subsystem->GetRays()), GetPathName());
     }
+    UpdateLocomotion(Described, DeltaTime);
     Character->AddActorWorldRotation(FRotator(0.0, Controls.turn * TurnSpeed * DeltaTime, 0.0));
     const double SideShare = Subsystem->GetBody().side_speed_share;
     const double Forward = FMath::Max(Controls.forward, -SideShare);
     const FVector Input = Character->GetActorForwardVector() * Forward + Character->GetActorRightVector() * (Controls.right * SideShare);
     // Longer inputs are shortened by the movement component, as the simulation does it.
     Character->AddMovementInput(Input, 1.0f);
+}
+
+void USurefootAgentComponent::UpdateLocomotion(const surefoot::Character& Described, float DeltaTime)
+{
+    const int32 Jumps = Character->JumpCurrentCount;
+    const sf_ability Used = Jumps <= LastJumps ? SF_WALK : Jumps > 1 ? SF_DOUBLE_JUMP : SF_JUMP;
+    LastJumps = Jumps;
+    LogSurefootError(Moving.advance(Subsystem->GetBody(), Described, Controls, DeltaTime, Used), GetPathName());
+    Locomotion.Pace = ESurefootPace(Moving.pace());
+    Locomotion.Phase = ESurefootPhase(Moving.phase());
+    Locomotion.Ability = uint8(Moving.ability());
+    Locomotion.Stride = float(Moving.stride());
+    Locomotion.StridePhase = float(Moving.stride_phase());
+    Locomotion.StepOffset = float(Moving.step_offset());
 }
 
 bool USurefootAgentComponent::BeginDecision(surefoot::Character& Described)

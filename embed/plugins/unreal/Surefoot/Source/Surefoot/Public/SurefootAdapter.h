@@ -188,6 +188,34 @@ private:
     std::vector<SegmentHit> segment_hits_;
 };
 
+// How a character moves, for its animation.
+class Locomotion {
+public:
+    // Follows a character for `seconds` to where it is now. It carried out `controls` meanwhile, and used `ability`, SF_WALK for none.
+    // Frames may have any length: what is left of a tick of 1/60 s counts with the next one.
+    Error advance(const sf_body& body, const Character& character, const Controls& controls, double seconds, sf_ability ability = SF_WALK);
+
+    // What the legs do; in the air, what they did last.
+    sf_pace pace() const { return native_.pace; }
+    // Phase of a leap, a ride or a fall.
+    sf_move_phase phase() const { return native_.phase; }
+    // The ability of that leap or ride; SF_WALK in a fall and without a phase.
+    sf_ability ability() const { return native_.ability; }
+    // Length of a stride, which is two steps, cm; 0 unless the character moves on the ground.
+    double stride() const;
+    // Share of the stride done, 0 to 1: one foot is put down at 0, the other at 0.5.
+    double stride_phase() const { return native_.stride_phase; }
+    // Height to add to the drawn character, cm, so that it climbs steps smoothly.
+    double step_offset() const;
+
+private:
+    sf_locomotion native_{};
+    // Time since the last tick, s.
+    double seconds_ = 0.0;
+    // An ability that was used since then.
+    sf_ability used_ = SF_WALK;
+};
+
 // A proved graph of a level. Any number of threads may search it.
 class Graph {
 public:

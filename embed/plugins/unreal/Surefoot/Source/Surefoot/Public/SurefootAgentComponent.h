@@ -19,6 +19,59 @@ enum class ESurefootEnd : uint8
     Unreachable,
 };
 
+/** What the legs of a character do. */
+UENUM(BlueprintType)
+enum class ESurefootPace : uint8
+{
+    Idle,
+    /** It turns in place. */
+    Turn,
+    Walk,
+    Run,
+    /** It moves, but comes to rest. */
+    Stop,
+};
+
+/** Phase of a leap, a ride or a fall. */
+UENUM(BlueprintType)
+enum class ESurefootPhase : uint8
+{
+    None,
+    Flight,
+    /** It came down within the last 0.2 s. */
+    Landing,
+};
+
+/** How a character moves, for its animation blueprint. */
+USTRUCT(BlueprintType)
+struct FSurefootLocomotion
+{
+    GENERATED_BODY()
+
+    /** What its legs do; in the air, what they did last. */
+    UPROPERTY(BlueprintReadOnly, Category = "Surefoot")
+    ESurefootPace Pace = ESurefootPace::Idle;
+
+    UPROPERTY(BlueprintReadOnly, Category = "Surefoot")
+    ESurefootPhase Phase = ESurefootPhase::None;
+
+    /** The ability of its leap or ride, as in links: 0 in a fall and without a phase, 1 jump, 2 double jump. */
+    UPROPERTY(BlueprintReadOnly, Category = "Surefoot")
+    uint8 Ability = 0;
+
+    /** Length of a stride, which is two steps, cm; 0 unless it moves on the ground. */
+    UPROPERTY(BlueprintReadOnly, Category = "Surefoot")
+    float Stride = 0.0f;
+
+    /** Share of the stride done, 0 to 1: one foot is put down at 0, the other at 0.5. */
+    UPROPERTY(BlueprintReadOnly, Category = "Surefoot")
+    float StridePhase = 0.0f;
+
+    /** Height to add to the mesh, cm, so that the character climbs steps smoothly. */
+    UPROPERTY(BlueprintReadOnly, Category = "Surefoot")
+    float StepOffset = 0.0f;
+};
+
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FSurefootAttemptEnded, ESurefootEnd, End);
 
 /** Lets the policy move the ACharacter that owns it, along plans where the subsystem has a graph. */
@@ -41,6 +94,10 @@ public:
     /** Decides the noise of the agent, together with its number. */
     UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Surefoot")
     int32 Seed = 0;
+
+    /** How the character moves, also without an attempt. */
+    UPROPERTY(BlueprintReadOnly, Category = "Surefoot")
+    FSurefootLocomotion Locomotion;
 
     UPROPERTY(BlueprintAssignable, Category = "Surefoot")
     FSurefootAttemptEnded OnAttemptEnded;
@@ -72,6 +129,7 @@ private:
     bool BeginDecision(surefoot::Character& Described);
     surefoot::Character Describe() const;
     void Act(const surefoot::Controls& Decided);
+    void UpdateLocomotion(const surefoot::Character& Described, float DeltaTime);
     /** Once an attempt has ended, halts and broadcasts the event. */
     void ReportEnd();
     void SetUpMovement(const sf_body& Body);
@@ -86,6 +144,9 @@ private:
     TOptional<uint32> Number;
     TOptional<surefoot::Attempt> Attempt;
     surefoot::Controls Controls;
+    surefoot::Locomotion Moving;
+    /** Jumps that the character had made at the last frame since it last stood. */
+    int32 LastJumps = 0;
     /** Degrees per second. */
     double TurnSpeed = 0.0;
 };
