@@ -11,9 +11,8 @@
 //!    ([`Follower::record_decision`]), which says where to head, when to plan and when to end.
 
 use crate::follow::{Follower, Ground, Step};
-use crate::leap::Leap;
+use crate::leap;
 use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
-use crate::steer::Course;
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
 use surefoot_world::character::Body;
@@ -250,9 +249,7 @@ impl<F: Fn(Vec3, Vec3) -> bool> Ground for OnMap<'_, F> {
     }
 
     fn rims(&self, from: Vec3, to: Vec3) -> Option<[Vec3; 2]> {
-        let [take_off, landing] = arrival::rims(self.map, self.profile, [from, to])?;
-        let course = Course { to, then: None, cuts: false, gait: Gait::DEFAULT, around: None };
-        Leap { take_off, landing, course }.is_possible(self.profile).then_some([take_off, landing])
+        arrival::rims(self.map, self.profile, [from, to]).filter(|rims| leap::is_possible(*rims, to, self.profile))
     }
 
     fn with_room(&self, at: Vec3, margin: f32) -> Vec3 {

@@ -4,7 +4,7 @@
 //! A leap knows both rims of its gap. It senses nothing, like [steering](crate::steer), and its rehearsal shows whether
 //! the NPC arrives so.
 
-use crate::steer::{BRAKE, Course};
+use crate::steer::{BRAKE, Course, moving, turn_by};
 use surefoot_world::character::Body;
 use surefoot_world::float::{heading, hypot, wrapped};
 use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Gait, TICK_SECONDS, TICKS_PER_DECISION, Vec3};
@@ -24,12 +24,12 @@ const ALIGN_M: f32 = 2.0;
 const BELOW_M: f32 = 0.5;
 /// Angle between facing and the leap up to which a body jumps, rad.
 const FACED: f32 = 0.35;
-/// Angle between facing and motion up to which a body does not turn, rad.
-const SLACK: f32 = 0.05;
 /// Least speed of a run-up, m/s.
 const LEAST_SPEED: f32 = 2.5;
 /// Places before the rim from which a leap is tried to see whether it is possible, m.
 const TRIED_M: [f32; 3] = [RIM_M, 1.5, 3.0];
+/// Halvings of the range of a speed or a time: to a part in 256.
+const BISECTIONS: u32 = 8;
 /// Decisions in the air after which a jump in the air may follow.
 const AIR_JUMPS: [u32; 6] = [1, 2, 3, 4, 5, 6];
 
@@ -47,7 +47,7 @@ pub struct Leap {
 impl Leap {
     /// The action of a body on this leap.
     pub fn action(&self, body: &Body, profile: &CharacterProfile) -> Action {
-        let gap = Gap::of(self);
+        let gap = Gap::of([self.take_off, self.landing], self.course.to);
         let at = gap.along(body.feet);
         let is_beyond = at > gap.width - TOE_M && body.feet.y > self.landing.y - BELOW_M;
         if is_beyond && body.is_grounded() || body.ride.is_some() {
@@ -65,18 +65,6 @@ impl Leap {
         let throw = flight.best(&gap, profile, air_jumps.into_iter().flatten());
         let jump = if throw.air_jump == Some(0) { 1.0 } else { -1.0 };
         Action { jump, ..gap.fly(throw.speed, body, profile) }
-    }
-
-    /// Whether a body that takes its run-up clears the gap.
-    pub fn is_possible(&self, profile: &CharacterProfile) -> bool {
-        let gap = Gap::of(self);
-        let (rising, drop) = (profile.jump_speed, profile.gravity);
-        TRIED_M.into_iter().any(|before| {
-            [gap.run_up_speed(profile), profile.forward_speed].into_iter().any(|speed| {
-                let flight = Flight { at: -before, height: 0.0, speed, rising, drop };
-                flight.best(&gap, profile, air_jumps(profile)).clearance >= 0.0
-            })
-        })
     }
 
     /// The action of a body on the ground before the gap.
@@ -116,6 +104,18 @@ impl Leap {
     }
 }
 
+/// Whether a body that takes its run-up clears the gap between two rims on a leg that ends at `to`, m.
+pub fn is_possible(rims: [Vec3; 2], to: Vec3, profile: &CharacterProfile) -> bool {
+    let gap = Gap::of(rims, to);
+    let (rising, drop) = (profile.jump_speed, profile.gravity);
+    TRIED_M.into_iter().any(|before| {
+        [gap.run_up_speed(profile), profile.forward_speed].into_iter().any(|speed| {
+            let flight = Flight { at: -before, height: 0.0, speed, rising, drop };
+            flight.best(&gap, profile, air_jumps(profile)).clearance >= 0.0
+        })
+    })
+}
+
 /// Decisions after a jump from the ground at which a body may jump in the air.
 fn air_jumps(profile: &CharacterProfile) -> impl Iterator<Item = u32> {
     AIR_JUMPS.into_iter().take(if profile.extra_jumps > 0 { AIR_JUMPS.len() } else { 0 })
@@ -136,12 +136,12 @@ struct Gap {
 }
 
 impl Gap {
-    fn of(leap: &Leap) -> Self {
-        let ahead = (leap.course.to - leap.take_off).with_y(0.0).normalize_or_zero();
-        let along = |at: Vec3| (at - leap.take_off).dot(ahead);
-        let width = along(leap.landing);
-        let aim = along(leap.course.to).max(width + BEYOND_M);
-        Self { ahead, take_off: leap.take_off, width, rise: leap.landing.y - leap.take_off.y, aim }
+    fn of([take_off, landing]: [Vec3; 2], to: Vec3) -> Self {
+        let ahead = (to - take_off).with_y(0.0).normalize_or_zero();
+        let along = |at: Vec3| (at - take_off).dot(ahead);
+        let width = along(landing);
+        let aim = along(to).max(width + BEYOND_M);
+        Self { ahead, take_off, width, rise: landing.y - take_off.y, aim }
     }
 
     /// How far a place is beyond the near rim, m.
@@ -154,13 +154,10 @@ impl Gap {
         let way = self.take_off + self.ahead * (self.aim + FACES_M) - body.feet;
         let most = profile.turn_speed * DECISION_SECONDS;
         let off = wrapped(heading(way) - body.yaw);
-        let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most, most) };
-        let (sin, cos) = libm::sincosf(wrapped(off - 0.5 * turn));
-        let share = speed / profile.forward_speed;
-        let side = profile.side_speed_share;
-        let strafe = if side > 0.0 { -sin * share / side } else { 0.0 };
-        let forward = (cos * share).clamp(-1.0, 1.0);
-        Action { forward, strafe: strafe.clamp(-1.0, 1.0), turn: turn / most, ..Action::default() }
+        let turn = turn_by(off, most);
+        // In the middle of the decision, the body faces where it then moves, or a little to the side.
+        let aside = wrapped(off - 0.5 * turn);
+        Action { turn: turn / most, ..moving(aside, speed / profile.forward_speed, profile) }
     }
 
     /// Speed at the rim with which a body lands where it aims, m/s.
@@ -285,21 +282,21 @@ impl Flight {
 
     /// Speed at which the body aims to cover a distance in this time, m/s.
     fn speed_for(self, distance: f32, seconds: f32, profile: &CharacterProfile) -> f32 {
-        let (mut low, mut high) = (-profile.side_speed_share * profile.forward_speed, profile.forward_speed);
-        for _ in 0..8 {
-            let middle = 0.5 * (low + high);
-            if self.distance(middle, seconds, profile) < distance { low = middle } else { high = middle }
-        }
-        high
+        let slowest = -profile.side_speed_share * profile.forward_speed;
+        least(slowest, profile.forward_speed, |wish| self.distance(wish, seconds, profile) >= distance)
     }
 
     /// Time that the body takes for a distance when it aims at `wish`, m/s, at most `most`, s.
     fn seconds_over(self, distance: f32, wish: f32, most: f32, profile: &CharacterProfile) -> f32 {
-        let (mut low, mut high) = (0.0, most);
-        for _ in 0..8 {
-            let middle = 0.5 * (low + high);
-            if self.distance(wish, middle, profile) < distance { low = middle } else { high = middle }
-        }
-        high
+        least(0.0, most, |seconds| self.distance(wish, seconds, profile) >= distance)
     }
+}
+
+/// The least value between two others that is `enough`, by bisection; `high` if none is.
+fn least(mut low: f32, mut high: f32, enough: impl Fn(f32) -> bool) -> f32 {
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (low + high);
+        if enough(middle) { high = middle } else { low = middle }
+    }
+    high
 }

@@ -57,16 +57,13 @@ impl Course {
         let off = wrapped(towards - body.yaw);
         let most = profile.turn_speed * DECISION_SECONDS;
         let most_here = self.gait.turn_rate * most;
-        let turn = if off.abs() <= SLACK { 0.0 } else { off.clamp(-most_here, most_here) };
+        let turn = turn_by(off, most_here);
         // The body goes where it faces in the middle of the decision, or a little to the side.
         let off = wrapped(off - 0.5 * turn);
         let aside = off.clamp(-ASIDE, ASIDE);
         let corner = self.then.map(|then| heading(then - aim) - towards);
         let speed = speed(body, profile, self.gait, left, (off - aside, corner)) / profile.forward_speed;
-        let (sin, cos) = libm::sincosf(aside);
-        let side = profile.side_speed_share;
-        let strafe = if side > 0.0 { -sin * speed / side } else { 0.0 };
-        Action { forward: cos * speed, strafe: strafe.clamp(-1.0, 1.0), turn: turn / most, ..rest }
+        Action { turn: turn / most, ..moving(aside, speed, profile) }
     }
 
     /// Where the body walks to from `feet`: the waypoint, or past it on the inner side of its corner.
@@ -84,6 +81,20 @@ impl Course {
         let is_ahead = (feet - corner).dot(way(before, corner) + way(corner, self.to)) < 0.0;
         is_ahead.then_some(Self { to: corner, then: Some(self.to), cuts: false, around: None, ..*self })
     }
+}
+
+/// The turn of a body whose way leads `off` its facing, rad, by at most `most`, rad.
+pub(crate) fn turn_by(off: f32, most: f32) -> f32 {
+    if off.abs() <= SLACK { 0.0 } else { off.clamp(-most, most) }
+}
+
+/// The action of a body that moves at a share of its top speed, `aside` to the left of where it faces, rad, and does
+/// not jump.
+pub(crate) fn moving(aside: f32, share: f32, profile: &CharacterProfile) -> Action {
+    let (sin, cos) = libm::sincosf(aside);
+    let side = profile.side_speed_share;
+    let strafe = if side > 0.0 { -sin * share / side } else { 0.0 };
+    Action { forward: (cos * share).clamp(-1.0, 1.0), strafe: strafe.clamp(-1.0, 1.0), turn: 0.0, jump: -1.0 }
 }
 
 /// The speed of a body, `left` metres from where it walks to. Its way leads `off` its motion, rad, and turns there by

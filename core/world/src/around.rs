@@ -6,7 +6,7 @@ use crate::character::{CharacterProfile, MoveScratch, is_clear};
 use crate::float::horizontal;
 use crate::map::Map;
 use crate::movers::Movers;
-use std::cmp::Ordering;
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
 /// Distance between two places of the grid, m.
@@ -16,7 +16,7 @@ const MAX_PLACES: usize = 300;
 /// Longest walk, as a multiple of the distance between its ends, and what is added to that, m.
 const LONGEST: f32 = 2.5;
 const LONGER_M: f32 = 6.0;
-/// How much the distance that is left counts against the walk so far: more than 1, so that fewer places are tried.
+/// Weight of the distance that is left in the cost of a walk: more than 1, so that fewer places are tried.
 const EAGER: f32 = 1.5;
 /// Room that a body keeps to walls besides its radius, as a share of its radius.
 const ROOM: f32 = 0.25;
@@ -44,27 +44,12 @@ struct Reached {
     is_done: bool,
 }
 
-/// A place from which a search may go on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Open {
-    /// Length of the walk there, and [`EAGER`] times the distance that is left, m.
-    cost: f32,
-    length: f32,
-    cell: Cell,
-}
+/// A place from which a search may go on: the cost of a walk through it, the length of the walk there, and its cell.
+/// Lengths are not negative, so that their bits have the order of their values; the least cost comes first.
+type Open = (Reverse<u32>, u32, Cell);
 
-impl Eq for Open {}
-
-impl Ord for Open {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then(self.length.total_cmp(&other.length)).then(self.cell.cmp(&other.cell))
-    }
-}
-
-impl PartialOrd for Open {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
+fn open(cost: f32, length: f32, cell: Cell) -> Open {
+    (Reverse(cost.to_bits()), length.to_bits(), cell)
 }
 
 /// A search for a walk by A*.
@@ -82,9 +67,9 @@ impl Search<'_> {
         let mut scratch = MoveScratch::default();
         let start = Reached { feet: from, length: 0.0, before: (0, 0), is_done: false };
         let mut reached = BTreeMap::from([((0, 0), start)]);
-        let mut open = BinaryHeap::from([Open { cost: 0.0, length: 0.0, cell: (0, 0) }]);
+        let mut waiting = BinaryHeap::from([open(0.0, 0.0, (0, 0))]);
         let mut left = MAX_PLACES;
-        while let Some(Open { cell, .. }) = open.pop() {
+        while let Some((.., cell)) = waiting.pop() {
             let here = reached.get_mut(&cell)?;
             if std::mem::replace(&mut here.is_done, true) {
                 continue;
@@ -105,7 +90,7 @@ impl Search<'_> {
                 }
                 if let Some(feet) = self.step(here.feet, step, &mut scratch) {
                     reached.insert(next, Reached { feet, length, before: cell, is_done: false });
-                    open.push(Open { cost: length + EAGER * left_m, length, cell: next });
+                    waiting.push(open(length + EAGER * left_m, length, next));
                 }
             }
         }

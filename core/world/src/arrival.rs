@@ -168,13 +168,12 @@ pub fn rims(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2]) -> Opt
     let ((_, near), (_, far)) = (place.walkable(from, offset), place.walkable(to, -offset));
     let width = (far - near).dot(offset.normalize_or_zero());
     let top = near.y.max(far.y) + 0.5 * profile.height;
-    let jump = 0.5 * profile.jump_speed * profile.jump_speed / profile.gravity;
     let is_open_at = |height: f32| {
         let (from, to) = (near.with_y(height), far.with_y(height));
         let hit = map.mesh().cast_ray(from, (to - from).normalize_or_zero(), from.distance(to));
         hit.is_none_or(|hit| !hit.surface.is_solid())
     };
-    let is_open = || [top, top + jump].into_iter().any(is_open_at);
+    let is_open = || [top, top + profile.jump_height()].into_iter().any(is_open_at);
     (width > 0.0 && width < horizontal(offset) && is_open()).then_some([near, far])
 }
 

@@ -85,6 +85,13 @@ impl RawCharacterProfile {
     }
 }
 
+impl RawCharacterProfile {
+    /// Height of a jump from level ground, m.
+    pub fn jump_height(&self) -> f32 {
+        0.5 * self.jump_speed * self.jump_speed / self.gravity
+    }
+}
+
 impl Default for RawCharacterProfile {
     fn default() -> Self {
         Self { step_height: STEP_M, ..Self::of_paper() }

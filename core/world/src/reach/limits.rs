@@ -26,10 +26,7 @@ impl JumpLimits {
 
     /// The jumps of a body from level ground, each jump in the air made at the top of the jump before it.
     pub fn far(profile: &CharacterProfile) -> Self {
-        let (rise_m, seconds) = (
-            profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity),
-            2.0 * profile.jump_speed / profile.gravity,
-        );
+        let (rise_m, seconds) = (profile.jump_height(), 2.0 * profile.jump_speed / profile.gravity);
         let jumps = 1.0 + f32::from(profile.extra_jumps.min(1));
         let length_m = (profile.forward_speed * seconds * 0.5 * (1.0 + jumps)).min(MAX_JUMP_M);
         Self {

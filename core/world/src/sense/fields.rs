@@ -88,7 +88,10 @@ pub const FIELDS: [Field; 49] = [
     field("body_forward_speed", "logarithm of the ratio of speeds", 1.0, |it| it.ratio(|body| body.forward_speed)),
     field("body_side_speed", "difference of the sideways share", 1.0, |it| it.difference(|body| body.side_speed_share)),
     field("body_turn_speed", "logarithm of the ratio of turning speeds", 1.0, |it| it.ratio(|body| body.turn_speed)),
-    field("body_jump_height", "difference of the first jump's height, m", 2.5, |it| it.difference(jump_m)).within(4.0),
+    field("body_jump_height", "difference of the first jump's height, m", 2.5, |it| {
+        it.difference(RawCharacterProfile::jump_height)
+    })
+    .within(4.0),
     field("body_gravity", "logarithm of the ratio of gravities", 1.0, |it| it.ratio(|body| body.gravity)),
     field("body_air_jumps", "difference of the jumps in the air", 1.0, |it| it.difference(air_jumps)),
     field("body_max_slope", "difference of the steepest slope, rad", USUAL_SLOPE, |it| {
@@ -214,10 +217,6 @@ fn run(offset: Vec3) -> f32 {
 
 fn flag(on: bool) -> f32 {
     if on { 1.0 } else { 0.0 }
-}
-
-fn jump_m(profile: &RawCharacterProfile) -> f32 {
-    0.5 * profile.jump_speed * profile.jump_speed / profile.gravity
 }
 
 fn air_jumps(profile: &RawCharacterProfile) -> f32 {
