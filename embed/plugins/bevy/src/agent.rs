@@ -1,6 +1,7 @@
 //! The components through which an app and its agents talk.
 
 use crate::mind::Mind;
+use crate::motion::AgentLocomotion;
 use bevy_ecs::prelude::*;
 use bevy_math::Vec3;
 use std::fmt;
@@ -13,7 +14,7 @@ use surefoot_world::{Ability, Action, CharacterProfile};
 
 /// A character that the policy moves.
 #[derive(Component, Debug, Clone)]
-#[require(AgentState, AgentAction, AgentPlan, Sight, GoalSight, Mind)]
+#[require(AgentState, AgentAction, AgentPlan, AgentLocomotion, Sight, GoalSight, Mind)]
 pub struct SurefootAgent {
     /// Its body; a graph is proved for one.
     pub body: CharacterProfile,

@@ -5,7 +5,8 @@
 //! and spawns entities with [`SurefootAgent`] and [`Goal`], optionally with a [`SurefootGraph`]. With
 //! [`SurefootCharacter`] the back end moves them, too. An app with its own controller or rays writes [`AgentState`] in
 //! [`SurefootSystems::Sense`], fills [`Sight`] and [`GoalSight`] in [`SurefootSystems::Look`], and carries out
-//! [`AgentAction`] in [`SurefootSystems::Move`]. [`AgentPlan`] and the events of [`events`] report how attempts go.
+//! [`AgentAction`] in [`SurefootSystems::Move`]. [`AgentPlan`] and the events of [`events`] report how attempts go,
+//! and [`AgentLocomotion`] says how an agent moves, for its animation.
 //!
 //! The crate has no physics of its own, and depends on neither Surefoot's servers nor its worlds. Agents observe,
 //! follow plans and decide with the same code as the server's NPCs.
@@ -23,6 +24,7 @@ pub mod events;
 mod graph;
 mod level;
 mod mind;
+mod motion;
 mod policy;
 #[cfg(feature = "rapier")]
 pub mod rapier;
@@ -34,15 +36,16 @@ pub use character::{Jump, SurefootCharacter};
 pub use error::SurefootError;
 pub use graph::SurefootGraph;
 pub use level::{LevelFormat, SurefootLevel, SurfaceMesh};
+pub use motion::AgentLocomotion;
 pub use policy::{DefaultPolicy, SurefootPolicy};
 pub use surefoot_planner::{AbilitySet, Caution, Leg, LegKey, NoPath, Plan, Stop, VertexId};
 pub use surefoot_world::arrival::Line;
 pub use surefoot_world::map::Placed;
 pub use surefoot_world::mesh::Surface;
 pub use surefoot_world::sense::{RAY_COUNT, RAY_RANGE_M};
-pub use surefoot_world::{Ability, Action, CharacterProfile};
+pub use surefoot_world::{Ability, Action, CharacterProfile, Locomotion, MovePhase, Pace, Steps};
 
-use bevy_app::{App, FixedUpdate, Plugin};
+use bevy_app::{App, FixedLast, FixedUpdate, Plugin};
 use bevy_ecs::prelude::*;
 
 /// What agents need in any app. Without a policy of its own they have the shipped `general-reactive`.
@@ -86,6 +89,7 @@ impl Plugin for SurefootPlugin {
             .configure_sets(FixedUpdate, (Sense, Aim, Look, Decide, Move).chain())
             .add_systems(FixedUpdate, (aim::wind, aim::aim).chain().in_set(Aim))
             .add_systems(FixedUpdate, (aim::arrive, decide::decide).chain().in_set(Decide))
+            .add_systems(FixedLast, motion::follow)
             .add_observer(aim::note_death);
     }
 }

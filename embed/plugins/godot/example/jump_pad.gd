@@ -12,3 +12,5 @@ func _physics_process(_delta: float) -> void:
 	for body in get_overlapping_bodies():
 		if body is CharacterBody3D and body.velocity.y <= 0.0:
 			body.velocity.y = sqrt(2.0 * GRAVITY * (height + 10.0))
+			for agent in body.find_children("*", "SurefootAgent3D"):
+				agent.note_ability("pad")

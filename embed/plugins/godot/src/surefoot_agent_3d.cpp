@@ -147,9 +147,13 @@ void SurefootAgent3D::tick() {
             return;
         }
     }
-    if (life_ != nullptr && moves_body_) {
+    if (life_ == nullptr) {
+        return;
+    }
+    if (moves_body_) {
         life_->walker.move(static_cast<float>(self().call("get_physics_process_delta_time").number()));
     }
+    follow_motion();
 }
 
 // Notes what the character passes, and whether it has arrived. False if the agent has left the scene.

@@ -36,6 +36,10 @@ public:
     engine::Array get_plan();
     // For characters with controllers of their own: forward, strafe, turn and jump, -1 to 1.
     engine::Dictionary get_action() const;
+    // How the character moves, for its animation.
+    engine::Dictionary get_locomotion() const;
+    // Says that the character has just used an ability: by a device, or by a controller of its own.
+    void note_ability(const std::string& ability);
 
     engine::Variant get_graph() const { return graph_; }
     void set_graph(const engine::Variant& graph);
@@ -91,6 +95,7 @@ private:
     void chase();
     bool decide();
     sf_state state() const;
+    void follow_motion();
     bool go_to(sf_vec3 goal);
     bool is_near_goal(sf_vec3 place) const;
     bool begin_attempt(sf_vec3 goal);

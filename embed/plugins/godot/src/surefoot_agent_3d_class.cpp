@@ -32,6 +32,8 @@ void SurefootAgent3D::register_class() {
         .method<&A::get_waypoint>("get_waypoint")
         .method<&A::get_plan>("get_plan")
         .method<&A::get_action>("get_action")
+        .method<&A::get_locomotion>("get_locomotion")
+        .method<&A::note_ability>("note_ability", {"ability"})
         .signal("reached")
         .signal("failed", {{"reason", GDEXTENSION_VARIANT_TYPE_STRING}})
         .signal("plan_changed")

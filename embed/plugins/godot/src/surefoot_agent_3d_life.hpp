@@ -24,7 +24,9 @@ inline float distance(sf_vec3 a, sf_vec3 b) { return frames::length(frames::minu
 
 struct SurefootAgent3D::Life {
     Life(const engine::Variant& body, const sf_body& profile, sf_agents* agents, double feet_offset)
-        : body(body), sight(body), walker(body, profile), agents(agents), feet_offset(feet_offset) {}
+        : body(body), sight(body), walker(body, profile), agents(agents), feet_offset(feet_offset) {
+        motion.struct_size = sizeof motion;
+    }
     ~Life() {
         sf_follower_destroy(follower);
         sf_agents_destroy(agents);
@@ -51,6 +53,10 @@ struct SurefootAgent3D::Life {
     // Where a character without a plan stood, and decisions since it was 1 m away from there.
     sf_vec3 stood_at{};
     uint32_t standing = 0;
+    // How the character moves, ticks of 1/60 s since that was found, and an ability that it has used since then.
+    sf_locomotion motion{};
+    double motion_ticks = 0.0;
+    sf_ability used = SF_WALK;
 };
 
 }  // namespace surefoot

@@ -1,6 +1,7 @@
 #include "surefoot_graph.hpp"
 
 #include "frames.hpp"
+#include "names.hpp"
 
 namespace surefoot {
 
@@ -11,19 +12,6 @@ using engine::push_error;
 using engine::Variant;
 
 namespace {
-
-const char* name_of(sf_ability ability) {
-    switch (ability) {
-        case SF_WALK: return "walk";
-        case SF_JUMP: return "jump";
-        case SF_DOUBLE_JUMP: return "double_jump";
-        case SF_PAD: return "pad";
-        case SF_ZIP_LINE: return "zip_line";
-        case SF_TELEPORTER: return "teleporter";
-        case SF_JETPACK: return "jetpack";
-        default: return "unknown";
-    }
-}
 
 const char* name_of_no_path(sf_no_path reason) {
     switch (reason) {

@@ -3,6 +3,7 @@
 #include "frames.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace surefoot {
 
@@ -33,6 +34,8 @@ void Walker::begin_decision(const sf_action& action) {
 
 bool Walker::can_jump() const { return is_on_floor_ || ticks_in_air_ <= profile_.coyote_ticks || air_jumps_left_ > 0; }
 
+sf_ability Walker::take_jump() { return std::exchange(jump_, SF_WALK); }
+
 sf_vec3 Walker::wish(float yaw) const {
     const float sin = std::sin(yaw), cos = std::cos(yaw);
     const float forward = std::max(action_.forward, -profile_.side_speed_share), right = action_.strafe * profile_.side_speed_share;
@@ -60,9 +63,11 @@ void Walker::jump(sf_vec3& velocity) {
     if (!jump_is_pending_ || !can_jump()) {
         return;
     }
-    if (!is_on_floor_ && ticks_in_air_ > profile_.coyote_ticks) {
+    const bool is_in_air = !is_on_floor_ && ticks_in_air_ > profile_.coyote_ticks;
+    if (is_in_air) {
         air_jumps_left_--;
     }
+    jump_ = is_in_air ? SF_DOUBLE_JUMP : SF_JUMP;
     velocity.y = profile_.jump_speed;
     leave_floor();
     jump_is_pending_ = false;

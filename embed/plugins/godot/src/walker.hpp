@@ -15,6 +15,8 @@ public:
     void move(float seconds);
     // Whether the character can jump now.
     bool can_jump() const;
+    // SF_JUMP or SF_DOUBLE_JUMP if the character has jumped since the last call, SF_WALK otherwise.
+    sf_ability take_jump();
 
 private:
     sf_vec3 wish(float yaw) const;
@@ -30,6 +32,7 @@ private:
     bool is_on_floor_ = false;
     uint32_t ticks_in_air_ = 0;
     uint32_t air_jumps_left_ = 0;
+    sf_ability jump_ = SF_WALK;
 };
 
 }  // namespace surefoot

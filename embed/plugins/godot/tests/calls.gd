@@ -14,6 +14,7 @@ func _initialize() -> void:
 	_misuse_graphs(arguments[0])
 	_use_agents()
 	await _follow_a_target()
+	await _watch_a_leap()
 	_misuse_agents()
 	print("%d failures" % _failures)
 	quit(0 if _failures == 0 else 1)
@@ -151,6 +152,40 @@ func _follow_a_target() -> void:
 	ground.free()
 
 
+func _watch_a_leap() -> void:
+	var ground := _ground()
+	var box := _ground()
+	box.position = Vector3(34, 2.5, 0)
+	var character := _character()
+	var agent: SurefootAgent3D = character.get_node("Agent")
+	var seen := {"pace": [], "phase": [], "ability": []}
+	var widest := 0.0
+	_expect(agent.get_locomotion()["pace"] == "idle", "a character begins at rest")
+	agent.set_goal(Vector3(7, 2.5, 0))
+	for tick in 900:
+		await physics_frame
+		var now := agent.get_locomotion()
+		widest = maxf(widest, now["stride"])
+		for key: String in seen:
+			if seen[key].is_empty() or seen[key].back() != now[key]:
+				seen[key].append(now[key])
+		if not agent.is_navigating() and now["pace"] == "idle" and now["phase"] == "":
+			break
+	print("a leap: %s, stride %.1f m" % [seen, widest])
+	_expect("run" in seen["pace"] and widest > 3.0 and seen["pace"].back() == "idle", "it runs, and stands")
+	var begins: int = seen["phase"].find("flight")
+	_expect(begins > 0 and seen["phase"][begins + 1] == "landing", "it leaps, and lands")
+	_expect("jump" in seen["ability"] and seen["ability"].back() == "walk", "it jumps")
+	character.velocity.y = 8.0
+	agent.note_ability("pad")
+	for tick in 5:
+		await physics_frame
+	_expect(agent.get_locomotion()["phase"] == "flight" and agent.get_locomotion()["ability"] == "pad", "a pad throws it")
+	character.free()
+	box.free()
+	ground.free()
+
+
 func _misuse_agents() -> void:
 	print("MISTAKE a goal before the agent is in a scene")
 	var outside := SurefootAgent3D.new()
@@ -182,6 +217,8 @@ func _misuse_agents() -> void:
 	print("MISTAKE a radius out of range")
 	agent.goal_radius = -1.0
 	_expect(agent.goal_radius == 1.0, "a negative radius")
+	print("MISTAKE an ability that does not exist")
+	agent.note_ability("fly")
 	character.free()
 	_leave_teleporter_open()
 

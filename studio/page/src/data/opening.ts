@@ -61,26 +61,29 @@ function restore({ view, graphs, plans, npcs, live, viewport }: Studio, wanted: 
   shown.setCamera({ ...camera, target })
 }
 
-/** The link of the present view; undefined: nothing is shown yet. */
+/**
+ * The link of the present view; undefined: nothing is shown yet. Effects that call it run again when the view changes,
+ * but not for the camera and the height of the section, which change in every frame while they are moved.
+ */
 export function linkOf(studio: Studio): ViewLink | undefined {
   const { worlds, view, graphs, plans, npcs, viewport } = studio
-  const [world, shown] = [worlds.chosen.peek(), viewport.peek()]
+  const [world, shown] = [worlds.chosen.value, viewport.value]
   if (world === undefined || shown === undefined) return undefined
-  const follows = npcs.camera.peek()
+  const follows = npcs.camera.value
   const { target, ...angles } = shown.camera()
-  const { presence, colour } = graphs.filter.peek()
+  const { presence, colour } = graphs.filter.value
   return {
     world: { id: world.worldId, map: mapDigits(world.mapHash) },
     camera: follows ? angles : { ...angles, target },
-    npc: npcs.selectedId.peek(),
+    npc: npcs.selectedId.value,
     follows,
-    top: view.top.peek(),
+    top: view.top.value,
     graph: presence,
     colour,
-    trails: view.trails.peek(),
-    names: view.names.peek(),
-    section: view.section.peek() ? view.sectionHeight.peek() : undefined,
-    start: plans.start.peek(),
-    goal: plans.goal.peek(),
+    trails: view.trails.value,
+    names: view.names.value,
+    section: view.section.value ? view.sectionHeight.peek() : undefined,
+    start: plans.start.value,
+    goal: plans.goal.value,
   }
 }

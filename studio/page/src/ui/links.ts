@@ -1,14 +1,16 @@
 // The view's link: kept behind the # of the page's address, copied, and opened.
 
+import { effect } from '@preact/signals'
 import { linkOf } from '../data/opening'
 import type { Studio } from '../data/studio'
 import { decodeLink, encodeLink } from '../data/view-link'
 
-/** How often the address is brought up to date, ms. Browsers limit how often it may change. */
+/** How often the address follows the camera, ms. Browsers limit how often it may change. */
 const KEEP_MS = 1000
 
 /** Keeps the link of the view behind the #, and opens what the user puts there. */
 export function keepLinks(page: Window, studio: Studio): void {
+  effect(() => note(page, studio))
   setInterval(() => note(page, studio), KEEP_MS)
   page.addEventListener('hashchange', () => {
     const link = decodeLink(page.location.hash)
@@ -31,7 +33,7 @@ export async function copyLink(page: Window, studio: Studio): Promise<void> {
 
 function note(page: Window, studio: Studio): void {
   // Until its view has opened, the address keeps the link that it came with.
-  const isOpening = studio.link.peek() !== undefined
+  const isOpening = studio.link.value !== undefined
   const link = isOpening || page.document.hidden ? undefined : linkOf(studio)
   if (link === undefined) return
   const hash = `#${encodeLink(link)}`

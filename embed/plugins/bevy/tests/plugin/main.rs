@@ -7,6 +7,8 @@ mod crowd;
 mod files;
 #[cfg(feature = "avian")]
 mod goals;
+#[cfg(feature = "avian")]
+mod motion;
 #[cfg(feature = "rapier")]
 mod rapier;
 mod stage;
