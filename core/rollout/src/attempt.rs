@@ -242,6 +242,10 @@ impl<F: Fn(Vec3, Vec3) -> bool> Ground for OnMap<'_, F> {
         (self.may_cross)(from, to) && self.is_walk(from, to)
     }
 
+    fn is_walled(&self, from: Vec3, to: Vec3) -> bool {
+        arrival::is_walled(self.map, self.profile, from, to)
+    }
+
     fn walk_around(&self, from: Vec3, to: Vec3) -> Option<Vec<Vec3>> {
         let way = around::walk_around(self.map, self.profile, [from, to])?;
         let starts = std::iter::once(&from).chain(&way);

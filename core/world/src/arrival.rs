@@ -126,6 +126,18 @@ pub fn walks_straight(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec
     Place { map, movers: &Movers::default(), profile }.walks_straight(from, to)
 }
 
+/// Whether something solid rises by half of the body's height above two places on a map, m, between them.
+pub fn is_walled(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
+    !is_open_at(map, from, to, from.y.max(to.y) + 0.5 * profile.height)
+}
+
+/// Whether nothing solid lies between two places at a height, m.
+fn is_open_at(map: &Map, from: Vec3, to: Vec3, height: f32) -> bool {
+    let (from, to) = (from.with_y(height), to.with_y(height));
+    let hit = map.mesh().cast_ray(from, (to - from).normalize_or_zero(), from.distance(to));
+    hit.is_none_or(|hit| !hit.surface.is_solid())
+}
+
 /// Like [`walks_straight`], but only over ground without stairs, steep slopes and gaps, on which no body stumbles.
 pub fn is_plain(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
     let place = Place { map, movers: &Movers::default(), profile };
@@ -168,12 +180,7 @@ pub fn rims(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2]) -> Opt
     let ((_, near), (_, far)) = (place.walkable(from, offset), place.walkable(to, -offset));
     let width = (far - near).dot(offset.normalize_or_zero());
     let top = near.y.max(far.y) + 0.5 * profile.height;
-    let is_open_at = |height: f32| {
-        let (from, to) = (near.with_y(height), far.with_y(height));
-        let hit = map.mesh().cast_ray(from, (to - from).normalize_or_zero(), from.distance(to));
-        hit.is_none_or(|hit| !hit.surface.is_solid())
-    };
-    let is_open = || [top, top + profile.jump_height()].into_iter().any(is_open_at);
+    let is_open = || [top, top + profile.jump_height()].into_iter().any(|height| is_open_at(map, near, far, height));
     (width > 0.0 && width < horizontal(offset) && is_open()).then_some([near, far])
 }
 

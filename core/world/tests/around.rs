@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use surefoot_world::around::walk_around;
 use surefoot_world::arrival::{rims, walks_straight};
+use surefoot_world::character::bodies::NamedBody;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -47,6 +48,20 @@ fn a_body_walks_around_the_end_of_a_wall_and_through_a_door() {
         assert!(places.windows(2).all(is_walked), "{name}: {way:?}");
         assert_eq!(walk_around(&map, &body, ends), Some(way), "{name}: the same way again");
     }
+}
+
+#[test]
+fn what_a_map_keeps_of_earlier_walks_changes_no_later_one() {
+    let boxes = [slab(0.0, 24.0, 0.0), wall(0.0, 11.0), wall(12.0, 24.0)];
+    let (body, wide) = (CharacterProfile::default(), NamedBody::find("godot").expect("a named body").profile());
+    let searched = map(&boxes);
+    let pairs = [[at(16.0, 10.3), at(7.2, 14.0)], [at(8.1, 8.3), at(16.0, 8.0)], [at(9.0, 13.0), at(15.0, 11.0)]];
+    for ends in pairs {
+        for body in [&wide, &body] {
+            assert_eq!(walk_around(&searched, body, ends), walk_around(&map(&boxes), body, ends), "{ends:?}");
+        }
+    }
+    assert!(pairs.iter().all(|ends| walk_around(&searched, &body, *ends).is_some()), "through the door");
 }
 
 #[test]

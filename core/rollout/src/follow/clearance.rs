@@ -111,6 +111,13 @@ impl Clearance {
         !back.is_empty()
     }
 
+    /// Undoes what has moved at the ends of these legs of a plan, which become the last of them.
+    pub fn merge(&mut self, plan: &mut Plan, legs: &RangeInclusive<usize>) {
+        let fewer = legs.end() - legs.start();
+        self.undo(plan, legs.start().saturating_sub(1)..=*legs.end());
+        self.moved.iter_mut().filter(|(idx, _)| idx > legs.end()).for_each(|(idx, _)| *idx -= fewer);
+    }
+
     /// The corner at which the walk leg `leg` of a plan begins, or the shortcut that contains it, and the waypoint
     /// before, m; `None` if the body keeps no distance from walls, or did not walk there.
     pub fn corner(&self, plan: &Plan, leg: usize, shortcuts: &Shortcuts) -> Option<[Vec3; 2]> {

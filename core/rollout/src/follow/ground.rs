@@ -11,6 +11,8 @@ pub trait Ground {
     fn is_lane(&self, from: Vec3, to: Vec3, margin: f32) -> bool;
     /// Whether it could do so, and may leave the legs of its plan for that.
     fn is_way(&self, from: Vec3, to: Vec3) -> bool;
+    /// Whether something solid rises by half of the body's height above two places, m, between them.
+    fn is_walled(&self, from: Vec3, to: Vec3) -> bool;
     /// The corners of a short walk around what bars the straight way, m, and its end.
     fn walk_around(&self, from: Vec3, to: Vec3) -> Option<Vec<Vec3>>;
     /// The rims of the only gap, or ledge, on the straight way from one place to another, m: where the body leaves the

@@ -32,6 +32,7 @@ use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{Attach, LegKey, Plan, Traffic};
 use surefoot_world::{Ability, Arrival, CharacterProfile, End, Gait, Map, MoverAt, Vec3};
+use ways::way_of;
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
@@ -390,7 +391,8 @@ impl Follower {
     fn end_leg(&mut self, end: TryEnd) {
         let Some(plan) = &self.plan else { return };
         // An NPC that takes its time, or another way, says nothing about an edge.
-        let has_moved = self.shortcuts.contain(self.leg) || self.clearance.changes(self.leg);
+        let is_on_way = way_of(plan, self.leg).count() > 1;
+        let has_moved = is_on_way || self.shortcuts.contain(self.leg) || self.clearance.changes(self.leg);
         let is_usual = self.config.gait == Gait::DEFAULT && !has_moved;
         if let Some(edge) = plan.legs[self.leg].key.edge().filter(|_| is_usual) {
             self.traversals.push(Traversal { edge, end, decisions: self.decisions_on_leg });

@@ -19,12 +19,14 @@ impl Follower {
         let plan = self.plan.as_ref().filter(|plan| is_open && (plan.needs.is_empty() || is_under_way));
         let Some(plan) = plan.cloned() else { return false };
         let margin = self.config.gait.wall_distance;
-        let leaps = leaps_of(&plan, feet, ground);
+        // A way around leads along walls, and waypoints of plans with movers must not change.
+        let may_look = margin == 0.0 && plan.needs.is_empty();
+        let (leaps, longer_s) = leaps_of(&plan, feet, may_look, ground);
         let is_settled =
             leaps.is_empty() || plan.no_path.is_some() || !plan.needs.is_empty() || self.review.rounds >= MAX_ROUNDS;
         self.review.leaps.extend_from_slice(&leaps);
         let per_leap = if self.config.gait.avoids_jumps { PER_AVOIDED_LEAP_S } else { PER_LEAP_S };
-        let mut best = self.review.better_of(plan, leaps.len() as f32 * per_leap);
+        let mut best = self.review.better_of(plan, leaps.len() as f32 * per_leap + longer_s);
         if !is_settled {
             self.review.rounds += 1;
             self.review.best = Some(best);
@@ -35,7 +37,6 @@ impl Follower {
         // The goal may have moved since the plan was made.
         self.lead_to_goal(&mut best.plan);
         self.feet = feet;
-        // A way around leads along walls, and waypoints of plans with movers must not change.
         let may_look = margin == 0.0 && best.plan.needs.is_empty();
         lead_around(&mut best.plan, feet, &barred, may_look, ground);
         if best.plan.needs.is_empty() {
@@ -69,20 +70,23 @@ impl Follower {
         true
     }
 
-    /// Removes the corners of the way that contains `leg`, and with them what was changed in the plan since; returns
-    /// whether there were any. Its leg is a leap.
+    /// Removes the corners of the way that contains `leg`, and later changes at its ends. Returns whether there were
+    /// any. A leg that no proof covers is a leap then.
     pub(super) fn remove_way(&mut self, leg: usize) -> bool {
         let Some(plan) = &mut self.plan else { return false };
         let legs = way_of(plan, leg);
-        let (first, last) = legs.into_inner();
+        let (first, last) = (*legs.start(), *legs.end());
         if first == last {
             return false;
         }
-        self.clearance.undo(plan, 0..=plan.legs.len());
-        (self.clearance, self.shortcuts) = Default::default();
+        self.clearance.merge(plan, &legs);
+        self.shortcuts.merge(&legs);
         let seconds = plan.legs[first..=last].iter().map(|leg| leg.seconds).sum();
         let leg = &mut plan.legs[last];
-        (leg.seconds, leg.ability) = (seconds, Ability::Jump);
+        leg.seconds = seconds;
+        if leg.key.edge().is_none() {
+            leg.ability = Ability::Jump;
+        }
         plan.legs.drain(first..last);
         plan.waypoints.drain(first..last);
         let moved = |leg: usize| if leg > last { leg - (last - first) } else { leg.min(first) };

@@ -42,19 +42,33 @@ impl Review {
         legs.any(|leg| Ability::JUMPS.contains(&leg.ability))
     }
 
-    /// The better of a plan whose leaps cost `leaps_s` and the best one so far.
-    pub fn better_of(&mut self, plan: Plan, leaps_s: f32) -> Reviewed {
-        let cost = plan.seconds().0 + leaps_s;
+    /// The better of a plan that takes `more_s` longer than it says, and the best one so far.
+    pub fn better_of(&mut self, plan: Plan, more_s: f32) -> Reviewed {
+        let cost = plan.seconds().0 + more_s;
         let is_path = plan.no_path.is_none();
         let is_worse = |best: &Reviewed| !is_path || best.cost <= cost;
         self.best.take().filter(is_worse).unwrap_or(Reviewed { plan, cost })
     }
 }
 
-/// The legs of a plan from `feet`, m, that no proof covers and that cannot be walked.
-pub(super) fn leaps_of(plan: &Plan, feet: Vec3, ground: &impl Ground) -> Vec<LegKey> {
+/// The legs of a plan from `feet`, m, that no proof covers and that cannot be walked: not straight, and if `may_look`
+/// not around what bars them. Then how much longer it takes to walk around the others, s.
+pub(super) fn leaps_of(plan: &Plan, feet: Vec3, may_look: bool, ground: &impl Ground) -> (Vec<LegKey>, f32) {
+    let (mut leaps, mut longer_s) = (Vec::new(), 0.0);
     let starts = std::iter::once(&feet).chain(&plan.waypoints);
-    let legs = plan.legs.iter().zip(starts.zip(&plan.waypoints));
-    let unproved = legs.filter(|(leg, _)| leg.key.edge().is_none() && leg.ability == Ability::Walk);
-    unproved.filter(|(_, (start, end))| !ground.is_walk(**start, **end)).map(|(leg, _)| leg.key).collect()
+    for (leg, (start, end)) in plan.legs.iter().zip(starts.zip(&plan.waypoints)) {
+        if leg.key.edge().is_some() || leg.ability != Ability::Walk || ground.is_walk(*start, *end) {
+            continue;
+        }
+        match may_look.then(|| ground.walk_around(*start, *end)).flatten() {
+            Some(way) => longer_s += leg.seconds.0 * (length(*start, &way) / start.distance(*end) - 1.0).max(0.0),
+            None => leaps.push(leg.key),
+        }
+    }
+    (leaps, longer_s)
+}
+
+/// Length of a way from `start`, m.
+fn length(start: Vec3, way: &[Vec3]) -> f32 {
+    std::iter::once(&start).chain(way).zip(way).map(|(from, to)| from.distance(*to)).sum()
 }

@@ -60,6 +60,15 @@ impl Shortcuts {
         self.ranges.iter().position(|range| range.contains(&leg))
     }
 
+    /// Forgets shortcuts with one of these legs of a plan, which become the last of them.
+    pub fn merge(&mut self, legs: &RangeInclusive<usize>) {
+        let fewer = legs.end() - legs.start();
+        self.ranges.retain(|range| range.end() < legs.start() || range.start() > legs.end());
+        for range in self.ranges.iter_mut().filter(|range| range.start() > legs.end()) {
+            *range = range.start() - fewer..=range.end() - fewer;
+        }
+    }
+
     /// Removes the shortcut that contains `leg`, and returns its legs.
     pub fn remove(&mut self, leg: usize) -> Option<RangeInclusive<usize>> {
         self.containing(leg).map(|at| self.ranges.remove(at))

@@ -8,16 +8,20 @@ use std::ops::RangeInclusive;
 use surefoot_planner::{Leg, LegKey, Plan};
 use surefoot_world::{Ability, Chance, Seconds, Vec3};
 
-/// Makes the corners of ways around what bars these legs of a plan from `feet`, m, its waypoints. The parts of a leg
-/// keep its key. Where `may_look` is false, or there is no way, a leg becomes a leap.
-pub(super) fn lead_around(plan: &mut Plan, feet: Vec3, barred: &[LegKey], may_look: bool, ground: &impl Ground) {
+/// If `may_look`, makes the corners of ways around what bars the walks of a plan from `feet`, m, its waypoints. The
+/// parts of a leg keep its key. The `leaps` become legs that jump.
+pub(super) fn lead_around(plan: &mut Plan, feet: Vec3, leaps: &[LegKey], may_look: bool, ground: &impl Ground) {
     let waypoints = std::mem::take(&mut plan.waypoints);
     let legs = std::mem::take(&mut plan.legs);
     let mut start = feet;
     for (end, leg) in waypoints.into_iter().zip(legs) {
-        let is_barred = barred.contains(&leg.key);
-        let way = if is_barred && may_look { ground.walk_around(start, end) } else { None };
-        let ability = if is_barred && way.is_none() { Ability::Jump } else { leg.ability };
+        let is_leap = leaps.contains(&leg.key);
+        // A proof covers leaps on the straight way, but walls stand in the way of every walk.
+        let may_walk =
+            leg.ability == Ability::Walk && !is_leap && (leg.key.edge().is_none() || ground.is_walled(start, end));
+        let is_barred = may_look && may_walk && !ground.is_walk(start, end);
+        let way = if is_barred { ground.walk_around(start, end) } else { None };
+        let ability = if is_leap { Ability::Jump } else { leg.ability };
         let corners = way.as_deref().and_then(<[Vec3]>::split_last).map_or(&[][..], |(_, corners)| corners);
         let seconds = Seconds(leg.seconds.0 / (corners.len() + 1) as f32);
         let to_corner = Leg { seconds, chance: Chance::new(1.0), death_chance: 0.0, ..leg };

@@ -15,6 +15,7 @@ pub mod spec;
 mod surfaces;
 pub mod zones;
 
+use crate::around::KeptPlaces;
 use crate::mesh::{Cones, Triangle};
 pub use block::Block;
 pub use collision::CollisionMap;
@@ -37,6 +38,7 @@ use zones::Zones;
 pub struct Map {
     collision: CollisionMap,
     cones: Cones,
+    places: KeptPlaces,
 }
 
 impl Deref for Map {
@@ -50,7 +52,7 @@ impl Deref for Map {
 impl Map {
     /// Indexes a map for sensing.
     pub fn new(collision: CollisionMap) -> Self {
-        Self { cones: Cones::new(&collision.mesh), collision }
+        Self { cones: Cones::new(&collision.mesh), places: KeptPlaces::default(), collision }
     }
 
     /// Creates a map from solid geometry and features, for imported levels and tests. The surfaces of pools and the
@@ -98,7 +100,7 @@ impl Map {
         let zones = Zones::new(self.extent(), &placed);
         let movers = self.movers.clone();
         let collision = CollisionMap { mesh, zones, placed, movers, pieces, hash, ..self.collision };
-        Ok(Self { collision, cones })
+        Ok(Self { collision, cones, places: KeptPlaces::default() })
     }
 
     /// Returns a map with exactly these pieces: this map if it has them already, in the order of their names.
@@ -112,6 +114,11 @@ impl Map {
     /// The index for sensing.
     pub fn cones(&self) -> &Cones {
         &self.cones
+    }
+
+    /// Places to stand that searches for walks have found.
+    pub(crate) fn places(&self) -> &KeptPlaces {
+        &self.places
     }
 
     /// Memory of the geometry and its indices, in bytes.
