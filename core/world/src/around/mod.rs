@@ -2,8 +2,6 @@
 
 mod places;
 
-pub(crate) use places::KeptPlaces;
-
 use crate::Vec3;
 use crate::arrival;
 use crate::character::CharacterProfile;
@@ -26,7 +24,7 @@ const EAGER: f32 = 1.5;
 /// so later walks nearby take less time.
 pub fn walk_around(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2]) -> Option<Vec<Vec3>> {
     let search = Search { map, profile, to, longest: LONGEST * from.distance(to) + LONGER_M };
-    let places = map.places().with(map, profile, |places| search.run(from, places))?;
+    let places = places::on(map, profile, |places| search.run(from, places))?;
     Some(pulled_taut(map, profile, &places))
 }
 

@@ -4,17 +4,12 @@ use crate::Vec3;
 use crate::arrival::Place;
 use crate::character::{CharacterProfile, MoveScratch, is_clear};
 use crate::map::Map;
+use crate::map::standing::{Columns, STEP_COUNT, Standing};
 use crate::movers::Movers;
 use crate::navigable::floors;
-use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
 
 /// Distance between two columns of the grid, m.
 pub(super) const CELL_M: f32 = 0.5;
-/// Most columns that are kept for a body, about 100 bytes each.
-const MAX_COLUMNS: usize = 100_000;
-/// Most bodies for which places are kept.
-const MAX_BODIES: usize = 8;
 /// Room that a body keeps to walls besides its radius, as a share of its radius.
 const ROOM: f32 = 0.25;
 /// Height above the ground at which a body is tried, m: a capsule on a slope touches beside its lowest point.
@@ -22,27 +17,11 @@ const LIFT_M: f32 = 0.12;
 /// Difference in height up to which the end of a step is the place of its column, m.
 const SAME_M: f32 = 0.25;
 /// The steps from a place, in columns.
-pub(super) const STEPS: [(i32, i32); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
+pub(super) const STEPS: [(i32, i32); STEP_COUNT] =
+    [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
 
 /// A place of the grid: its column, and its number in it, from top to bottom.
 pub(super) type PlaceId = ((i32, i32), u8);
-
-/// The places of a map that searches have found, for each body.
-#[derive(Debug, Default)]
-pub(crate) struct KeptPlaces(Mutex<Vec<(Shape, Columns)>>);
-
-/// What of a body decides where it stands and steps: bits of its height, radius, steepest slope and step height.
-type Shape = [u32; 4];
-
-type Columns = HashMap<(i32, i32), Vec<Standing>>;
-
-/// A place to stand.
-#[derive(Debug, Clone, Copy)]
-struct Standing {
-    feet: Vec3,
-    /// For each step, the number of the place that it reaches in the next column. The outer `None` is an untried step.
-    steps: [Option<Option<u8>>; STEPS.len()],
-}
 
 /// The places of a map for one body. Searches find the same places in any order.
 pub(super) struct Places<'a> {
@@ -51,30 +30,12 @@ pub(super) struct Places<'a> {
     scratch: MoveScratch,
 }
 
-impl KeptPlaces {
-    /// Calls a function with the places of `map`, to which these belong, for a body.
-    pub(super) fn with<T>(
-        &self,
-        map: &Map,
-        profile: &CharacterProfile,
-        search: impl FnOnce(&mut Places<'_>) -> T,
-    ) -> T {
-        let shape = [profile.height, profile.radius, profile.max_slope, profile.step_height].map(f32::to_bits);
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let idx = kept.iter().position(|(other, _)| *other == shape).unwrap_or_else(|| {
-            if kept.len() >= MAX_BODIES {
-                kept.remove(0);
-            }
-            kept.push((shape, Columns::new()));
-            kept.len() - 1
-        });
-        let columns = &mut kept[idx].1;
-        if columns.len() > MAX_COLUMNS {
-            columns.clear();
-        }
-        let place = Place { map, movers: &Movers::default(), profile };
-        search(&mut Places { place, columns, scratch: MoveScratch::default() })
-    }
+/// Calls a function with the places of `map` for a body.
+pub(super) fn on<T>(map: &Map, profile: &CharacterProfile, search: impl FnOnce(&mut Places<'_>) -> T) -> T {
+    let shape = [profile.height, profile.radius, profile.max_slope, profile.step_height].map(f32::to_bits);
+    let place = Place { map, movers: &Movers::default(), profile };
+    let search = |columns: &mut Columns| search(&mut Places { place, columns, scratch: MoveScratch::default() });
+    map.places().with(shape, search)
 }
 
 impl Places<'_> {
@@ -138,7 +99,10 @@ impl Places<'_> {
         self.columns.entry(cell).or_insert_with(|| {
             let [x, z] = [cell.0, cell.1].map(|at| at as f32 * CELL_M);
             let (floors, count) = floors(map, profile, x, z);
-            floors[..count].iter().map(|(at, _)| Standing { feet: Vec3::new(x, at.y, z), steps: [None; 8] }).collect()
+            floors[..count]
+                .iter()
+                .map(|(at, _)| Standing { feet: Vec3::new(x, at.y, z), steps: [None; STEP_COUNT] })
+                .collect()
         })
     }
 }
