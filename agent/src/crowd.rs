@@ -2,6 +2,7 @@
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
+use std::collections::HashSet;
 use std::time::Duration;
 use surefoot_net::client::Link;
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
@@ -27,6 +28,8 @@ const BATCH: usize = 1024;
 pub struct Crowd {
     client: WorldServiceClient<Link>,
     world: wire::World,
+    /// The NPCs of the crowd. Those of other clients of its world are left alone.
+    npcs: HashSet<u64>,
     points: Vec<wire::Vec3>,
     rng: ChaCha8Rng,
 }
@@ -52,7 +55,8 @@ impl Crowd {
             ..Default::default()
         };
         let points = client.sample_ground(request).await?.into_inner().points;
-        let mut crowd = Self { client, world, points, rng: ChaCha8Rng::seed_from_u64(seed) };
+        let rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut crowd = Self { client, world, npcs: HashSet::new(), points, rng };
         let spawns: Vec<wire::Spawn> = (0..npc_count).map(|_| crowd.spawn()).collect();
         for spawns in spawns.chunks(BATCH) {
             let request = wire::BatchSpawnNpcsRequest {
@@ -61,8 +65,12 @@ impl Crowd {
                 ..Default::default()
             };
             for result in crowd.client.batch_spawn_npcs(request).await?.into_inner().results {
-                if let Some(wire::spawn_result::Result::Error(error)) = result.result {
-                    return Err(Status::new(error.code.into(), error.message));
+                match result.result {
+                    Some(wire::spawn_result::Result::NpcId(id)) => _ = crowd.npcs.insert(id),
+                    Some(wire::spawn_result::Result::Error(error)) => {
+                        return Err(Status::new(error.code.into(), error.message));
+                    }
+                    None => {}
                 }
             }
         }
@@ -86,8 +94,8 @@ impl Crowd {
         wire::Spawn { position: Some(self.point()), yaw: self.yaw(), goal: Some(self.point()), ..Default::default() }
     }
 
-    /// Gives idle NPCs new goals and revives NPCs that are down, until a stream ends. Sends figures of the world to
-    /// `latest`.
+    /// Gives its idle NPCs new goals and revives those that are down, until a stream ends. Sends figures of the world
+    /// to `latest`.
     pub async fn keep_busy(mut self, latest: watch::Sender<wire::WatchStatsResponse>) -> Result<(), Status> {
         let world_id = self.world.world_id;
         let request = wire::WatchWorldRequest { world_id, rate_hz: RATE_HZ, ..Default::default() };
@@ -108,12 +116,15 @@ impl Crowd {
         }
     }
 
-    /// Revives NPCs that are down and gives idle NPCs a goal. Ignores failures of single NPCs, which have changed since
-    /// the snapshot; the next snapshot shows their state.
+    /// Revives NPCs of the crowd that are down and gives its idle NPCs a goal. Ignores failures of single NPCs, which
+    /// have changed since the snapshot; the next snapshot shows their state.
     async fn assign_goals(&mut self, npcs: &[wire::Npc]) -> Result<(), Status> {
         let (mut teleports, mut goals) = (Vec::new(), Vec::new());
         for npc in npcs {
             let npc_id = npc.npc_id;
+            if !self.npcs.contains(&npc_id) {
+                continue;
+            }
             match npc.status() {
                 NpcStatus::Seeking | NpcStatus::Unspecified => continue,
                 NpcStatus::Idle => {}

@@ -1,6 +1,7 @@
 import { expect, type Page, test } from '@playwright/test'
 import { ask, clickMap, openOnMap, withGraph } from './page'
 import { Scene } from './scene'
+import type { StudioHook } from '../src/main'
 
 let scene: Scene
 test.beforeAll(async () => {
@@ -55,6 +56,12 @@ test('a player walks by keys and clicks, NPCs chase it, and it goes with its too
   await bar.getByRole('button', { name: 'Chase the player' }).click()
   await expect(bar).toContainText(/NPC \d+ chases it/)
   await expect.poll(metres, { timeout: 60_000 }).toBeLessThan(3)
+  // The crowd of `surefoot up` has not given it a goal of its own.
+  const underWay = ({ state }: StudioHook) => {
+    const npc = state.live.moment.value.npcs.get(state.npcs.selectedId.value!)!
+    return npc.attemptsBegun - npc.attemptsEnded
+  }
+  expect(await ask(page, underWay)).toBe(1)
   // It keeps to the player as that walks on.
   // A click may meet the chaser, or a place that the player cannot walk to.
   const spots = [0.4, 0.3, 0.6, 0.7].flatMap((x) => [0.4, 0.6].map((y) => [x, y] as const))
