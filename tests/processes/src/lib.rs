@@ -3,8 +3,10 @@
 use std::fs::File;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use tonic::transport::{Channel, Endpoint};
 
@@ -35,9 +37,20 @@ pub fn output(args: &[&str]) -> Output {
     surefoot(args).output().expect("the program starts")
 }
 
-/// An address of this machine whose port was free a moment ago.
+/// Ports that are tried: below those that systems give to clients, so that no connection takes one before its server
+/// listens.
+const PORTS: Range<u16> = 15_000..32_000;
+
+/// An address on which nothing listens. No two calls in a process have the same.
 pub fn free_address() -> SocketAddr {
-    TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr().expect("an address")
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    let first = std::process::id().wrapping_mul(61);
+    let ports = (0..PORTS.len()).map(|_| {
+        let place = first.wrapping_add(NEXT.fetch_add(1, Ordering::Relaxed)) % PORTS.len() as u32;
+        PORTS.start + place as u16
+    });
+    let mut addresses = ports.map(|port| SocketAddr::from(([127, 0, 0, 1], port)));
+    addresses.find(|address| TcpListener::bind(address).is_ok()).expect("a free port")
 }
 
 /// Calls `is_so` every 20 ms until it returns true; `what` names the condition.
