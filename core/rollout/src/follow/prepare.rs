@@ -8,6 +8,7 @@ use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S, leaps_of};
 use super::shortcuts::Shortcuts;
 use super::ways::{lead_around, way_of};
 use super::{Approach, Follower};
+use surefoot_planner::Plan;
 use surefoot_world::{Ability, Vec3};
 
 impl Follower {
@@ -20,8 +21,8 @@ impl Follower {
         let Some(plan) = plan.cloned() else { return false };
         let margin = self.config.gait.wall_distance;
         // A way around leads along walls, and waypoints of plans with movers must not change.
-        let may_look = margin == 0.0 && plan.needs.is_empty();
-        let (leaps, longer_s) = leaps_of(&plan, feet, may_look, ground);
+        let may_look = |plan: &Plan| margin == 0.0 && plan.needs.is_empty();
+        let (leaps, longer_s) = leaps_of(&plan, feet, may_look(&plan), ground);
         let is_settled =
             leaps.is_empty() || plan.no_path.is_some() || !plan.needs.is_empty() || self.review.rounds >= MAX_ROUNDS;
         self.review.leaps.extend_from_slice(&leaps);
@@ -37,7 +38,7 @@ impl Follower {
         // The goal may have moved since the plan was made.
         self.lead_to_goal(&mut best.plan);
         self.feet = feet;
-        let may_look = margin == 0.0 && best.plan.needs.is_empty();
+        let may_look = may_look(&best.plan);
         lead_around(&mut best.plan, feet, &barred, may_look, ground);
         if best.plan.needs.is_empty() {
             self.clearance = Clearance::make(&mut best.plan, feet, margin, ground);

@@ -83,9 +83,7 @@ impl RawCharacterProfile {
             jetpack_climb_speed: 8.0,
         }
     }
-}
 
-impl RawCharacterProfile {
     /// Height of a jump from level ground, m.
     pub fn jump_height(&self) -> f32 {
         0.5 * self.jump_speed * self.jump_speed / self.gravity
