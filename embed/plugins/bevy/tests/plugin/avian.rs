@@ -6,7 +6,6 @@ use avian3d::prelude::{Collider, PhysicsPlugins, RigidBody, TrimeshFlags};
 use bevy::app::App;
 use bevy::ecs::prelude::*;
 use bevy::math::Vec3;
-use bevy::transform::components::Transform;
 use bevy_surefoot::avian::SurefootAvianPlugin;
 use bevy_surefoot::events::{AgentDied, LegFailed};
 use bevy_surefoot::{
@@ -45,15 +44,7 @@ fn a_crowd_arrives_by_plan_and_equal_seeds_give_equal_bits() {
 /// The scene of docs/guides/bevy.md.
 #[test]
 fn without_a_graph_an_agent_jumps_onto_a_box() {
-    let mut app = stage::app();
-    app.add_plugins((PhysicsPlugins::default(), SurefootAvianPlugin));
-    let boxes = [([40.0, 1.0, 40.0], Vec3::new(0.0, -0.5, 0.0)), ([8.0, 3.0, 8.0], Vec3::new(6.0, 1.5, -6.0))];
-    for ([x, y, z], centre) in boxes {
-        let place = Transform::from_translation(centre);
-        app.world_mut().spawn((RigidBody::Static, Collider::cuboid(x, y, z), place));
-    }
-    app.finish();
-    app.cleanup();
+    let mut app = stage::app_with_box(60.0);
     let agent = SurefootAgent::default();
     let place = SurefootCharacter::standing_at(Vec3::new(-6.0, 0.0, 6.0), &agent.body);
     let goal = Goal(Vec3::new(6.0, 3.0, -6.0));

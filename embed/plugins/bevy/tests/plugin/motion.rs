@@ -1,30 +1,12 @@
 //! Locomotion of characters that avian moves, and of bodies that the tests move.
 
-use crate::stage::{self, Ends};
-use avian3d::prelude::{Collider, PhysicsPlugins, RigidBody};
+use crate::stage::{Ends, app_with_box};
 use bevy::app::App;
 use bevy::ecs::prelude::*;
 use bevy::math::Vec3;
-use bevy::time::{Fixed, Time};
-use bevy::transform::components::Transform;
-use bevy_surefoot::avian::SurefootAvianPlugin;
 use bevy_surefoot::{
     Ability, AgentLocomotion, AgentState, Goal, Locomotion, MovePhase, Pace, SurefootAgent, SurefootCharacter,
 };
-
-/// A floor, and a box of 3 m on it.
-fn app(hz: f64) -> App {
-    let mut app = stage::app();
-    app.add_plugins((PhysicsPlugins::default(), SurefootAvianPlugin)).insert_resource(Time::<Fixed>::from_hz(hz));
-    let boxes = [([40.0, 1.0, 40.0], Vec3::new(0.0, -0.5, 0.0)), ([8.0, 3.0, 8.0], Vec3::new(6.0, 1.5, -6.0))];
-    for ([x, y, z], centre) in boxes {
-        let place = Transform::from_translation(centre);
-        app.world_mut().spawn((RigidBody::Static, Collider::cuboid(x, y, z), place));
-    }
-    app.finish();
-    app.cleanup();
-    app
-}
 
 fn locomotion(app: &App, agent: Entity) -> Locomotion {
     app.world().get::<AgentLocomotion>(agent).unwrap().now
@@ -33,7 +15,7 @@ fn locomotion(app: &App, agent: Entity) -> Locomotion {
 #[test]
 fn a_run_onto_a_box_has_paces_strides_and_phases_at_any_rate_of_ticks() {
     for hz in [60.0, 64.0, 30.0] {
-        let mut app = app(hz);
+        let mut app = app_with_box(hz);
         let agent = SurefootAgent::default();
         let place = SurefootCharacter::standing_at(Vec3::new(-6.0, 0.0, 6.0), &agent.body);
         let goal = Goal(Vec3::new(6.0, 3.0, -6.0));
@@ -68,7 +50,7 @@ fn a_run_onto_a_box_has_paces_strides_and_phases_at_any_rate_of_ticks() {
 
 #[test]
 fn an_app_says_which_ability_its_own_controller_used() {
-    let mut app = app(60.0);
+    let mut app = app_with_box(60.0);
     let agent = app.world_mut().spawn(SurefootAgent::default()).id();
     let mut at = |height: f32, is_grounded: bool, used: Option<Ability>| {
         let state = AgentState { feet: Vec3::Y * height, is_grounded, ..AgentState::default() };

@@ -1,9 +1,17 @@
 //! A level with its graph, and the apps that run on it.
 
+#[cfg(feature = "avian")]
+use avian3d::prelude::{Collider, PhysicsPlugins, RigidBody};
 use bevy::app::App;
 use bevy::ecs::prelude::*;
+#[cfg(feature = "avian")]
+use bevy::math::Vec3;
 use bevy::prelude::{MinimalPlugins, TransformPlugin};
 use bevy::time::{Fixed, Time, TimeUpdateStrategy};
+#[cfg(feature = "avian")]
+use bevy::transform::components::Transform;
+#[cfg(feature = "avian")]
+use bevy_surefoot::avian::SurefootAvianPlugin;
 use bevy_surefoot::events::{GoalFailed, GoalReached};
 use bevy_surefoot::{Failure, SurefootGraph, SurefootLevel, SurefootPlugin};
 use std::path::{Path, PathBuf};
@@ -55,5 +63,20 @@ pub fn app() -> App {
         .add_observer(|event: On<'_, '_, GoalFailed>, mut ends: ResMut<'_, Ends>| {
             ends.failed.push((event.agent, event.failure));
         });
+    app
+}
+
+/// Such an app on avian with ticks of this rate: a floor, and a box of 3 m on it.
+#[cfg(feature = "avian")]
+pub fn app_with_box(hz: f64) -> App {
+    let mut app = app();
+    app.add_plugins((PhysicsPlugins::default(), SurefootAvianPlugin)).insert_resource(Time::<Fixed>::from_hz(hz));
+    let boxes = [([40.0, 1.0, 40.0], Vec3::new(0.0, -0.5, 0.0)), ([8.0, 3.0, 8.0], Vec3::new(6.0, 1.5, -6.0))];
+    for ([x, y, z], centre) in boxes {
+        let place = Transform::from_translation(centre);
+        app.world_mut().spawn((RigidBody::Static, Collider::cuboid(x, y, z), place));
+    }
+    app.finish();
+    app.cleanup();
     app
 }
