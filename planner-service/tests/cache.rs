@@ -21,7 +21,7 @@ use surefoot_world::{Ability, Decisions};
 fn built(vertices: u32) -> Built {
     let edges = (1..vertices).map(|to| {
         let mut evidence = Evidence::default();
-        evidence.note(TryEnd::Arrived, 7, Ability::Jump);
+        evidence.note(TryEnd::Arrived, 7, Ability::JUMP);
         Edge { key: EdgeKey::new(to - 1, to), evidence }
     });
     let graph = NavGraph::check(GraphData {

@@ -155,6 +155,8 @@ pub fn body(value: Option<&wire::Body>) -> Result<CharacterProfile, FieldError> 
             ground_acceleration: value.ground_acceleration.unwrap_or(it.ground_acceleration),
             air_acceleration: value.air_acceleration.unwrap_or(it.air_acceleration),
             coyote_ticks,
+            climb_speed: value.climb_speed.unwrap_or(it.climb_speed),
+            mantle_height: value.mantle_height.unwrap_or(it.mantle_height),
             uses_zip_lines: value.uses_zip_lines.unwrap_or(it.uses_zip_lines),
             zip_line_speed: value.zip_line_speed.unwrap_or(it.zip_line_speed),
             uses_jetpacks: value.uses_jetpacks.unwrap_or(it.uses_jetpacks),
@@ -188,6 +190,8 @@ pub fn body_to_wire(body: &CharacterProfile) -> wire::Body {
         uses_jetpacks: Some(body.uses_jetpacks),
         jetpack_acceleration: Some(body.jetpack_acceleration),
         jetpack_climb_speed: Some(body.jetpack_climb_speed),
+        climb_speed: Some(body.climb_speed),
+        mantle_height: Some(body.mantle_height),
     }
 }
 
@@ -266,8 +270,21 @@ macro_rules! wire_enum {
 
 wire_enum!(MapKind = wire::MapKind: Terrain Islands Interior Arena Tower Open);
 wire_enum!(End = wire::Outcome: Reached Fell Burnt Drowned NoProgress Unreachable ReachedNear);
-wire_enum!(Ability = wire::Ability: Walk Jump DoubleJump Pad ZipLine Teleporter Jetpack);
-wire_enum!(Surface = wire::Surface: Ground Water Lava Pad ZipLine Teleporter Jetpack);
+
+/// On the wire, abilities are numbered as in the table, from 1 on.
+impl WireEnum for Ability {
+    type Wire = wire::Ability;
+
+    fn to_wire(self) -> wire::Ability {
+        i32::try_from(self.idx() + 1).ok().and_then(|number| number.try_into().ok()).unwrap_or_default()
+    }
+
+    fn from_wire(number: i32) -> Option<Self> {
+        usize::try_from(number).ok()?.checked_sub(1).and_then(Self::at)
+    }
+}
+
+wire_enum!(Surface = wire::Surface: Ground Water Lava Pad ZipLine Teleporter Jetpack Climb);
 wire_enum!(Shape = wire::Formation: Column Line Wedge Loose);
 wire_enum!(MoverKind = wire::MoverKind: Door Lift Platform Floor Conveyor Crate);
 wire_enum!(PlayerContact = wire::PlayerContact: Block Push Ghost);
@@ -297,7 +314,7 @@ pub fn ability_to_wire(ability: Ability) -> wire::Ability {
 
 /// Converts an ability from the wire. Unspecified and unknown values become walking.
 pub fn ability(value: i32) -> Ability {
-    Ability::from_wire(value).unwrap_or(Ability::Walk)
+    Ability::from_wire(value).unwrap_or(Ability::WALK)
 }
 
 /// Packs floats as little-endian bytes.

@@ -55,7 +55,7 @@ fn leg_key(ends: &wire::LegEnds) -> Result<LegKey, FieldError> {
 fn without(value: i32) -> Result<Ability, FieldError> {
     match convert::ability(value) {
         // Every plan needs walking.
-        Ability::Walk => Err(FieldError::Unknown { field: "query.without", value }),
+        Ability::WALK => Err(FieldError::Unknown { field: "query.without", value }),
         ability => Ok(ability),
     }
 }

@@ -10,7 +10,7 @@ use surefoot_eval::{EvalConfig, EvalMap, Method, Price, evaluate};
 use surefoot_game_client::probes::{InGame, build};
 use surefoot_game_client::{Game, GameError, Level};
 use surefoot_net::client::Credentials;
-use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
+use surefoot_planner::probe::{Manner, Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::{BuildSettings, Progress};
 use surefoot_policy::Policy;
 use surefoot_proto::convert::{self, pack, unpack_points};
@@ -153,7 +153,12 @@ fn trials(context: &ProbeContext) -> Vec<Trial> {
         near.sort_by(|one, other| one.distance(*start).total_cmp(&other.distance(*start)));
         let (via, goal) = if idx % 3 == 0 { (Some(near[0]), near[1]) } else { (None, near[idx % 4]) };
         let trial = Trial::walk(*start, goal, idx as u64);
-        Trial { via, on_foot: idx % 5 == 0, keep_track: idx % 2 == 0, ..trial }
+        Trial {
+            via,
+            manner: if idx % 5 == 0 { Manner::OnFoot } else { Manner::Free },
+            keep_track: idx % 2 == 0,
+            ..trial
+        }
     };
     points.iter().enumerate().map(trial).collect()
 }

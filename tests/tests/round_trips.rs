@@ -167,7 +167,7 @@ proptest! {
 }
 
 fn ability() -> impl Strategy<Value = Ability> {
-    prop::sample::select(Ability::ALL.to_vec())
+    prop::sample::select(Ability::all().collect::<Vec<_>>())
 }
 
 fn graph() -> impl Strategy<Value = NavGraph> {

@@ -26,9 +26,11 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// Encodes the map as a `.glb` file.
 pub fn export_glb(map: &Map) -> Vec<u8> {
     let mut scene = SceneWriter::default();
-    let solids = map.mesh().triangles().iter().filter(|triangle| triangle.surface().is_solid());
-    if let Some(ground) = scene.add_mesh("ground", Surface::Ground, solids.map(Triangle::corners)) {
-        scene.nodes.push(json!({ "name": "ground", "mesh": ground }));
+    for (name, surface) in [("ground", Surface::Ground), ("climb", Surface::Climb)] {
+        let solids = map.mesh().triangles().iter().filter(|triangle| triangle.surface() == surface);
+        if let Some(mesh) = scene.add_mesh(name, surface, solids.map(Triangle::corners)) {
+            scene.nodes.push(json!({ "name": name, "mesh": mesh }));
+        }
     }
     add_pools(&mut scene, map);
     add_devices(&mut scene, map);
@@ -291,6 +293,7 @@ fn binary_gltf(mut json: Vec<u8>, binary: &[u8]) -> Vec<u8> {
 fn material(surface: Surface) -> Value {
     let (colour, glow) = match surface {
         Surface::Ground => ([0.36, 0.33, 0.27, 1.0], [0.0, 0.0, 0.0]),
+        Surface::Climb => ([0.45, 0.33, 0.16, 1.0], [0.0, 0.0, 0.0]),
         Surface::Water => ([0.08, 0.30, 0.55, 0.6], [0.0, 0.0, 0.0]),
         Surface::Lava => ([0.90, 0.20, 0.03, 1.0], [0.8, 0.15, 0.0]),
         Surface::Pad => ([0.95, 0.75, 0.10, 1.0], [0.0, 0.0, 0.0]),

@@ -6,6 +6,7 @@ use crate::meaning::{Kind, Meaning};
 use crate::moving::{self, Paths};
 use crate::pairs::{Half, Pairs};
 use crate::scene::{Node, node_label};
+use crate::upright::upright_box;
 use surefoot_world::map::mover::MAX_MOVERS;
 use surefoot_world::map::spec::MAX_HEIGHT_M;
 use surefoot_world::map::{Device, DeviceKind, Liquid, MapSize, Mover, MoverError, Outline, Placed, Pool, features};
@@ -27,6 +28,8 @@ pub(super) struct Found {
     pub(super) pools: Vec<(String, FoundPool)>,
     pub(super) devices: Vec<(String, Device)>,
     pub(super) movers: Vec<Mover>,
+    /// Triangles that bodies climb.
+    pub(super) climbs: Vec<[Vec3; 3]>,
     /// The box around the devices and movers that are nodes: parts of the level, unlike entries of the sidecar.
     pub(super) reach: Option<Aabb>,
 }
@@ -50,7 +53,9 @@ impl Found {
         let bounds = feature_bounds(nodes, owners);
         let mut triangles_of: Vec<Vec<[Vec3; 3]>> = vec![Vec::new(); nodes.len()];
         for (node, owner) in nodes.iter().zip(owners) {
-            if let Some(owner) = owner.filter(|owner| matches!(meanings[*owner].kind, Some(Kind::Mover(_)))) {
+            if let Some(owner) =
+                owner.filter(|owner| matches!(meanings[*owner].kind, Some(Kind::Mover(_) | Kind::Ladder | Kind::Climb)))
+            {
                 triangles_of[owner].extend_from_slice(&node.triangles);
             }
         }
@@ -89,6 +94,12 @@ impl Found {
                     }
                     mover.triangles.iter().flatten().for_each(|corner| self.extend(*corner));
                     self.movers.push(mover);
+                }
+                Kind::Ladder | Kind::Climb => {
+                    let triangles = std::mem::take(&mut triangles_of[idx]);
+                    let climbs = if *kind == Kind::Climb { triangles } else { upright_box(triangles.as_flattened()) };
+                    climbs.iter().flatten().for_each(|corner| self.extend(*corner));
+                    self.climbs.extend(climbs);
                 }
                 Kind::Path | Kind::Helper | Kind::LeftOut => {}
             }

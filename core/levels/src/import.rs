@@ -168,12 +168,16 @@ fn import(scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Resul
     let unit = if is_exported { None } else { other_unit(&solids, &nodes, options.scale) };
     let place = Place::new(bounds, former).map_err(|span| too_large(span, &nodes, &is_solid, unit.clone()))?;
     frame.origin += place.shift.as_dvec3();
-    let moved = |corners: &[Vec3; 3]| Triangle::new(corners.map(|corner| corner + place.shift), Surface::Ground);
-    let triangles: Vec<Triangle> = solids.iter().filter_map(moved).collect();
+    let moved_as = |surface: Surface| {
+        move |corners: &[Vec3; 3]| Triangle::new(corners.map(|corner| corner + place.shift), surface)
+    };
+    let moved = moved_as(Surface::Ground);
+    let mut triangles: Vec<Triangle> = solids.iter().filter_map(moved).collect();
     if triangles.is_empty() {
         return Err(ImportError::Empty);
     }
     (geometry.triangles, geometry.degenerate) = (triangles.len(), solids.len() - triangles.len());
+    triangles.extend(found.climbs.iter().filter_map(moved_as(Surface::Climb)));
     // Turned triangles make edges consistent.
     let inconsistent = if turned.triangles == 0 { geometry.inconsistent_edges } else { 0 };
     warnings.extend((inconsistent > 0).then_some(Warning::InconsistentEdges { count: inconsistent }));

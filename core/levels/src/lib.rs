@@ -39,6 +39,7 @@ mod shape;
 mod sidecar;
 mod sides;
 mod units;
+mod upright;
 mod zip;
 
 pub use container::{Files, NoFiles};

@@ -12,6 +12,10 @@ pub(super) enum Kind {
     Device(DeviceKind, Option<(End, String)>),
     /// A door, lift, platform, floor or conveyor.
     Mover(MoverKind),
+    /// A ladder: its box can be climbed.
+    Ladder,
+    /// A wall or a net: its shape can be climbed.
+    Climb,
     /// A place on the path of a mover.
     Path,
     /// Something for a tool or an engine.
@@ -36,6 +40,8 @@ impl Kind {
             Self::Mover(MoverKind::Floor) => Role::Floor,
             Self::Mover(MoverKind::Conveyor) => Role::Conveyor,
             Self::Mover(MoverKind::Crate) => Role::Crate,
+            Self::Ladder => Role::Ladder,
+            Self::Climb => Role::Climb,
             Self::Path => Role::Path,
             Self::Helper => Role::Helper,
             Self::LeftOut => Role::LeftOut,

@@ -8,6 +8,7 @@
 //! - `pad` and `jetpack` stand at the centre of the bottom of their bounding box.
 //! - `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end (`_from` works like
 //!   `:from`, for tools that do not allow colons).
+//! - `ladder` can be climbed as its smallest upright box, `climb` as it is.
 //! - What moves is described in `moving`.
 //! - Helpers are left out: `navmesh`, `trigger`, `occluder`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot),
 //!   and the simple colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
@@ -28,7 +29,7 @@ use surefoot_world::Aabb;
 use surefoot_world::map::{DeviceKind, Liquid, MoverKind};
 
 /// Words with which the names of features and helpers begin.
-const WORDS: [(&str, Word); 18] = [
+const WORDS: [(&str, Word); 20] = [
     ("lava", Word::Pool(Liquid::Lava)),
     ("water", Word::Pool(Liquid::Water)),
     ("pad", Word::Device(DeviceKind::Pad)),
@@ -44,6 +45,8 @@ const WORDS: [(&str, Word); 18] = [
     ("vanish", Word::Mover(MoverKind::Floor)),
     ("pushable", Word::Mover(MoverKind::Crate)),
     ("conveyor", Word::Mover(MoverKind::Conveyor)),
+    ("ladder", Word::Ladder),
+    ("climb", Word::Climb),
     ("navmesh", Word::Helper),
     ("trigger", Word::Helper),
     ("occluder", Word::Helper),
@@ -55,6 +58,8 @@ enum Word {
     Pool(Liquid),
     Device(DeviceKind),
     Mover(MoverKind),
+    Ladder,
+    Climb,
     Helper,
 }
 
@@ -138,7 +143,10 @@ pub(super) fn meanings(
                     meanings.push(Meaning { reason: "it holds most of the level".to_owned(), ..Meaning::default() });
                     continue;
                 }
+                let is_shape = |kind: &Option<Kind>| matches!(kind, Some(Kind::Ladder | Kind::Climb));
+                let has_shape = whole.bounds.is_some();
                 let named = named.filter(|it| may_move || !matches!(it.kind, Some(Kind::Mover(_))));
+                let named = named.filter(|it| has_shape || !is_shape(&it.kind));
                 let side = whole.bounds.map_or(0.0, |Aabb { low, high }| (high.x - low.x).max(high.z - low.z));
                 if side > MAX_DEVICE_M && matches!(named, Some(Meaning { kind: Some(Kind::Device(..)), .. })) {
                     warnings.push(Warning::LargeDevice { node: node.name.clone(), side });
@@ -224,6 +232,8 @@ fn named(
                 return Some(Meaning { reason: format!("it lacks {lacks}"), ..Meaning::default() });
             }
         },
+        Word::Ladder => Kind::Ladder,
+        Word::Climb => Kind::Climb,
         Word::Helper => Kind::Helper,
     };
     Some(Meaning::new(kind, format!("its name begins with `{word}`")))
@@ -262,7 +272,10 @@ pub(super) fn owners(
     let mut has_feature_below = vec![false; nodes.len()];
     for (idx, node) in nodes.iter().enumerate().rev() {
         if let Some(parent) = node.parent {
-            let is_feature = matches!(meanings[idx].kind, Some(Kind::Pool(_) | Kind::Device(..) | Kind::Mover(_)));
+            let is_feature = matches!(
+                meanings[idx].kind,
+                Some(Kind::Pool(_) | Kind::Device(..) | Kind::Mover(_) | Kind::Ladder | Kind::Climb)
+            );
             has_feature_below[parent] |= has_feature_below[idx] || is_feature;
         }
     }

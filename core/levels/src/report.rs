@@ -35,6 +35,10 @@ pub enum Role {
     Conveyor,
     /// A crate that can be pushed.
     Crate,
+    /// A ladder, as its box.
+    Ladder,
+    /// A wall or a net that can be climbed.
+    Climb,
     /// A stop on the path of a mover.
     Path,
     /// Something for a tool or an engine, such as a navigation mesh; it is left out.

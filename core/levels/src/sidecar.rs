@@ -54,6 +54,8 @@ pub(super) enum NodeAs {
     Floor,
     Conveyor,
     Crate,
+    Ladder,
+    Climb,
 }
 
 impl NodeAs {
@@ -71,6 +73,8 @@ impl NodeAs {
             Self::Floor => Kind::Mover(MoverKind::Floor),
             Self::Conveyor => Kind::Mover(MoverKind::Conveyor),
             Self::Crate => Kind::Mover(MoverKind::Crate),
+            Self::Ladder => Kind::Ladder,
+            Self::Climb => Kind::Climb,
         })
     }
 }

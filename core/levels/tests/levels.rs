@@ -183,7 +183,7 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
         (Saved { vertices: vec![1.0, 1.0, 1.0, 1.0, 1.0, 1.0e9, 9.0, 1.0, 1.0], ..plain() }, "vertex 1"),
         (Saved { corners: vec![0, 1, 3], ..plain() }, "refers to vertex 3, but there are 3"),
         (Saved { corners: vec![0, 1, 1], ..plain() }, "no area"),
-        (Saved { surfaces: vec![7], ..plain() }, "unknown surface 7"),
+        (Saved { surfaces: vec![99], ..plain() }, "unknown surface 99"),
         (with_pads(vec![pad, endless]), "pad 1"),
         (with_pads(vec![pad; 20_001]), "20001 pools and devices"),
         (plain(), "was saved as 0000000000000000"),

@@ -46,7 +46,7 @@ impl Default for Evidence {
             decisions_sum: 0.0,
             decisions_squared: 0.0,
             expected: None,
-            ability: Ability::Walk,
+            ability: Ability::WALK,
             prior: UNKNOWN_PRIOR,
             death_share: 0.0,
             price_factor: 1.0,
@@ -342,11 +342,11 @@ mod tests {
         let mut evidence = Evidence::expected(0.8, Decisions(40.0));
         assert!(evidence.is_expected() && evidence.is_sound());
         let mut failure = Evidence::default();
-        failure.note(TryEnd::Failed, 9, Ability::Walk);
+        failure.note(TryEnd::Failed, 9, Ability::WALK);
         let failed = evidence.combined(&failure);
         assert!(failed.decisions_mean() == Decisions(40.0) && failed.chance().get() < evidence.chance().get());
         assert!(!failed.is_sound(), "tried, but without a success");
-        evidence.note(TryEnd::Arrived, 10, Ability::Walk);
+        evidence.note(TryEnd::Arrived, 10, Ability::WALK);
         assert!(evidence.decisions_mean() == Decisions(10.0) && !evidence.is_expected());
     }
 

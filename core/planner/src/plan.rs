@@ -132,7 +132,7 @@ pub struct Plan {
 impl Plan {
     /// Returns the plan of one unproved leg straight to `goal`, m, without an estimate of its risk.
     pub fn straight(goal: Vec3) -> Self {
-        let leg = Leg::lasting(LegKey::DIRECT, Decisions(1.0), Chance::new(1.0), 0.0, Ability::Walk);
+        let leg = Leg::lasting(LegKey::DIRECT, Decisions(1.0), Chance::new(1.0), 0.0, Ability::WALK);
         Self { waypoints: vec![goal], legs: vec![leg], no_path: None, needs: Vec::new(), nearest: None }
     }
 
@@ -182,7 +182,7 @@ impl Leg {
     /// Creates an unproved leg, which `model` estimates from the positions of its two ends, m.
     pub(crate) fn unproved(model: &LegModel, key: LegKey, [start, end]: [Vec3; 2]) -> Self {
         let estimate = model.estimate(start, end);
-        Self::lasting(key, estimate.decisions, estimate.chance, estimate.death_chance, Ability::Walk)
+        Self::lasting(key, estimate.decisions, estimate.chance, estimate.death_chance, Ability::WALK)
     }
 
     fn lasting(key: LegKey, decisions: Decisions, chance: Chance, death_chance: f64, ability: Ability) -> Self {

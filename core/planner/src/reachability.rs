@@ -84,11 +84,8 @@ pub fn describe(graph: &NavGraph) -> Connection {
         })
         .collect();
     let connected = graph.connected_share();
-    let used: Vec<Ability> = Ability::ALL[1..]
-        .iter()
-        .copied()
-        .filter(|&ability| graph.edges().any(|edge| edge.evidence.ability == ability))
-        .collect();
+    let used: Vec<Ability> =
+        Ability::all().skip(1).filter(|&ability| graph.edges().any(|edge| edge.evidence.ability == ability)).collect();
     let lost_without = used
         .into_iter()
         .map(|ability| {
@@ -203,7 +200,7 @@ mod tests {
     }
 
     fn graphs() -> impl Strategy<Value = NavGraph> {
-        let ability = prop::sample::select(vec![Ability::Walk, Ability::Jump, Ability::Pad]);
+        let ability = prop::sample::select(vec![Ability::WALK, Ability::JUMP, Ability::PAD]);
         let places = prop::collection::vec((any::<u8>(), any::<u8>()), 1..40);
         let edges = prop::collection::vec((any::<u8>(), any::<u8>(), ability), 0..70);
         (places, edges).prop_map(|(places, edges)| graph(&places, &edges))
@@ -224,7 +221,7 @@ mod tests {
             let described = describe(&graph);
             prop_assert_eq!(described.connected, searched_share(&graph));
             for (name, lost) in &described.lost_without {
-                let ability: Ability = name.parse().unwrap();
+                let ability = Ability::named(name).unwrap();
                 prop_assert_eq!(*lost, described.connected - searched_share(&without(&graph, ability)));
             }
             let of_island = |id: u32| graph.vertices().find(|vertex| graph.islands()[vertex.idx()] == id).unwrap();
@@ -255,7 +252,7 @@ mod tests {
 
     #[test]
     fn a_level_that_the_import_puts_elsewhere_on_its_map_has_lost_nothing() {
-        let walks = [(0, 1, Ability::Walk), (1, 0, Ability::Walk)];
+        let walks = [(0, 1, Ability::WALK), (1, 0, Ability::WALK)];
         let (before, after) = (graph(&[(5, 5), (15, 5)], &walks), graph(&[(45, 5), (55, 5)], &walks));
         let frame = |x: f64| LevelFrame { origin: DVec3::new(x, 0.0, 0.0), ..LevelFrame::default() };
         let difference = compare_levels((&before, &frame(2.0)), (&after, &frame(42.0)));

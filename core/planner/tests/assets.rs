@@ -11,7 +11,7 @@ use surefoot_world::{Ability, DVec3, Vec3};
 /// A double jump up a ledge, and a drop down with a walk over ground that no NavMesh has.
 fn tiny() -> LinkSet {
     let up = Leap {
-        ability: Ability::DoubleJump,
+        ability: Ability::DOUBLE_JUMP,
         take_off: Vec3::new(4.0, 0.0, 2.5),
         apex: Vec3::new(5.25, 4.5, 2.5),
         landing: Vec3::new(7.0, 3.0, 2.5),
@@ -20,7 +20,7 @@ fn tiny() -> LinkSet {
         second_jump: Some(0.5),
     };
     let down = Leap {
-        ability: Ability::Walk,
+        ability: Ability::WALK,
         take_off: Vec3::new(7.0, 3.0, 4.0),
         apex: Vec3::new(7.0, 3.0, 4.0),
         landing: Vec3::new(5.0, 0.0, 4.0),

@@ -76,7 +76,7 @@ fn by_definition(
 fn level() -> impl Strategy<Value = (NavGraph, Vec<Option<u32>>)> {
     let place = (0..40u8, 0..3u8, 0..40u8).prop_map(|(x, y, z)| Vec3::new(f32::from(x), f32::from(y), f32::from(z)));
     let vertex = (place, prop::option::weighted(0.9, 0..3u32));
-    let ability = prop::sample::select(vec![Ability::Walk, Ability::Jump]);
+    let ability = prop::sample::select(vec![Ability::WALK, Ability::JUMP]);
     let edge = (0..COUNT, 0..COUNT, 1..60u32, ability);
     (prop::collection::vec(vertex, COUNT as usize), prop::collection::vec(edge, 0..80)).prop_map(|(vertices, edges)| {
         let edges = edges.into_iter().filter(|(from, to, ..)| from != to).map(|(from, to, decisions, ability)| {

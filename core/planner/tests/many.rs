@@ -48,7 +48,7 @@ fn queries() -> impl Strategy<Value = Query> {
     let restrictions = (avoided(), any::<bool>(), prop_oneof![Just(1.0), 0.0..1.0f32], 0..3u16);
     (restrictions, zones(), any::<bool>()).prop_map(|((avoid, is_without, caution, stops), zones, has_key)| Query {
         avoid,
-        without: [Ability::Jump].into_iter().filter(|_| is_without).collect(),
+        without: [Ability::JUMP].into_iter().filter(|_| is_without).collect(),
         caution: Caution::new(caution).unwrap(),
         stops: if stops == 0 { Vec::new() } else { vec![StopSet(stops)] },
         zones,
@@ -60,7 +60,7 @@ fn queries() -> impl Strategy<Value = Query> {
 /// Edges, every third of which needs a jump, and every fifth a mover at its first stop.
 fn graph(tuples: Vec<(u32, u32, u32, u32, u32)>) -> NavGraph {
     let mut edges = edges_of(tuples);
-    edges.iter_mut().step_by(3).for_each(|edge| edge.evidence.ability = Ability::Jump);
+    edges.iter_mut().step_by(3).for_each(|edge| edge.evidence.ability = Ability::JUMP);
     for edge in edges.iter_mut().step_by(5) {
         let mut needs = Needs::default();
         needs.add(Need { mover: MoverId(0), stops: StopSet(1) });

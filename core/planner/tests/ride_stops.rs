@@ -60,7 +60,7 @@ fn outcome(trial: &Trial) -> Outcome {
     Outcome {
         reached: trial.ride.is_some() || (trial.start.y - trial.goal.y).abs() < 1.0,
         decisions: 5,
-        ability: Ability::Walk,
+        ability: Ability::WALK,
         bounds: [trial.start.min(trial.goal), trial.start.max(trial.goal)],
         needs: trial.ride.map_or_else(Needs::default, Needs::of_ride),
         ..Outcome::begin(trial.start)

@@ -14,7 +14,7 @@ use surefoot_world::{Ability, Vec3};
 fn edge(from: u32, to: u32, decisions: u32, successes: u32, tries: u32) -> Edge {
     let mut evidence = Evidence::default();
     for attempt in 0..tries {
-        evidence.note(TryEnd::of(attempt < successes), decisions, Ability::Walk);
+        evidence.note(TryEnd::of(attempt < successes), decisions, Ability::WALK);
     }
     Edge { key: EdgeKey::new(from, to), evidence }
 }
@@ -205,10 +205,10 @@ fn edge_by(from: u32, to: u32, ability: Ability) -> Edge {
 fn a_plan_does_without_excluded_abilities_with_and_without_labels() {
     let vertices = vec![Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0), Vec3::new(30.0, 0.0, 40.0), Vec3::new(120.0, 0.0, 0.0)];
     let edges = vec![
-        edge_by(0, 1, Ability::DoubleJump),
-        edge_by(0, 2, Ability::Walk),
-        edge_by(2, 1, Ability::Pad),
-        edge_by(1, 3, Ability::ZipLine),
+        edge_by(0, 1, Ability::DOUBLE_JUMP),
+        edge_by(0, 2, Ability::WALK),
+        edge_by(2, 1, Ability::PAD),
+        edge_by(1, 3, Ability::ZIP_LINE),
     ];
     let graph = graph(vertices, edges);
     for label_limit in [4096, 0] {
@@ -220,11 +220,11 @@ fn a_plan_does_without_excluded_abilities_with_and_without_labels() {
             let plan = plan(without, Vec3::new(60.0, 0.0, 0.0));
             plan.legs.iter().filter(|leg| leg.key.edge().is_some()).map(|leg| leg.ability).collect()
         };
-        assert_eq!(used(&[]), [Ability::DoubleJump]);
-        assert_eq!(used(&[Ability::ZipLine]), [Ability::DoubleJump]);
-        assert_eq!(used(&[Ability::DoubleJump]), [Ability::Walk, Ability::Pad]);
-        assert_eq!(used(&[Ability::Jump]), [Ability::Walk, Ability::Pad], "a double jump begins with a jump");
-        let told = plan(&[Ability::ZipLine], Vec3::new(120.0, 0.0, 0.0));
+        assert_eq!(used(&[]), [Ability::DOUBLE_JUMP]);
+        assert_eq!(used(&[Ability::ZIP_LINE]), [Ability::DOUBLE_JUMP]);
+        assert_eq!(used(&[Ability::DOUBLE_JUMP]), [Ability::WALK, Ability::PAD]);
+        assert_eq!(used(&[Ability::JUMP]), [Ability::WALK, Ability::PAD], "a double jump begins with a jump");
+        let told = plan(&[Ability::ZIP_LINE], Vec3::new(120.0, 0.0, 0.0));
         assert_eq!(told.no_path, Some(NoPath::DifferentIslands));
         assert_eq!(told.nearest, Some(Vec3::new(60.0, 0.0, 0.0)), "as near as it gets without zip lines");
     }
@@ -235,8 +235,8 @@ fn the_more_cautious_a_plan_the_farther_it_goes_around_an_edge_that_kills() {
     // Both of the short ways fail once in ten tries, and one of them kills.
     let short = |end: TryEnd, to: u32| {
         let mut evidence = Evidence::default();
-        (0..9).for_each(|_| evidence.note(TryEnd::Arrived, 20, Ability::Walk));
-        evidence.note(end, 20, Ability::Walk);
+        (0..9).for_each(|_| evidence.note(TryEnd::Arrived, 20, Ability::WALK));
+        evidence.note(end, 20, Ability::WALK);
         Edge { key: EdgeKey::new(0, to), evidence }
     };
     let vertices =

@@ -16,6 +16,8 @@ use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
 use surefoot_world::character::Body;
+use surefoot_world::climbs::climb_between;
+use surefoot_world::mesh::ClimbSpot;
 use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Trajectory, Vec3, around, arrival};
 
 /// Rehearsals that end in harm, with other noise each time, before the NPC takes another way.
@@ -97,7 +99,7 @@ impl Attempt {
     pub fn style(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Style {
         let style = self.follower.style();
         let is_shown = self.is_forecast() || self.follower.stay().is_some();
-        let walks = matches!(style, Style::Walk(_)) || style == Style::for_leg(Ability::Walk);
+        let walks = matches!(style, Style::Walk(_)) || style == Style::for_leg(Ability::WALK);
         if is_shown || walks && self.walks_straight(map, profile, body) { style } else { Style::Free }
     }
 
@@ -254,6 +256,10 @@ impl<F: Fn(Vec3, Vec3) -> bool> Ground for OnMap<'_, F> {
 
     fn rims(&self, from: Vec3, to: Vec3) -> Option<[Vec3; 2]> {
         arrival::rims(self.map, self.profile, [from, to]).filter(|rims| leap::is_possible(*rims, to, self.profile))
+    }
+
+    fn climb(&self, from: Vec3, to: Vec3) -> Option<ClimbSpot> {
+        climb_between(self.map, self.profile, [from, to])
     }
 
     fn with_room(&self, at: Vec3, margin: f32) -> Vec3 {

@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 use surefoot_world::character::{Action, Body};
 use surefoot_world::float::heading;
-use surefoot_world::{Ability, CharacterProfile, TICK_SECONDS, TICKS_PER_SECOND, Vec3};
+use surefoot_world::{Ability, CharacterProfile, Motion, TICK_SECONDS, TICKS_PER_SECOND, Vec3};
 
 /// A point of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -31,7 +31,7 @@ mod by_name {
 
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Ability, D::Error> {
         let name = String::deserialize(deserializer)?;
-        name.parse().map_err(|_| D::Error::custom(format!("`{name}` is no ability")))
+        Ability::named(&name).ok_or_else(|| D::Error::custom(format!("`{name}` is no ability")))
     }
 }
 
@@ -102,7 +102,7 @@ impl<'p> Driver<'p> {
         if body.ride.is_some() {
             return Some(Action::default());
         }
-        let leaps = point.by != Ability::Walk;
+        let leaps = point.by != Ability::WALK;
         let turn = turn_towards(body, target);
         self.is_lined_up |= turn.abs() < FACING_RAD;
         if leaps && body.is_grounded() && !self.is_lined_up && self.jumps == 0 {
@@ -116,7 +116,7 @@ impl<'p> Driver<'p> {
             self.jumps += 1;
             self.blocked = 0;
         }
-        if point.by == Ability::Jetpack && !body.is_grounded() && body.feet.y < target.y + LEVEL_M {
+        if point.by == Ability::JETPACK && !body.is_grounded() && body.feet.y < target.y + LEVEL_M {
             action.jump = 1.0;
         }
         Some(action)
@@ -131,17 +131,17 @@ impl<'p> Driver<'p> {
     fn has_passed(&self, body: &Body) -> bool {
         let Some(point) = self.points.get(self.next) else { return false };
         let to = Vec3::from_array(point.at) - body.feet;
-        let after = self.points.get(self.next + 1).map_or(Ability::Walk, |next| next.by);
+        let after = self.points.get(self.next + 1).map_or(Ability::WALK, |next| next.by);
         if was_taken(after, body, flat(to).length()) {
             return true;
         }
-        let begins_leap = after != Ability::Walk;
+        let begins_leap = after != Ability::WALK;
         let within = match point.by {
             _ if begins_leap => TAKE_OFF_M,
-            Ability::Walk => PASSED_M,
+            Ability::WALK => PASSED_M,
             _ => LANDED_M,
         };
-        let stands = body.is_grounded() || (point.by == Ability::Walk && !begins_leap);
+        let stands = body.is_grounded() || (point.by == Ability::WALK && !begins_leap);
         // The task decides when the last point is reached.
         self.next + 1 < self.points.len() && stands && to.y.abs() < LEVEL_M && flat(to).length() < within
     }
@@ -151,7 +151,7 @@ impl<'p> Driver<'p> {
         let (Some(point), Some(after)) = (self.points.get(self.next), self.points.get(self.next + 1)) else {
             return SLOW;
         };
-        if after.by != Ability::Walk || point.by != Ability::Walk {
+        if after.by != Ability::WALK || point.by != Ability::WALK {
             return SLOW;
         }
         let at = Vec3::from_array(point.at);
@@ -163,17 +163,17 @@ impl<'p> Driver<'p> {
     /// Whether the body jumps. A leap begins as soon as it would arrive; otherwise where the body is blocked, or where
     /// the ground ends. The second jump follows when the first one no longer rises.
     fn wants_jump(&mut self, body: &Body, profile: &CharacterProfile, by: Ability, target: Vec3) -> bool {
-        let most = match by {
-            Ability::Jump | Ability::Jetpack => 1,
-            Ability::DoubleJump => 1 + u32::from(profile.extra_jumps),
+        let most = match by.motion() {
+            Motion::Jump | Motion::Thrust => 1,
+            Motion::AirJump => 1 + u32::from(profile.extra_jumps),
             // A NavMesh may contain steps that are too high for the body.
-            Ability::Walk => return body.is_grounded() && self.blocked >= BLOCKED_TICKS,
+            Motion::Walk => return body.is_grounded() && self.blocked >= BLOCKED_TICKS,
             // Jumps in the air may add height to a pad's throw.
-            Ability::Pad => 1 + u32::from(profile.extra_jumps),
-            Ability::ZipLine | Ability::Teleporter => return false,
+            Motion::Throw => 1 + u32::from(profile.extra_jumps),
+            Motion::Ride | Motion::Teleport | Motion::Surface | Motion::Pull => return false,
         };
         let to = target - body.feet;
-        if by == Ability::Pad {
+        if by.motion() == Motion::Throw {
             let is_falling = !body.is_grounded() && body.velocity.y < 0.5;
             return is_falling && self.jumps < most && body.air_jumps_left > 0 && to.y > -1.0;
         }
@@ -193,10 +193,10 @@ impl<'p> Driver<'p> {
 /// Whether a device has taken the body, whose horizontal distance to it is still `distance`, m: devices act at their
 /// rims.
 fn was_taken(by: Ability, body: &Body, distance: f32) -> bool {
-    match by {
-        Ability::Pad => !body.is_grounded() && body.velocity.y > SLOW && distance < DEVICE_M,
-        Ability::ZipLine => body.ride.is_some(),
-        Ability::Teleporter => body.teleport_locked,
+    match by.motion() {
+        Motion::Throw => !body.is_grounded() && body.velocity.y > SLOW && distance < DEVICE_M,
+        Motion::Ride => body.ride.is_some(),
+        Motion::Teleport => body.teleport_locked,
         _ => false,
     }
 }

@@ -12,6 +12,7 @@
 
 pub mod attempt;
 pub mod attempts;
+pub mod climb;
 pub mod crowd;
 pub mod decision;
 pub mod drive;

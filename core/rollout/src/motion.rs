@@ -167,9 +167,9 @@ impl Motion {
         gait.in_air = u64::from(now.in_air);
         gait.jumps = Ability::JUMPS.map(|jump| u64::from(now.used.contains(jump))).iter().sum();
         gait.metres =
-            if now.used.contains(Ability::Teleporter) { 0.0 } else { f64::from(now.feet.distance(last.feet)) };
+            if now.used.contains(Ability::TELEPORTER) { 0.0 } else { f64::from(now.feet.distance(last.feet)) };
         self.all.add(&gait);
-        if ability == Some(Ability::Walk) {
+        if ability == Some(Ability::WALK) {
             self.walk.add(&gait);
         }
         self.decisions += 1;

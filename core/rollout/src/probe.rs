@@ -3,23 +3,26 @@
 //! Every episode draws its heading and noise from its own random stream, which its trial names. Its result therefore
 //! does not depend on the other episodes, on their order or on the number of threads.
 
+use crate::climb::Climb;
 use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::goals::{Goal, random_yaw};
+use crate::steer::Course;
 use crate::style::Style;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use surefoot_planner::needs::{Need, Needs, Ride};
-use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
+use surefoot_planner::probe::{Manner, Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::ride_stops::{Boarding, longest_ride_ticks, states_for_proof};
 use surefoot_planner::threads::map_indices;
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
 use surefoot_policy::noise::fill_gaussian;
 use surefoot_world::character::ACTION_LEN;
+use surefoot_world::climbs::climb_between;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    Ability, Arrival, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, StopSet,
+    Ability, Arrival, CharacterProfile, DecisionOutcome, End, Gait, Map, MoverAt, MoverOrder, NpcSlot, StopSet,
     TICKS_PER_DECISION, TaskConfig, Vec3, World,
 };
 
@@ -249,7 +252,7 @@ impl<'a> Probes<'a> {
     }
 
     fn start(&mut self, trial_idx: usize, trial: &Trial) {
-        let style = if trial.on_foot { Style::for_leg(Ability::Walk) } else { Style::Free };
+        let style = style_of(trial, &self.worlds[0]);
         self.start_in_style(trial_idx, trial, style);
     }
 
@@ -304,6 +307,19 @@ impl<'a> Probes<'a> {
             false
         });
         finished
+    }
+}
+
+/// The style in which the body of a trial moves.
+fn style_of(trial: &Trial, world: &World) -> Style {
+    let spot = || climb_between(world.map(), &world.config().profiles[0], [trial.start, trial.goal]);
+    match trial.manner {
+        Manner::Free => Style::Free,
+        Manner::OnFoot => Style::for_leg(Ability::WALK),
+        Manner::Climb => spot().map_or(Style::Free, |spot| {
+            let course = Course { to: trial.goal, then: None, cuts: false, gait: Gait::DEFAULT, around: None };
+            Style::Climb(Climb { spot, course })
+        }),
     }
 }
 
@@ -410,7 +426,7 @@ impl RunningProbe {
         let (goal, next) = trial.via.map_or((trial.goal, None), |via| (via, Some(trial.goal)));
         let mut outcome = Outcome::begin(trial.start);
         outcome.track.extend(trial.keep_track.then_some(Some(trial.start)));
-        let style = if trial.on_foot { Style::for_leg(Ability::Walk) } else { Style::Free };
+        let style = if trial.manner == Manner::OnFoot { Style::for_leg(Ability::WALK) } else { Style::Free };
         let give_up_after = patience(trial.start, goal, profile);
         let probe = Self { style, outcome, keep_track: trial.keep_track, next, give_up_after, rng, wait };
         (probe, Goal { start: trial.start, yaw, goal })

@@ -102,7 +102,7 @@ impl Forecast {
     }
 
     /// What an NPC with this `body` will do in the next second. `ability` is that of its next leap or ride;
-    /// [`Ability::Walk`] if there is none.
+    /// [`Ability::WALK`] if there is none.
     pub fn trajectory(&self, body: &Body, ability: Ability) -> Trajectory {
         let stands = self.rest.last().filter(|body| body.is_at_rest());
         let until = self.ahead.len().saturating_sub(self.beyond);
@@ -120,7 +120,7 @@ impl Forecast {
         };
         let decisions = std::iter::once(body).chain(&self.ahead).zip(&self.ahead);
         let mut starts = decisions.zip((0..POSE_TICKS[2]).step_by(TICKS_PER_DECISION as usize));
-        let (_, ticks) = starts.find(|(bodies, _)| ability != Ability::Walk && leaves(*bodies))?;
+        let (_, ticks) = starts.find(|(bodies, _)| ability != Ability::WALK && leaves(*bodies))?;
         Some(TakeOff { ticks: ticks as u8, ability })
     }
 

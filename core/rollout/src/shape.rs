@@ -11,12 +11,11 @@ use crate::style::Style;
 use std::cmp::Ordering::Equal;
 use std::f32::consts::TAU;
 use surefoot_planner::assets::{Leap, Passage, Shape};
-use surefoot_planner::probe::{EdgeRun, Trial};
+use surefoot_planner::probe::{EdgeRun, Manner, Trial};
 use surefoot_planner::threads::map_indices;
 use surefoot_planner::{Edge, MoverAt, NavGraph, RideStops};
 use surefoot_world::character::{Body, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
-use surefoot_world::mesh::Surface;
 use surefoot_world::navigable::DOWN;
 use surefoot_world::reach::ground::Ground;
 use surefoot_world::reliance::Reliance;
@@ -172,7 +171,11 @@ impl ShapeMeter<'_> {
 
     fn trial(&self, edge: &Edge, attempt: u32) -> Trial {
         let (start, goal) = (self.graph.position(edge.key.from), self.graph.position(edge.key.to));
-        Trial { held: self.held, ..Trial::walk(start, goal, EdgeRun::Shape(attempt).stream(edge.key)) }
+        Trial {
+            held: self.held,
+            manner: Manner::of_edge(edge.evidence.ability),
+            ..Trial::walk(start, goal, EdgeRun::Shape(attempt).stream(edge.key))
+        }
     }
 
     /// The shape of an edge that is a ride: one passage from its start to its end.
@@ -240,7 +243,7 @@ impl ShapeMeter<'_> {
 
     /// Whether a short walk leads where a leap goes.
     fn is_needless(&self, leap: &Leap) -> bool {
-        let is_plain = matches!(leap.ability, Ability::Walk | Ability::Jump | Ability::DoubleJump);
+        let is_plain = matches!(leap.ability, Ability::WALK | Ability::JUMP | Ability::DOUBLE_JUMP);
         let metres = WALK_RATIO * leap.take_off.distance(leap.landing) + WALK_MORE_M;
         is_plain && self.ground.walks_within(leap.take_off, leap.landing, metres)
     }
@@ -280,22 +283,21 @@ impl ShapeMeter<'_> {
         let hit = map.mesh().cast_ray(place + Vec3::Y, DOWN, 1.5)?;
         let feet = place + Vec3::Y * (1.0 - hit.distance + 0.1);
         let is_free = map.liquid_at(feet, -0.1).is_none() && map.device_at(feet).is_none();
-        (hit.surface == Surface::Ground && is_free && is_clear(map.mesh(), profile, feet, 0.03, scratch))
-            .then_some(feet)
+        (hit.surface.is_solid() && is_free && is_clear(map.mesh(), profile, feet, 0.03, scratch)).then_some(feet)
     }
 }
 
 /// The path along a passage, for the plain controller.
 fn path_along(passage: &Passage) -> Vec<PathPoint> {
-    let mut points = vec![PathPoint { at: passage.start.to_array(), by: Ability::Walk }];
+    let mut points = vec![PathPoint { at: passage.start.to_array(), by: Ability::WALK }];
     for leap in &passage.leaps {
         if points.last().is_some_and(|last| last.at != leap.take_off.to_array()) {
-            points.push(PathPoint { at: leap.take_off.to_array(), by: Ability::Walk });
+            points.push(PathPoint { at: leap.take_off.to_array(), by: Ability::WALK });
         }
         points.push(PathPoint { at: leap.landing.to_array(), by: leap.ability });
     }
     if points.last().is_some_and(|last| last.at != passage.end.to_array()) {
-        points.push(PathPoint { at: passage.end.to_array(), by: Ability::Walk });
+        points.push(PathPoint { at: passage.end.to_array(), by: Ability::WALK });
     }
     points
 }
@@ -360,11 +362,11 @@ fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
         if !now.stands || enters {
             let flight = open.get_or_insert_with(|| Flight::begin(before.feet, tick - 1, before.speed));
             flight.used = flight.used.union(now.used);
-            if now.used.contains(Ability::DoubleJump) {
+            if now.used.contains(Ability::DOUBLE_JUMP) {
                 flight.second_jump.get_or_insert(tick);
             }
         } else if let Some(flight) = open.take() {
-            let picked = if flight.used.contains(Ability::Jetpack) { pickup.take() } else { None };
+            let picked = if flight.used.contains(Ability::JETPACK) { pickup.take() } else { None };
             found.extend(flight.land(track, now.feet, tick, picked));
         }
     }
@@ -395,7 +397,7 @@ impl Flight {
     /// The leap that ends at `landing`; `None` if it was a bump.
     fn land(self, track: &[Moment], landing: Vec3, end: usize, pickup: Option<(Vec3, usize)>) -> Option<Timed> {
         let ability = self.used.most_demanding();
-        if ability == Ability::Walk && self.take_off.y - landing.y < BUMP_M {
+        if ability == Ability::WALK && self.take_off.y - landing.y < BUMP_M {
             return None;
         }
         let seconds = |ticks: usize| ticks as f32 * TICK_SECONDS;

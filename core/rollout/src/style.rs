@@ -6,6 +6,7 @@
 //! [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives; otherwise it moves freely.
 //! docs/adr/0026-composed-motion.md and docs/adr/0061-taut-ways-and-leaps.md have measurements.
 
+use crate::climb::Climb;
 use crate::leap::Leap;
 use crate::steer::Course;
 use std::f32::consts::{PI, TAU};
@@ -47,6 +48,8 @@ pub enum Style {
     Walk(Course),
     /// Steered over a gap, without the policy.
     Leap(Leap),
+    /// Steered up what bodies climb, without the policy.
+    Climb(Climb),
     /// Standing still at a place and ignoring the policy, while the NPC waits for a mover or rides on it.
     Stay {
         /// The place, m.
@@ -59,7 +62,7 @@ pub enum Style {
 impl Style {
     /// The composed style for a leg that needs `ability`.
     pub fn for_leg(ability: Ability) -> Self {
-        Self::Composed { jumps: ability != Ability::Walk }
+        Self::Composed { jumps: ability != Ability::WALK }
     }
 
     /// Whether an NPC that moves so must observe, and evaluate its policy: one with a memory always, since what it has
@@ -70,7 +73,7 @@ impl Style {
 
     /// Whether the NPC is steered.
     pub fn is_steered(self) -> bool {
-        matches!(self, Self::Walk(_) | Self::Leap(_))
+        matches!(self, Self::Walk(_) | Self::Leap(_) | Self::Climb(_))
     }
 
     /// Share of the noise that an NPC keeps, 0 or 1.
@@ -84,6 +87,7 @@ impl Style {
             Self::Free => return action,
             Self::Walk(course) => return course.action(&npc.body, profile),
             Self::Leap(leap) => return leap.action(&npc.body, profile),
+            Self::Climb(climb) => return climb.action(&npc.body, profile),
             Self::Stay { at, within } => return stay(at, within, &npc.body, profile),
             Self::Composed { jumps } => jumps,
         };

@@ -48,8 +48,8 @@ fn leap(profile: &CharacterProfile, width: f32, rise: f32, run_up: f32) -> Leapt
         world.decide(slot, leap.action(&body, profile));
         world.tick_decision();
         let used = world.npc(slot).unwrap().used_abilities;
-        leapt.jumps += u32::from(used.contains(Ability::Jump));
-        leapt.air_jumps += u32::from(used.contains(Ability::DoubleJump));
+        leapt.jumps += u32::from(used.contains(Ability::JUMP));
+        leapt.air_jumps += u32::from(used.contains(Ability::DOUBLE_JUMP));
         if body.is_grounded() && !world.npc(slot).unwrap().body.is_grounded() {
             leapt.took_off = 20.0 - body.feet.x;
         }

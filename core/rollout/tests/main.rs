@@ -2,6 +2,7 @@
 
 mod build;
 mod chase;
+mod climbing;
 mod crowd;
 mod edits;
 mod env;

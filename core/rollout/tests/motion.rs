@@ -58,13 +58,13 @@ fn a_composed_action_goes_where_the_policy_wants_and_looks_there() {
         npc.body = Body::at(npc.body.feet, draw(PI));
         npc.body.velocity = Vec3::new(draw(11.0), 0.0, draw(11.0));
         assert_eq!(Style::Free.shape(action, &npc, &profile), action);
-        let walks = Style::for_leg(Ability::Walk).shape(action, &npc, &profile);
+        let walks = Style::for_leg(Ability::WALK).shape(action, &npc, &profile);
         assert!(walks.to_array().iter().all(|value| (-1.0..=1.0).contains(value)), "{walks:?}");
         assert!(walks.jump <= 0.0, "no jumps on a leg that can be walked");
-        assert_eq!(Style::for_leg(Ability::Jump).shape(action, &npc, &profile).jump, action.jump);
+        assert_eq!(Style::for_leg(Ability::JUMP).shape(action, &npc, &profile).jump, action.jump);
         // A body that stands turns towards where the policy wants to go, as far as it can.
         (npc.body.velocity, npc.body.support) = (Vec3::ZERO, Support::Ground);
-        let turned = Style::for_leg(Ability::Walk).shape(action, &npc, &profile);
+        let turned = Style::for_leg(Ability::WALK).shape(action, &npc, &profile);
         let most = profile.turn_speed * DECISION_SECONDS;
         let (forward, right) =
             (action.forward.max(-profile.side_speed_share), action.strafe * profile.side_speed_share);
@@ -90,7 +90,7 @@ fn a_composed_body_keeps_its_heading_in_the_air() {
     world.head_for(slot, goal, Arrival::Pass);
     // The policy spins and swerves.
     let action = Action { forward: 1.0, strafe: 0.4, turn: -1.0, jump: 1.0 };
-    let leap = Style::for_leg(Ability::Jump);
+    let leap = Style::for_leg(Ability::JUMP);
     let mut npc = *world.npc(slot).unwrap();
     npc.body.yaw = PI / 2.0;
     (npc.body.velocity, npc.body.support) = (Vec3::X * 8.0, Support::Air);

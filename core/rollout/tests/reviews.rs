@@ -169,13 +169,13 @@ fn a_leg_behind_a_wall_is_walked_around_until_a_rehearsal_fails() {
     let mut attempt = reviewed(true);
     let ahead = attempt.follower.waypoints_ahead();
     assert!(ahead.len() > 1 && ahead.iter().any(|place| place.z < 14.0), "around the near end: {ahead:?}");
-    assert_eq!(attempt.follower.ability(), Some(Ability::Walk));
+    assert_eq!(attempt.follower.ability(), Some(Ability::WALK));
 
     let mut budget = RetryBudget::default();
     while attempt.follower.waypoints_ahead() != [goal] {
         let failure = RehearsalFailure { leg: LegKey::DIRECT, is_harm: false };
         assert_eq!(budget.spend(failure, &mut attempt.follower), Recovery::MoveFreely);
     }
-    assert_eq!(attempt.follower.ability(), Some(Ability::Jump));
+    assert_eq!(attempt.follower.ability(), Some(Ability::JUMP));
     assert_eq!(reviewed(false).follower.waypoints_ahead(), [goal], "a zone bars the way around");
 }

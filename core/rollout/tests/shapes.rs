@@ -87,7 +87,7 @@ fn leaps_begin_and_end_where_bodies_stand_and_a_plain_controller_repeats_them() 
             let (from, to) = (platform_at(leap.take_off + from_map), platform_at(leap.landing + from_map));
             assert!(from.is_some() && to.is_some(), "{leap:?}");
             assert!(leap.apex.y >= leap.take_off.y.max(leap.landing.y) && leap.seconds > 0.1, "{leap:?}");
-            assert_eq!(leap.ability == Ability::DoubleJump, leap.second_jump.is_some());
+            assert_eq!(leap.ability == Ability::DOUBLE_JUMP, leap.second_jump.is_some());
         }
     }
     let mean = passages().map(|passage| passage.driven).sum::<f32>() / passages().count() as f32;

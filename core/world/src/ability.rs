@@ -1,59 +1,138 @@
-//! Abilities: the moves that a leg can need.
+//! Abilities: the moves of the table that a leg can need. docs/adr/0064-moves-are-data.md says where this leads.
 
 use serde::{Deserialize, Serialize};
-use strum::VariantArray;
 
-/// The most demanding ability that a leg needs, ordered from the least demanding.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Default,
-    Serialize,
-    Deserialize,
-    strum::VariantArray,
-    strum::IntoStaticStr,
-    strum::EnumString,
-)]
-#[strum(serialize_all = "snake_case")]
-pub enum Ability {
-    /// Walking, sliding or dropping.
-    #[default]
-    Walk,
-    /// A jump from the ground.
-    Jump,
-    /// A second jump in the air.
-    DoubleJump,
-    /// A jump pad.
-    Pad,
-    /// A zip line.
-    ZipLine,
-    /// A teleporter.
-    Teleporter,
-    /// A jetpack's thrust.
-    Jetpack,
+/// A move of [`MOVES`], by its place there. Legs need the most demanding one; moves are ordered from the least
+/// demanding to the most demanding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(try_from = "u8", into = "u8")]
+pub struct Ability(u8);
+
+/// A move that bodies can make.
+#[derive(Debug)]
+pub struct Move {
+    /// Name in snake case, as in reports, exports and queries.
+    pub id: &'static str,
+    /// What it does to a body.
+    pub motion: Motion,
 }
 
+/// What a move does to a body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Motion {
+    /// The body walks, slides or drops.
+    Walk,
+    /// The body jumps from the ground.
+    Jump,
+    /// The body jumps in the air.
+    AirJump,
+    /// A device throws the body.
+    Throw,
+    /// The body rides along a line.
+    Ride,
+    /// The body is somewhere else at once.
+    Teleport,
+    /// The body is pushed up as long as it wants to be.
+    Thrust,
+    /// The body moves along the face that it touches, as long as it wants to move into it.
+    Surface,
+    /// The body pulls itself up to the ledge above the face that it touches, as long as it wants to move into it.
+    Pull,
+}
+
+const fn made(id: &'static str, motion: Motion) -> Move {
+    Move { id, motion }
+}
+
+/// All moves. There may be as many as an [`AbilitySet`] has bits.
+pub const MOVES: [Move; 9] = [
+    made("walk", Motion::Walk),
+    made("jump", Motion::Jump),
+    made("double_jump", Motion::AirJump),
+    made("pad", Motion::Throw),
+    made("zip_line", Motion::Ride),
+    made("teleporter", Motion::Teleport),
+    made("jetpack", Motion::Thrust),
+    made("climb", Motion::Surface),
+    made("mantle", Motion::Pull),
+];
+
 impl Ability {
-    /// All abilities, the least demanding first.
-    pub const ALL: &[Ability] = Self::VARIANTS;
+    /// Walking, sliding or dropping.
+    pub const WALK: Self = Self(0);
+    /// A jump from the ground.
+    pub const JUMP: Self = Self(1);
+    /// A second jump in the air.
+    pub const DOUBLE_JUMP: Self = Self(2);
+    /// A jump pad.
+    pub const PAD: Self = Self(3);
+    /// A zip line.
+    pub const ZIP_LINE: Self = Self(4);
+    /// A teleporter.
+    pub const TELEPORTER: Self = Self(5);
+    /// A jetpack's thrust.
+    pub const JETPACK: Self = Self(6);
+    /// Climbing a ladder, a net or a wall.
+    pub const CLIMB: Self = Self(7);
+    /// Pulling oneself up to a ledge.
+    pub const MANTLE: Self = Self(8);
     /// Jumps, from the ground and in the air.
-    pub const JUMPS: [Ability; 2] = [Self::Jump, Self::DoubleJump];
+    pub const JUMPS: [Self; 2] = [Self::JUMP, Self::DOUBLE_JUMP];
+
+    /// All abilities, the least demanding first.
+    pub fn all() -> impl DoubleEndedIterator<Item = Self> + ExactSizeIterator {
+        (0..MOVES.len() as u8).map(Self)
+    }
+
+    /// The ability at a place of the table.
+    pub fn at(idx: usize) -> Option<Self> {
+        Self::all().nth(idx)
+    }
+
+    /// The ability with this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::all().find(|ability| ability.name() == name)
+    }
+
+    /// Its place in the table.
+    pub fn idx(self) -> usize {
+        usize::from(self.0)
+    }
 
     /// Name in snake case, as used in reports and exports.
     pub fn name(self) -> &'static str {
-        self.into()
+        MOVES[self.idx()].id
+    }
+
+    /// What it does to a body.
+    pub fn motion(self) -> Motion {
+        MOVES[self.idx()].motion
     }
 }
 
+impl From<Ability> for u8 {
+    fn from(ability: Ability) -> Self {
+        ability.0
+    }
+}
+
+impl TryFrom<u8> for Ability {
+    type Error = NoAbility;
+
+    fn try_from(idx: u8) -> Result<Self, NoAbility> {
+        Self::at(idx.into()).ok_or(NoAbility(idx))
+    }
+}
+
+/// There is no ability with this number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("there is no ability {0}: there are {count}", count = MOVES.len())]
+pub struct NoAbility(u8);
+
 /// A set of abilities: those that a body used in a tick or a decision, or those that a query rules out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(from = "[bool; 6]", into = "[bool; 6]")]
-pub struct AbilitySet(u8);
+#[serde(transparent)]
+pub struct AbilitySet(u64);
 
 impl AbilitySet {
     /// Whether the set is empty.
@@ -63,17 +142,17 @@ impl AbilitySet {
 
     /// Whether the set has an ability.
     pub fn contains(self, ability: Ability) -> bool {
-        self.0 & 1 << ability as u8 != 0
+        self.0 & 1 << ability.0 != 0
     }
 
     /// Whether a device took hold of the body: a pad, zip line or teleporter.
     pub fn meets_device(self) -> bool {
-        [Ability::Pad, Ability::ZipLine, Ability::Teleporter].into_iter().any(|device| self.contains(device))
+        self.iter().any(|ability| matches!(ability.motion(), Motion::Throw | Motion::Ride | Motion::Teleport))
     }
 
     /// Adds an ability.
     pub fn insert(&mut self, ability: Ability) {
-        self.0 |= 1 << ability as u8;
+        self.0 |= 1 << ability.0;
     }
 
     /// The abilities of this set or of `other`.
@@ -88,17 +167,17 @@ impl AbilitySet {
 
     /// The abilities of the set, the least demanding first.
     pub fn iter(self) -> impl Iterator<Item = Ability> {
-        Ability::ALL.iter().copied().filter(move |ability| self.contains(*ability))
+        Ability::all().filter(move |ability| self.contains(*ability))
     }
 
-    /// The most demanding ability of the set; [`Ability::Walk`] if it is empty.
+    /// The most demanding ability of the set; [`Ability::WALK`] if it is empty.
     pub fn most_demanding(self) -> Ability {
         self.iter().last().unwrap_or_default()
     }
 
     /// Whether `ability` is impossible without the abilities of this set. Double jumps begin with a jump.
     pub fn rules_out(self, ability: Ability) -> bool {
-        self.contains(ability) || (ability == Ability::DoubleJump && self.contains(Ability::Jump))
+        self.contains(ability) || (ability == Ability::DOUBLE_JUMP && self.contains(Ability::JUMP))
     }
 }
 
@@ -108,18 +187,5 @@ impl FromIterator<Ability> for AbilitySet {
             set.insert(ability);
             set
         })
-    }
-}
-
-/// Stored states hold one boolean for each ability but walking.
-impl From<[bool; 6]> for AbilitySet {
-    fn from(has: [bool; 6]) -> Self {
-        Ability::ALL[1..].iter().zip(has).filter(|(_, has)| *has).map(|(ability, _)| *ability).collect()
-    }
-}
-
-impl From<AbilitySet> for [bool; 6] {
-    fn from(set: AbilitySet) -> Self {
-        std::array::from_fn(|idx| set.contains(Ability::ALL[idx + 1]))
     }
 }

@@ -16,6 +16,7 @@ pub mod around;
 pub mod arrival;
 pub mod cells;
 pub mod character;
+pub mod climbs;
 mod crates;
 mod crowd;
 pub mod csr;
@@ -48,7 +49,7 @@ mod units;
 mod world;
 
 pub use aabb::Aabb;
-pub use ability::{Ability, AbilitySet};
+pub use ability::{Ability, AbilitySet, MOVES, Motion, Move};
 pub use arrival::Arrival;
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use crates::CrateState;

@@ -55,7 +55,7 @@ pub struct Locomotion {
     pub pace: Pace,
     /// Phase of the leap, ride or fall; `None` while the body simply stands, walks or runs.
     pub phase: Option<MovePhase>,
-    /// Ability of that leap or ride; [`Ability::Walk`] in a fall and without a phase.
+    /// Ability of that leap or ride; [`Ability::WALK`] in a fall and without a phase.
     pub ability: Ability,
     /// Length of a stride, which is two steps, m; 0 unless the body moves on the ground.
     pub stride_m: f32,
@@ -73,7 +73,7 @@ impl Locomotion {
     /// Follows a body by one tick, in which it carried out `action` and used the abilities in `used`.
     pub fn advance(&mut self, body: &Body, profile: &CharacterProfile, action: &Action, used: AbilitySet) {
         self.advance_move(body, used);
-        self.steps.advance(body, profile, used.contains(Ability::Teleporter));
+        self.steps.advance(body, profile, used.contains(Ability::TELEPORTER));
         if !body.is_grounded() {
             self.stride_m = 0.0;
             return;
@@ -104,7 +104,7 @@ impl Locomotion {
         }
         self.ticks = self.ticks.saturating_add(1);
         // A teleporter does not throw bodies.
-        if let Some(ability) = used.iter().filter(|ability| *ability != Ability::Teleporter).last() {
+        if let Some(ability) = used.iter().filter(|ability| *ability != Ability::TELEPORTER).last() {
             (self.ability, self.was_thrown) = (ability, true);
         }
         if self.was_thrown || self.ticks >= MIN_FALL_TICKS {
@@ -113,7 +113,7 @@ impl Locomotion {
     }
 
     fn end_move(&mut self) {
-        (self.phase, self.ability, self.ticks) = (None, Ability::Walk, 0);
+        (self.phase, self.ability, self.ticks) = (None, Ability::WALK, 0);
     }
 
     /// Whether the body came down in the last tick, from a leap, a ride, or a fall of at least 0.1 s.

@@ -6,7 +6,6 @@
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, is_clear};
 use crate::map::CollisionMap;
-use crate::mesh::Surface;
 use crate::{TICKS_PER_SECOND, Vec3};
 use rand::{Rng, RngExt};
 
@@ -178,7 +177,7 @@ pub fn floors(map: &CollisionMap, profile: &CharacterProfile, x: f32, z: f32) ->
     while count < MAX_FLOORS {
         let Some(hit) = map.mesh().cast_ray(origin, DOWN, map.extent().y) else { break };
         origin += DOWN * (hit.distance + 0.02);
-        if hit.surface != Surface::Ground {
+        if !hit.surface.is_solid() {
             continue;
         }
         let normal = map.mesh().triangles()[hit.triangle_idx as usize].normal();

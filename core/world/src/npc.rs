@@ -55,7 +55,7 @@ pub struct Npc {
 }
 
 /// Version of [`Npc::to_bytes`]; changes whenever the meaning of the bytes changes.
-pub const NPC_STATE_VERSION: u32 = 2;
+pub const NPC_STATE_VERSION: u32 = 3;
 
 impl Npc {
     /// Whether other bodies can touch it: not while it rides a zip line, and not once it is harmed.

@@ -83,6 +83,25 @@ fn a_jump_rises_two_and_a_half_metres_and_a_double_jump_five() {
 }
 
 #[test]
+fn a_wall_gives_no_further_jump() {
+    for lean in [0.0, 0.05, 0.5] {
+        let wall = quad([
+            Vec3::new(60.0, GROUND, 40.0),
+            Vec3::new(0.0, GROUND, 40.0),
+            Vec3::new(0.0, GROUND + 30.0, 40.0 + 20.0 * lean),
+            Vec3::new(60.0, GROUND + 30.0, 40.0 + 20.0 * lean),
+        ]);
+        // From each place, the body comes to rest at another height of its jumps.
+        for far in 0..20 {
+            let mut jumping = on([flat(), wall.clone()].concat(), Vec3::new(30.3, GROUND, 36.0 + 0.18 * far as f32));
+            let jump = Action { jump: 1.0, ..FORWARD };
+            let top = run(&mut jumping, &[jump; 12]) - GROUND;
+            assert!(top < 5.2, "rose {top} m at a wall that leans by {lean}");
+        }
+    }
+}
+
+#[test]
 fn walks_slopes_of_thirty_degrees_and_slides_on_fifty() {
     let ramp = |degrees: f32| {
         let rise = 20.0 * libm::tanf(degrees.to_radians());

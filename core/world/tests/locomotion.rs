@@ -68,10 +68,10 @@ fn a_jump_has_a_flight_and_a_landing_and_one_in_the_air_another_ability() {
     let phases = sequence(states.iter().map(|state| (state.phase, state.ability)));
     let flight = Some(MovePhase::Flight);
     let expected = [
-        (flight, Ability::Jump),
-        (flight, Ability::DoubleJump),
-        (Some(MovePhase::Landing), Ability::DoubleJump),
-        (None, Ability::Walk),
+        (flight, Ability::JUMP),
+        (flight, Ability::DOUBLE_JUMP),
+        (Some(MovePhase::Landing), Ability::DOUBLE_JUMP),
+        (None, Ability::WALK),
     ];
     assert_eq!(phases, expected);
     assert_eq!(states.iter().filter(|state| state.has_landed()).count(), 1);
@@ -114,13 +114,13 @@ fn all_bodies_begin_to_run_at_the_same_froude_number() {
 
 #[test]
 fn a_body_winds_up_before_it_leaves_the_ground() {
-    let take_off = Some(TakeOff { ticks: 50, ability: Ability::Jump });
+    let take_off = Some(TakeOff { ticks: 50, ability: Ability::JUMP });
     let trajectory = Trajectory { take_off, ..Trajectory::default() };
     assert_eq!([0, 29, 30, 60].map(|age| trajectory.winds_up_for(age).is_some()), [false, false, true, true]);
-    let standing = Locomotion::default().winding_up(Ability::Jump);
-    assert_eq!((standing.phase, standing.ability), (Some(MovePhase::WindUp), Ability::Jump));
+    let standing = Locomotion::default().winding_up(Ability::JUMP);
+    assert_eq!((standing.phase, standing.ability), (Some(MovePhase::WindUp), Ability::JUMP));
     let flying = Locomotion { phase: Some(MovePhase::Flight), ..Locomotion::default() };
-    assert_eq!(flying.winding_up(Ability::Jump), flying);
+    assert_eq!(flying.winding_up(Ability::JUMP), flying);
 }
 
 /// A world whose NPC stands before a flight of so many steps, each 0.3 m high and so deep, m, or a slope as steep.

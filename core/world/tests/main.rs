@@ -3,6 +3,7 @@
 mod around;
 mod arrivals;
 mod character;
+mod climbing;
 mod crates;
 mod determinism;
 mod geometry;

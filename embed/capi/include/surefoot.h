@@ -92,7 +92,9 @@ enum {
     SF_SURFACE_ZIP_LINE = 5,
     SF_SURFACE_TELEPORTER = 6,
     /* A jetpack to pick up. */
-    SF_SURFACE_JETPACK = 7
+    SF_SURFACE_JETPACK = 7,
+    /* A ladder, a net, or a wall that can be climbed. To the eyes of agents it is ground. */
+    SF_SURFACE_CLIMB = 8
 };
 
 /* The most demanding ability of a leg. */
@@ -105,7 +107,11 @@ enum {
     SF_PAD = 3,
     SF_ZIP_LINE = 4,
     SF_TELEPORTER = 5,
-    SF_JETPACK = 6
+    SF_JETPACK = 6,
+    /* Climbing a ladder, a net or a wall. */
+    SF_CLIMB = 7,
+    /* Pulling oneself up to a ledge. */
+    SF_MANTLE = 8
 };
 
 /* Sets of abilities, as bits. A set with jumps has double jumps as well. */
@@ -115,7 +121,9 @@ enum {
     SF_PAD_BIT = 1 << SF_PAD,
     SF_ZIP_LINE_BIT = 1 << SF_ZIP_LINE,
     SF_TELEPORTER_BIT = 1 << SF_TELEPORTER,
-    SF_JETPACK_BIT = 1 << SF_JETPACK
+    SF_JETPACK_BIT = 1 << SF_JETPACK,
+    SF_CLIMB_BIT = 1 << SF_CLIMB,
+    SF_MANTLE_BIT = 1 << SF_MANTLE
 };
 
 /* Coordinates of places. */
@@ -253,6 +261,11 @@ typedef struct sf_body {
     int32_t uses_zip_lines;
     /* Whether the character can use jetpacks, 0 or 1. */
     int32_t uses_jetpacks;
+    /* Speed up ladders and other faces that can be climbed, m/s (0 to 10); 0 if the character cannot climb. */
+    float climb_speed;
+    /* Greatest height above its feet of a ledge to which the character pulls itself up, m (0 to 2 height); 0 if it
+     * cannot. Only worlds use this. */
+    float mantle_height;
 } sf_body;
 
 /* Flags of a state. */

@@ -130,6 +130,8 @@ pub struct Body {
     pub coyote_ticks: u32,
     pub uses_zip_lines: i32,
     pub uses_jetpacks: i32,
+    pub climb_speed: f32,
+    pub mantle_height: f32,
 }
 
 /// `sf_state`: where a body is and how it moves.
@@ -374,6 +376,8 @@ impl Body {
             coyote_ticks: raw.coyote_ticks.into(),
             uses_zip_lines: raw.uses_zip_lines.into(),
             uses_jetpacks: raw.uses_jetpacks.into(),
+            climb_speed: raw.climb_speed,
+            mantle_height: raw.mantle_height,
         }
     }
 }

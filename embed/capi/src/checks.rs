@@ -69,14 +69,14 @@ pub fn surface(number: i32) -> Result<Option<Surface>, Fault> {
         return Ok(None);
     }
     let surface = usize::try_from(number.wrapping_sub(1)).ok().and_then(|idx| Surface::ALL.get(idx));
-    let unknown = || Fault::argument(format!("surface is {number}: it must be one of sf_surface, 0 to 7"));
+    let unknown = || Fault::argument(format!("surface is {number}: it must be one of sf_surface, 0 to 8"));
     surface.copied().map(Some).ok_or_else(unknown)
 }
 
 /// The ability with this number.
 pub fn ability(number: i32) -> Result<Ability, Fault> {
-    let found = usize::try_from(number).ok().and_then(|idx| Ability::ALL.get(idx));
-    found.copied().ok_or_else(|| Fault::argument(format!("ability is {number}: it must be one of sf_ability, 0 to 6")))
+    let found = usize::try_from(number).ok().and_then(Ability::at);
+    found.ok_or_else(|| Fault::argument(format!("ability is {number}: it must be one of sf_ability, 0 to 7")))
 }
 
 impl Body {
@@ -101,6 +101,8 @@ impl Body {
             step_height: self.step_height,
             ground_acceleration: self.ground_acceleration,
             air_acceleration: self.air_acceleration,
+            climb_speed: self.climb_speed,
+            mantle_height: self.mantle_height,
             coyote_ticks: count("coyote_ticks", self.coyote_ticks, u8::MAX - 1)?,
             uses_zip_lines: self.uses_zip_lines != 0,
             zip_line_speed: self.zip_line_speed,

@@ -98,7 +98,7 @@ impl Graph {
     pub fn edges(&self) -> Vec<abi::Edge> {
         let edge = |edge: &surefoot_planner::Edge| abi::Edge {
             key: abi::LegKey { from: edge.key.from.0, to: edge.key.to.0 },
-            ability: edge.evidence.ability as i32,
+            ability: u8::from(edge.evidence.ability).into(),
             is_open: (!self.closed.contains(&edge.key)).into(),
             seconds: (edge.evidence.decisions_mean().0 / edge.evidence.chance().get()) as f32
                 * surefoot_world::DECISION_SECONDS,
@@ -307,13 +307,13 @@ fn stop_number(stop: Stop) -> u32 {
 
 /// The abilities in a sum of bits.
 pub fn abilities(bits: u32) -> Result<AbilitySet, Fault> {
-    let known = (1 << Ability::ALL.len()) - 1 - (1 << Ability::Walk as u32);
+    let known = (1 << Ability::all().len()) - 1 - (1 << Ability::WALK.idx());
     if bits & !known != 0 {
         let message =
             format!("without is {bits}: it has bits that are not an sf_ability_bit; walking cannot be excluded");
         return Err(Fault::argument(message));
     }
-    Ok(Ability::ALL.iter().copied().filter(|ability| bits & 1 << *ability as u32 != 0).collect())
+    Ok(Ability::all().filter(|ability| bits & 1 << ability.idx() != 0).collect())
 }
 
 /// The caution with this number.
@@ -326,7 +326,7 @@ pub fn legs(plan: &Plan, frame: Option<&LevelFrame>) -> impl Iterator<Item = abi
     plan.legs.iter().zip(&plan.waypoints).map(move |(leg, waypoint)| abi::Leg {
         waypoint: abi::Vec3::of_map(*waypoint, frame),
         key: abi::LegKey { from: stop_number(leg.key.from), to: stop_number(leg.key.to) },
-        ability: leg.ability as i32,
+        ability: u8::from(leg.ability).into(),
         seconds: leg.seconds.0,
         chance: leg.chance.get() as f32,
         death_chance: leg.death_chance,

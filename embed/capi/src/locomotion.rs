@@ -16,7 +16,7 @@ pub fn advance(
 ) -> Result<abi::Locomotion, Fault> {
     let mut moving = Locomotion::try_from(locomotion)?;
     let ability = checks::ability(ability)?;
-    let used: AbilitySet = Some(ability).filter(|ability| *ability != Ability::Walk).into_iter().collect();
+    let used: AbilitySet = Some(ability).filter(|ability| *ability != Ability::WALK).into_iter().collect();
     moving.advance(sensed.body(), profile, &action, used);
     Ok(moving.into())
 }
@@ -74,7 +74,7 @@ impl From<Locomotion> for abi::Locomotion {
             struct_size: 0,
             pace: from.pace as i32,
             phase,
-            ability: from.ability as i32,
+            ability: u8::from(from.ability).into(),
             stride: from.stride_m,
             stride_phase: from.stride_phase,
             ticks: from.ticks.into(),

@@ -348,7 +348,7 @@ fn what_is_wrong_with_a_call_is_said() {
         ("state.breath_used is 2", |state, _| state.breath_used = 2.0),
         ("state.flags is 64", |state, _| state.flags = 64),
         ("state.other_count is 65", |state, _| state.other_count = 65),
-        ("surface is 8", |_, hit| hit.surface = 8),
+        ("surface is 9", |_, hit| hit.surface = 9),
         ("hits[0].distance is -1", |_, hit| *hit = Hit { distance: -1.0, body_distance: 0.0, surface: 1 }),
     ];
     for (text, spoil) in spoilt {

@@ -186,7 +186,9 @@ fn structs_and_constants_are_those_of_the_source() {
             extra_jumps,
             coyote_ticks,
             uses_zip_lines,
-            uses_jetpacks
+            uses_jetpacks,
+            climb_speed,
+            mantle_height
         }
     );
     compare!(
@@ -241,7 +243,9 @@ fn structs_and_constants_are_those_of_the_source() {
         ("SF_CAN_JUMP", abi::CAN_JUMP as usize),
         ("SF_RIDES", abi::RIDES as usize),
         ("SF_SURFACE_JETPACK", abi::surface_number(surefoot_world::mesh::Surface::Jetpack) as usize),
-        ("SF_JETPACK", surefoot_world::Ability::Jetpack as usize),
+        ("SF_JETPACK", surefoot_world::Ability::JETPACK.idx()),
+        ("SF_CLIMB", surefoot_world::Ability::CLIMB.idx()),
+        ("SF_MANTLE", surefoot_world::Ability::MANTLE.idx()),
         ("SF_PACE_STOP", surefoot_world::Pace::Stop as usize),
         ("SF_ARRIVAL_RAY_COUNT", surefoot_world::arrival::LINE_COUNT),
         ("SF_RAY_RANGE", surefoot_world::sense::RAY_RANGE_M as usize),

@@ -238,7 +238,7 @@ impl Game {
             observations: observations.map_err(|error| self.breach(error.to_string()))?,
             positions: positions.map_err(|error| self.breach(error.to_string()))?,
             rewards: vec![0.0; npc_count],
-            abilities: vec![Ability::Walk; npc_count],
+            abilities: vec![Ability::WALK; npc_count],
             passed: vec![0; npc_count],
             ended: vec![None; npc_count],
             finals: Vec::new(),

@@ -230,10 +230,10 @@ impl Character {
 
     fn jump(&mut self, profile: &CharacterProfile) {
         if self.state.is_grounded || self.ticks_in_air <= profile.coyote_ticks {
-            self.state.used_abilities.insert(Ability::Jump);
+            self.state.used_abilities.insert(Ability::JUMP);
         } else if self.air_jumps_left > 0 {
             self.air_jumps_left -= 1;
-            self.state.used_abilities.insert(Ability::DoubleJump);
+            self.state.used_abilities.insert(Ability::DOUBLE_JUMP);
         } else {
             return;
         }

@@ -167,7 +167,7 @@ fn a_decision_of_all_npcs_with_new_starts_takes_one_round_trip() {
     let route = Route { npc_idx: 0, start: Some((start, 0.5)), waypoints: vec![start, Vec3::ZERO] };
     let state = env.step(&[ahead, STILL], &[route]).unwrap();
     assert_eq!(state.positions, [start, Vec3::new(9.0, 1.0, 0.0)]);
-    assert_eq!(state.abilities, [Ability::Jump, Ability::Walk], "what it did before it was put elsewhere");
+    assert_eq!(state.abilities, [Ability::JUMP, Ability::WALK], "what it did before it was put elsewhere");
     // 2 m of 30 m, by the first ray alone.
     assert!((state.observations[0] - (1.0 - 2.0 / 30.0)).abs() < 1.0e-6 && state.observations[1] == 0.0);
     let state = env.step(&[STILL, ahead], &[]).unwrap();

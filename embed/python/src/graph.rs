@@ -99,8 +99,8 @@ fn on_map(name: &str, at: [f64; 3], frame: Option<LevelFrame>) -> PyResult<Vec3>
 
 fn query([start, goal]: [Vec3; 2], without: &[String], caution: f32) -> PyResult<Query> {
     let ability = |name: &String| {
-        name.parse().ok().filter(|ability| *ability != Ability::Walk).ok_or_else(|| {
-            let names: Vec<&str> = Ability::ALL[1..].iter().map(|ability| ability.name()).collect();
+        Ability::named(name).filter(|ability| *ability != Ability::WALK).ok_or_else(|| {
+            let names: Vec<&str> = Ability::all().skip(1).map(Ability::name).collect();
             value(format!("there is no ability {name} to rule out: there are {}", names.join(", ")))
         })
     };

@@ -31,7 +31,7 @@ use surefoot_world::{Arrival, CharacterProfile, End, Gait, Map, TaskConfig, navi
 /// Number of navigable points that the goals of one map are drawn from.
 const POINTS_PER_MAP: usize = 3000;
 /// Version of unit results; incremented when a run would no longer reproduce saved units.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 
 /// A map, its survey, and the graphs that were built on it so far.
 pub struct Surveyed {
@@ -169,6 +169,16 @@ fn rules(follow: &FollowConfig) -> String {
 /// First version of the builder whose settings say what counts as an arrival. Units of older tables have names without
 /// it.
 const SETTINGS_HAVE_ARRIVAL: u32 = 13;
+/// First version of the builder whose bodies climb and mantle, and get no jumps from walls. Units of older tables have
+/// names without these fields, and the version before.
+const BODIES_CLIMB: u32 = 16;
+
+/// The text of a body without the fields that say what it climbs.
+fn without_climbing(body: &str) -> String {
+    let fields =
+        body.split(", ").filter(|field| !["climb_speed: ", "mantle_height: "].iter().any(|it| field.starts_with(it)));
+    fields.collect::<Vec<_>>().join(", ")
+}
 
 /// File name of a unit, which depends on everything that determines its result, the version of the builder included.
 fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64, builder: u32) -> String {
@@ -178,14 +188,17 @@ fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64, builde
         text if builder < SETTINGS_HAVE_ARRIVAL => text.replace(", arrival: Stand", "").replace(", arrival: Touch", ""),
         text => text,
     };
+    let (version, body) = match format!("{profile:?}") {
+        text if builder < BODIES_CLIMB => (VERSION - 1, without_climbing(&text)),
+        text => (VERSION, text),
+    };
     let text = format!(
-        "{VERSION} {} {} {map} {seed} {goals} {way} {distance:?} {noise_share} {rehearses} {} {price:?} \
-         {:?} {:?}{}",
+        "{version} {} {} {map} {seed} {goals} {way} {distance:?} {noise_share} {rehearses} {} {price:?} \
+         {:?} {body}{}",
         policy.weights_hash(),
         policy.senses_transports(),
         rules(follow),
         TaskConfig::default(),
-        profile,
         if *method == Method::Policy { String::new() } else { format!(" {builder}") },
     );
     format!("{}-{}-{seed}-{}", method.name(), choice.seed(), &blake3::hash(text.as_bytes()).to_hex()[..16])

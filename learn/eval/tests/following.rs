@@ -17,7 +17,7 @@ fn plan(waypoints: &[f32]) -> Plan {
         seconds: Seconds(1.0),
         chance: Chance::new(0.9),
         death_chance: 0.0,
-        ability: Ability::Walk,
+        ability: Ability::WALK,
     });
     Plan {
         waypoints: waypoints.iter().map(|x| Vec3::new(*x, 0.0, 0.0)).collect(),

@@ -50,6 +50,8 @@ fn role(role: Role) -> wire::NodeRole {
         Role::Floor => wire::NodeRole::Floor,
         Role::Conveyor => wire::NodeRole::Conveyor,
         Role::Crate => wire::NodeRole::Crate,
+        Role::Ladder => wire::NodeRole::Ladder,
+        Role::Climb => wire::NodeRole::Climb,
         Role::Path => wire::NodeRole::Path,
         Role::Helper => wire::NodeRole::Helper,
         Role::LeftOut => wire::NodeRole::LeftOut,

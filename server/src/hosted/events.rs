@@ -97,7 +97,7 @@ pub enum EventKind {
     },
     /// The NPC jumped, from the ground or in the air.
     Jumped {
-        /// [`Ability::Jump`] or [`Ability::DoubleJump`].
+        /// [`Ability::JUMP`] or [`Ability::DOUBLE_JUMP`].
         ability: Ability,
         /// Position of the feet, m.
         position: Vec3,

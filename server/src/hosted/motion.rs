@@ -26,8 +26,8 @@ impl Motion {
         let position = npc.body.feet;
         for ability in used.iter() {
             match ability {
-                Ability::Jump | Ability::DoubleJump => emit(EventKind::Jumped { ability, position }),
-                Ability::Jetpack if self.is_thrusting => {}
+                Ability::JUMP | Ability::DOUBLE_JUMP => emit(EventKind::Jumped { ability, position }),
+                Ability::JETPACK if self.is_thrusting => {}
                 _ => emit(EventKind::Rode { ability, position }),
             }
         }
@@ -39,7 +39,7 @@ impl Motion {
             emit(EventKind::Died { cause, attempt, position });
         }
         self.falling_speed = -npc.body.velocity.y;
-        self.is_thrusting = used.contains(Ability::Jetpack);
+        self.is_thrusting = used.contains(Ability::JETPACK);
         self.is_down = npc.harm.is_some();
         if self.is_down {
             self.locomotion = Locomotion::default();

@@ -44,7 +44,7 @@ fn a_stranger_draws_a_set_answers_it_and_is_scored() {
     let elsewhere = attempts.iter().filter(|it| it.is_string()).count();
     assert!((1..20).contains(&elsewhere), "the seed gives both");
     let run = serde_json::json!({
-        "challenge": 1, "set": "custom", "entrant": "by hand",
+        "challenge": 2, "set": "custom", "entrant": "by hand",
         "maps": [{ "name": "storeys", "build_s": 0.5, "attempts": attempts }],
     });
     std::fs::write(home.join("run.json"), run.to_string()).unwrap();

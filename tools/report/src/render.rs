@@ -8,7 +8,7 @@ use std::path::Path;
 use surefoot_world::mesh::{RayHit, Surface};
 use surefoot_world::navigable::DOWN;
 use surefoot_world::reach::ground::Ground;
-use surefoot_world::{Ability, Map, Vec3};
+use surefoot_world::{Ability, Map, Motion, Vec3};
 
 /// View of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -225,14 +225,16 @@ impl Picture {
 
 /// Colour of the edges that need an ability.
 fn ability_colour(ability: Ability) -> Colour {
-    match ability {
-        Ability::Walk => [240, 240, 240],
-        Ability::Jump => [90, 220, 255],
-        Ability::DoubleJump => [70, 120, 255],
-        Ability::Pad => [255, 220, 60],
-        Ability::ZipLine => [255, 80, 200],
-        Ability::Teleporter => [150, 80, 255],
-        Ability::Jetpack => [80, 255, 220],
+    match ability.motion() {
+        Motion::Walk => [240, 240, 240],
+        Motion::Jump => [90, 220, 255],
+        Motion::AirJump => [70, 120, 255],
+        Motion::Throw => [255, 220, 60],
+        Motion::Ride => [255, 80, 200],
+        Motion::Teleport => [150, 80, 255],
+        Motion::Thrust => [80, 255, 220],
+        Motion::Surface => [190, 150, 70],
+        Motion::Pull => [230, 120, 60],
     }
 }
 
@@ -240,6 +242,7 @@ fn ability_colour(ability: Ability) -> Colour {
 fn look(surface: Surface) -> Option<([f32; 3], Colour, &'static str)> {
     Some(match surface {
         Surface::Ground => return None,
+        Surface::Climb => ([170.0, 130.0, 60.0], [190, 150, 70], "ladder"),
         Surface::Water => ([50.0, 110.0, 220.0], [50, 110, 220], "water"),
         Surface::Lava => ([265.0, 100.0, 20.0], [245, 90, 20], "lava"),
         Surface::Pad => ([275.0, 240.0, 40.0], [255, 225, 40], "jump pad"),

@@ -63,7 +63,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
     let Loaded { id, graph, stats, cached, unapplied, retried, .. } = loaded;
     let by_ability = |ability: Ability| graph.edges().filter(|edge| edge.evidence.ability == ability).count();
-    let abilities: Vec<Ability> = Ability::ALL.iter().copied().filter(|&ability| by_ability(ability) > 0).collect();
+    let abilities: Vec<Ability> = Ability::all().filter(|&ability| by_ability(ability) > 0).collect();
     if args.json {
         let counts: serde_json::Map<_, _> =
             abilities.iter().map(|&ability| (ability.name().to_owned(), by_ability(ability).into())).collect();

@@ -162,6 +162,8 @@ fn names(role: Role) -> [&'static str; 2] {
         Role::Floor => ["vanishing floor", "vanishing floors"],
         Role::Conveyor => ["conveyor", "conveyors"],
         Role::Crate => ["crate", "crates"],
+        Role::Ladder => ["ladder", "ladders"],
+        Role::Climb => ["wall to climb", "walls to climb"],
         Role::Path => ["stop of a mover", "stops of movers"],
         Role::Helper => ["helper", "helpers"],
         Role::LeftOut => ["left out"; 2],

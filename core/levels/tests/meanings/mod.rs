@@ -2,8 +2,10 @@
 
 use crate::{PLAIN, corners, gltf, gltf_level, obj_box};
 use serde_json::json;
-use surefoot_levels::{ImportOptions, Imported, NodeReport, Role, Warning, role_counts};
+use surefoot_levels::{ImportOptions, Imported, NoFiles, NodeReport, Role, Warning, role_counts};
+use surefoot_world::Map;
 use surefoot_world::map::MoverKind;
+use surefoot_world::mesh::Surface;
 
 const FLOOR: ([f32; 3], [f32; 3]) = ([0.0, 0.0, 0.0], [60.0, 1.0, 60.0]);
 
@@ -33,6 +35,8 @@ fn a_name_means_something_only_as_a_whole_word_at_the_start() {
         ("Door_A", Role::Door),
         ("vanish_2", Role::Floor),
         ("pushable.crate", Role::Crate),
+        ("Ladder_2", Role::Ladder),
+        ("climb wall", Role::Climb),
         ("trigger_exit", Role::Helper),
         ("UCX_rock_01", Role::Helper),
         ("yard-navmesh", Role::Helper),
@@ -52,7 +56,8 @@ fn a_name_means_something_only_as_a_whole_word_at_the_start() {
         let (role, imported) = role_of(name);
         assert_eq!(role, expected, "{name}");
         let is_solid = corners(&imported.map).len() > 12;
-        assert_eq!(is_solid, expected == Role::Solid, "{name}");
+        let holds = [Role::Solid, Role::Ladder, Role::Climb].contains(&expected);
+        assert_eq!(is_solid, holds, "{name}");
         let reason = &imported.nodes[1].reason;
         let lacks = ["lift_1", "conveyor"].contains(&name);
         assert_eq!(reason.is_empty(), expected == Role::Solid && !lacks, "{name}: {reason}");
@@ -210,4 +215,40 @@ fn ordinary_levels_of_boxes_warn_of_nothing() {
     let imported = import(&boxes, None, &PLAIN);
     assert_eq!(imported.warnings, []);
     assert_eq!(imported.geometry.triangles, 60);
+}
+
+#[test]
+fn a_ladder_becomes_its_smallest_upright_box_and_an_export_keeps_it() {
+    // Two rails and a rung, turned by 37 degrees.
+    let (sin, cos) = (0.6, 0.8);
+    let bar = |from: [f64; 2], to: [f64; 2]| {
+        let at = |side: f64, depth: f64, y: f64| {
+            format!("v {} {y} {}\n", 30.0 + cos * side - sin * depth, 30.0 + sin * side + cos * depth)
+        };
+        let mut text = String::new();
+        for depth in [-0.03, 0.03] {
+            for (side, y) in [(from[0], from[1]), (to[0], from[1]), (to[0], to[1]), (from[0], to[1])] {
+                text += &at(side, depth, y);
+            }
+        }
+        text + "f -8 -7 -6 -5\nf -4 -3 -2 -1\n"
+    };
+    let mut text = obj_box("Ground", FLOOR.0, FLOOR.1) + "o ladder\n";
+    for (from, to) in [([-0.3, 1.0], [-0.25, 5.0]), ([0.25, 1.0], [0.3, 5.0]), ([-0.3, 2.0], [0.3, 2.05])] {
+        text += &bar(from, to);
+    }
+    let imported = surefoot_levels::import_obj(text.as_bytes(), None, &PLAIN).expect("a valid level");
+    assert_eq!(imported.nodes[1].role, Role::Ladder);
+    let climbed = |map: &Map| {
+        let triangles = map.mesh().triangles().iter().filter(|triangle| triangle.surface() == Surface::Climb);
+        triangles.flat_map(|triangle| triangle.corners()).collect::<Vec<_>>()
+    };
+    let corners = climbed(&imported.map);
+    assert_eq!(corners.len(), 36, "a box");
+    let widest =
+        corners.iter().flat_map(|a| corners.iter().map(|b| (*a - *b).with_y(0.0).length())).fold(0.0, f32::max);
+    assert!((widest - 0.603).abs() < 0.01, "{widest} m: it is as wide as the ladder, with its depth");
+    let exported = surefoot_levels::export_glb(&imported.map);
+    let again = surefoot_levels::import_gltf(&exported, None, &PLAIN, &NoFiles).expect("an export is a level");
+    assert_eq!(climbed(&again.map).len(), 36);
 }

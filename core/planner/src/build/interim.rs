@@ -148,7 +148,7 @@ mod tests {
             // Probes end in any order, and the build counts them in its own.
             which.iter().rev().for_each(|&idx| interim.note(idx, &outcome));
             which.iter().for_each(|&idx| evidence[idx as usize].note_probe(&outcome));
-            evidence[0].note(TryEnd::Died, 3, Ability::Walk);
+            evidence[0].note(TryEnd::Died, 3, Ability::WALK);
             interim.replace(&[which[0], which[1], 0], &evidence);
             assert_eq!(findings(&interim), (vertices.clone(), candidates.clone(), evidence.clone()));
         }

@@ -19,8 +19,8 @@ pub struct Trial {
     pub arrival: Arrival,
     /// Number of the probe's random stream under the seed of the run.
     pub stream: u64,
-    /// Whether the body must not jump: it moves in the style of legs that can be walked.
-    pub on_foot: bool,
+    /// How the body moves.
+    pub manner: Manner,
     /// Whether to record the track.
     pub keep_track: bool,
     /// A mover that is held at a stop; all others stand where movers usually stand in probes.
@@ -29,11 +29,40 @@ pub struct Trial {
     pub ride: Option<Ride>,
 }
 
+/// How the body of a probe moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Manner {
+    /// As its policy does.
+    #[default]
+    Free,
+    /// In the style of legs that can be walked, without jumps.
+    OnFoot,
+    /// Steered up what it can climb on its way; as its policy does where there is nothing.
+    Climb,
+}
+
+impl Manner {
+    /// How the body of a run along a proved edge moves that needs `ability`.
+    pub fn of_edge(ability: Ability) -> Self {
+        if ability == Ability::CLIMB { Self::Climb } else { Self::Free }
+    }
+}
+
 impl Trial {
     /// A free run from `start` to `goal`, m, where the body must stand, with the random stream `stream`.
     pub fn walk(start: Vec3, goal: Vec3, stream: u64) -> Self {
         let arrival = Arrival::Stand;
-        Self { start, via: None, goal, arrival, stream, on_foot: false, keep_track: false, held: None, ride: None }
+        Self {
+            start,
+            via: None,
+            goal,
+            arrival,
+            stream,
+            manner: Manner::Free,
+            keep_track: false,
+            held: None,
+            ride: None,
+        }
     }
 }
 
@@ -93,7 +122,7 @@ impl Outcome {
             reached: false,
             died: false,
             decisions: 0,
-            ability: Ability::Walk,
+            ability: Ability::WALK,
             bounds: [start; 2],
             track: Vec::new(),
             needs: Needs::default(),

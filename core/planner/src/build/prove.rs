@@ -13,7 +13,7 @@
 use super::builder::Builder;
 use super::candidates::Candidate;
 use super::predictor::{Geometry, Predictor, is_perilous, measure};
-use super::probe::{EdgeRun, Outcome, ProbeWatch, Trial};
+use super::probe::{EdgeRun, Manner, Outcome, ProbeWatch, Trial};
 use super::progress::Progress;
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
@@ -22,11 +22,12 @@ use crate::legs::{LegModel, death_share};
 use crate::needs::Ride;
 use crate::price::{Caution, price};
 use crate::search::frontier::Frontier;
-use crate::settings::{BuildError, Probing};
+use crate::settings::{BuildError, Probing, Site};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
+use surefoot_world::climbs::climb_between;
 use surefoot_world::csr::Csr;
 use surefoot_world::parallel::with_threads;
 use surefoot_world::{Ability, Chance, MoverAt, Vec3};
@@ -89,7 +90,11 @@ impl Prover<'_> {
             *attempt += 1;
             (idx, *attempt)
         });
-        let trials: Vec<Trial> = tries.map(|(idx, attempt)| self.trial(idx, EdgeRun::Probe(attempt))).collect();
+        let trials: Vec<Trial> = tries
+            .map(|(idx, attempt)| {
+                self.trial(idx, EdgeRun::Probe(attempt), self.manner(idx, attempt, &evidence[idx as usize]))
+            })
+            .collect();
         let progress = self.progress();
         progress.interim.extend(self.vertices, self.candidates, evidence);
         let outcomes = self.run_trials(&trials, &InterimWatch { progress, which })?;
@@ -106,7 +111,7 @@ impl Prover<'_> {
         let jumps = |own: &Evidence| Ability::JUMPS.contains(&own.ability);
         let is_due = |own: &Evidence| own.proves(self.builder.settings.threshold) && jumps(own);
         let which: Vec<u32> = (0..).zip(&*evidence).filter(|(_, own)| is_due(own)).map(|(idx, _)| idx).collect();
-        let trials: Vec<Trial> = which.iter().map(|&idx| self.trial(idx, EdgeRun::OnFoot)).collect();
+        let trials: Vec<Trial> = which.iter().map(|&idx| self.trial(idx, EdgeRun::OnFoot, Manner::OnFoot)).collect();
         let outcomes = self.run_trials(&trials, self.progress())?;
         // A failure on foot does not count: NPCs may jump there.
         for (idx, outcome) in which.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.reached) {
@@ -118,9 +123,9 @@ impl Prover<'_> {
     /// Probes on the run those of `which` beside which a miss is fatal, each time from another edge that leads to their
     /// start.
     pub fn prove_on_the_run(&self, which: &[u32], evidence: &mut [Evidence]) -> Result<(), BuildError> {
-        // On a ride, the body stands still.
-        let is_run = |idx: u32| evidence[idx as usize].successes > 0 && evidence[idx as usize].needs.ride.is_none();
-        let arrived: Vec<u32> = which.iter().copied().filter(|&idx| is_run(idx)).collect();
+        // On a ride, the body stands still, and a climb begins at its foot.
+        let is_run = |own: &Evidence| own.successes > 0 && own.needs.ride.is_none() && own.ability != Ability::CLIMB;
+        let arrived: Vec<u32> = which.iter().copied().filter(|&idx| is_run(&evidence[idx as usize])).collect();
         let is_beside_peril = self.are_perilous(&arrived)?;
         let perilous: Vec<u32> =
             arrived.into_iter().zip(is_beside_peril).filter_map(|(idx, is_beside)| is_beside.then_some(idx)).collect();
@@ -177,7 +182,8 @@ impl Prover<'_> {
                 continue;
             }
             let predictor = fit(evidence);
-            let is_hopeful = |idx: &u32| predictor.chance(*idx as usize, evidence) >= MIN_CHANCE_TO_PROBE;
+            let is_hopeful =
+                |idx: &u32| self.is_climb(*idx) || predictor.chance(*idx as usize, evidence) >= MIN_CHANCE_TO_PROBE;
             let (mut hopeful, rejected): (Vec<u32>, Vec<u32>) = candidates.into_iter().partition(is_hopeful);
             hopeless.extend(rejected);
             self.remove_needless(&mut hopeful, evidence, &predictor);
@@ -299,13 +305,26 @@ impl Prover<'_> {
         edges.iter().copied().filter(|&idx| succeeds(idx)).map(run_up).collect()
     }
 
+    /// Whether a body could climb along a candidate.
+    fn is_climb(&self, idx: u32) -> bool {
+        let EdgeKey { from, to } = self.candidates[idx as usize];
+        let Site { map, profile } = self.builder.site;
+        climb_between(map, profile, [from, to].map(|vertex| self.position(vertex))).is_some()
+    }
+
+    /// How the body of a probe moves: where it could climb, it tries that first, and its policy second.
+    fn manner(&self, idx: u32, attempt: u32, own: &Evidence) -> Manner {
+        let tries_climb = attempt % 2 == 1 && own.successes == 0 && self.is_climb(idx);
+        if tries_climb { Manner::Climb } else { Manner::of_edge(own.ability) }
+    }
+
     /// The trial of one run along a candidate, without a run-up.
-    fn trial(&self, idx: u32, run: EdgeRun) -> Trial {
+    fn trial(&self, idx: u32, run: EdgeRun, manner: Manner) -> Trial {
         let candidate = self.candidates[idx as usize];
         let ends = self.ride_stop(candidate.from).zip(self.ride_stop(candidate.to));
         let (start, goal) = (self.position(candidate.from), self.position(candidate.to));
         Trial {
-            on_foot: run == EdgeRun::OnFoot,
+            manner,
             arrival: self.builder.settings.arrival,
             held: self.held(candidate),
             ride: ends.and_then(|(from, to)| Ride::between(from, to)),

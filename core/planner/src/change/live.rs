@@ -276,7 +276,7 @@ mod tests {
     fn graph() -> NavGraph {
         let edge = |from: u32, tries: u32| {
             let mut evidence = Evidence::default();
-            (0..tries).for_each(|_| evidence.note(TryEnd::Arrived, 10, surefoot_world::Ability::Walk));
+            (0..tries).for_each(|_| evidence.note(TryEnd::Arrived, 10, surefoot_world::Ability::WALK));
             Edge { key: EdgeKey::new(from, from + 1), evidence }
         };
         let vertices = (0..4_u8).map(|idx| surefoot_world::Vec3::new(30.0 * f32::from(idx), 0.0, 0.0)).collect();
@@ -307,7 +307,7 @@ mod tests {
                 prop_assert_eq!(cost.is_some(), graph.edge(traversal.edge).is_some());
                 prop_assert_eq!(cost, live.cost(&graph, traversal.edge));
                 if cost.is_some() && is_trusted {
-                    trusted.entry(traversal.edge).or_default().note(end, decisions, surefoot_world::Ability::Walk);
+                    trusted.entry(traversal.edge).or_default().note(end, decisions, surefoot_world::Ability::WALK);
                 }
             }
             prop_assert!(live.is_sound() && live.reports().len() <= MAX_REPORTERS + 2);

@@ -43,7 +43,7 @@ impl NavMesh<'_> {
         let (from, to) = (self.islands[edge.key.from.idx()], self.islands[edge.key.to.idx()]);
         let offset = graph.position(edge.key.to) - graph.position(edge.key.from);
         let is_drop = -offset.y > STEP_M.max(SLOPE * surefoot_world::float::hypot(offset.x, offset.z));
-        from.is_none() || from != to || edge.evidence.ability != Ability::Walk || is_drop
+        from.is_none() || from != to || edge.evidence.ability != Ability::WALK || is_drop
     }
 
     /// Selects the `candidates`, edges with their durations in seconds, that the NavMesh and the other links do not

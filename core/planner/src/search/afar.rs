@@ -170,7 +170,7 @@ mod tests {
     }
 
     fn ability() -> impl Strategy<Value = Ability> {
-        prop::sample::select(vec![Ability::Walk, Ability::Jump])
+        prop::sample::select(vec![Ability::WALK, Ability::JUMP])
     }
 
     fn vertices() -> impl Strategy<Value = Vec<Attachment>> {
@@ -191,7 +191,7 @@ mod tests {
             let router = Router::new(graph(&edges), 0, 1);
             let graph = router.graph();
             let query = Query {
-                without: [Ability::Jump].into_iter().filter(|_| is_without).collect(),
+                without: [Ability::JUMP].into_iter().filter(|_| is_without).collect(),
                 stops: if stops == 0 { Vec::new() } else { vec![StopSet(stops)] },
                 ..Query::new(Vec3::ZERO, Vec3::new(f32::from(goal.0), 0.0, f32::from(goal.1)))
             };
@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn without_attachments_an_end_is_off_the_graph() {
-        let router = Router::new(graph(&[(0, 1, Ability::Walk, 0)]), 0, 1);
+        let router = Router::new(graph(&[(0, 1, Ability::WALK, 0)]), 0, 1);
         let (query, some) = (Query::new(Vec3::ZERO, Vec3::ONE), [(VertexId(0), 1.0)]);
         let repriced = EdgeCosts::new();
         let search = router.search_for(&query, &repriced);

@@ -194,7 +194,7 @@ impl LegLimits {
     /// of the highest one, but at least [`LEAST_CLIMB_M`]. Without such edges, both are the range of the leg model.
     pub fn of(graph: &NavGraph, least_length_m: f32) -> Self {
         let range_m = graph.legs().range_m() as f32;
-        let is_on_foot = |edge: &&Edge| edge.evidence.bounds.is_some() && edge.evidence.ability <= Ability::DoubleJump;
+        let is_on_foot = |edge: &&Edge| edge.evidence.bounds.is_some() && edge.evidence.ability <= Ability::DOUBLE_JUMP;
         let offset = |edge: &Edge| graph.position(edge.key.to) - graph.position(edge.key.from);
         let longest =
             |of: fn(Vec3) -> f32| graph.edges().filter(is_on_foot).map(|edge| of(offset(edge))).reduce(f32::max);
@@ -307,7 +307,7 @@ mod tests {
             Edge { key: EdgeKey::new(from, to), evidence }
         };
         let vertices = vec![Vec3::ZERO, Vec3::new(40.0, 6.0, 0.0), Vec3::new(300.0, 0.0, 0.0)];
-        let edges = vec![edge(0, 1, Ability::Jump), edge(0, 2, Ability::Teleporter)];
+        let edges = vec![edge(0, 1, Ability::JUMP), edge(0, 2, Ability::TELEPORTER)];
         let reach = LegLimits::of(&graph(vertices, edges), 20.0);
         assert!(reach.contains(Vec3::new(40.0, 6.0, 0.0)) && reach.contains(Vec3::new(0.0, -30.0, 0.0)));
         assert!(!reach.contains(Vec3::new(45.0, 0.0, 0.0)) && !reach.contains(Vec3::new(0.0, 6.5, 0.0)));

@@ -76,7 +76,7 @@ impl Router {
             cells.pass(from, seconds);
             for (edge, ..) in self.adjacency.outgoing(vertex) {
                 let hop = self.adjacency.hop(edge);
-                if hop.leg.ability <= Ability::DoubleJump && self.is_open(&search, edge) {
+                if hop.leg.ability <= Ability::DOUBLE_JUMP && self.is_open(&search, edge) {
                     cells.run([from, hop.end], [seconds, hop.leg.seconds], limit);
                 }
                 if cells.first.len() > MAX_CELLS {
@@ -183,7 +183,7 @@ mod tests {
     }
 
     fn ability() -> impl Strategy<Value = Ability> {
-        prop::sample::select(vec![Ability::Walk, Ability::Jump, Ability::Teleporter])
+        prop::sample::select(vec![Ability::WALK, Ability::JUMP, Ability::TELEPORTER])
     }
 
     fn zone() -> impl Strategy<Value = Zone> {
@@ -219,7 +219,7 @@ mod tests {
             let router = router(&edges);
             let start = Vec3::new(start.0, 0.0, start.1);
             let query = Query {
-                without: [Ability::Jump].into_iter().filter(|_| is_without).collect(),
+                without: [Ability::JUMP].into_iter().filter(|_| is_without).collect(),
                 zones: Zones::new(zones),
                 ..Query::new(start, start)
             };
@@ -259,7 +259,7 @@ mod tests {
                 prop_assert!(cells.iter().any(|cell| is_over(cell, at) && cell.seconds.0 <= seconds.0));
             }
             let is_begun = |edge: &Edge| reached.iter().any(|reached| reached.vertex == edge.key.from);
-            let is_on_foot = |edge: &&Edge| edge.evidence.ability != Ability::Teleporter && is_begun(edge);
+            let is_on_foot = |edge: &&Edge| edge.evidence.ability != Ability::TELEPORTER && is_begun(edge);
             let on_foot = router.graph().edges().filter(is_on_foot);
             let ways: Vec<[Vec3; 2]> =
                 on_foot.map(|edge| [edge.key.from, edge.key.to].map(|end| router.graph().position(end))).collect();

@@ -52,7 +52,7 @@ impl Zoned {
                 let of_leg = |leg| zoned.surcharge(near.iter().copied(), leg);
                 if near.is_empty() {
                     0.0
-                } else if adjacency.ability(edge) == Ability::Teleporter {
+                } else if adjacency.ability(edge) == Ability::TELEPORTER {
                     // Nothing between its ends is passed.
                     of_leg([from, from]) + of_leg([to, to])
                 } else {
@@ -345,7 +345,7 @@ mod tests {
             (start, goal) in (place(), place()),
             tags in prop::collection::btree_set(prop::sample::select(vec!["red".to_owned(), "lame".to_owned()]), 0..3),
         ) {
-            let graph = graph(&edges, Ability::Walk);
+            let graph = graph(&edges, Ability::WALK);
             let query = Query { zones: Zones::new(zones), tags, ..Query::new(start, goal) };
             let repriced = EdgeCosts::new();
             for is_labelled in [false, true] {
@@ -384,7 +384,7 @@ mod tests {
             (start, goal) in (place(), place()),
         ) {
             let query = Query { zones: Zones::new(zones), ..Query::new(start, goal) };
-            let plan = Router::new(graph(&edges, Ability::Walk), 4096, 1).find_path(&query);
+            let plan = Router::new(graph(&edges, Ability::WALK), 4096, 1).find_path(&query);
             let way: Vec<Vec3> = std::iter::once(start).chain(plan.waypoints).collect();
             prop_assert!(way.windows(2).all(|leg| !query.zones.bars(&query.tags, [leg[0], leg[1]])));
         }
@@ -392,7 +392,7 @@ mod tests {
 
     #[test]
     fn a_teleporter_passes_nothing_between_its_ends() {
-        let graph = graph(&[(0, 1, 9), (1, 0, 9)], Ability::Teleporter);
+        let graph = graph(&[(0, 1, 9), (1, 0, 9)], Ability::TELEPORTER);
         let at = |vertex| graph.position(VertexId(vertex));
         let around = |place| Shape::Box(Aabb::at(place).widened(0.5));
         let surcharges = |shape| {
@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn sets_of_zones_are_kept_up_to_a_limit_and_labelled_when_they_are_common() {
-        let graph = graph(&[(0, 1, 9), (1, 0, 9)], Ability::Walk);
+        let graph = graph(&[(0, 1, 9), (1, 0, 9)], Ability::WALK);
         let router = Router::new(graph, 4096, 1);
         let query = |side: f32| {
             let shape = Shape::Box(Aabb::at(Vec3::ZERO).widened(side));

@@ -84,7 +84,7 @@ impl Env {
             observations: vec![0.0; npc_count * physics.observation_len()],
             physics,
             rewards: vec![0.0; npc_count],
-            abilities: vec![Ability::Walk; npc_count],
+            abilities: vec![Ability::WALK; npc_count],
             routes: vec![RouteAhead::default(); npc_count],
         };
         env.with_rows(|env, rows| env.begin(goals.into_iter().enumerate().collect(), rows));
@@ -208,7 +208,7 @@ impl Env {
         let actions: Vec<Action> = awake.iter().map(|npc_idx| actions[*npc_idx]).collect();
         let outcomes = self.physics.advance(&awake, &actions);
         self.rewards.fill(0.0);
-        self.abilities.fill(Ability::Walk);
+        self.abilities.fill(Ability::WALK);
         let settled = awake.into_iter().zip(outcomes);
         let ended = settled.filter_map(|(npc_idx, outcome)| self.settle(npc_idx, outcome, rows));
         let ended: Vec<Ended> = ended.collect();

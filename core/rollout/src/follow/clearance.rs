@@ -122,7 +122,7 @@ impl Clearance {
     /// before, m; `None` if the body keeps no distance from walls, or did not walk there.
     pub fn corner(&self, plan: &Plan, leg: usize, shortcuts: &Shortcuts) -> Option<[Vec3; 2]> {
         let start = self.start?;
-        let last = shortcuts.begin(leg).checked_sub(1).filter(|last| plan.legs[*last].ability == Ability::Walk)?;
+        let last = shortcuts.begin(leg).checked_sub(1).filter(|last| plan.legs[*last].ability == Ability::WALK)?;
         let before = shortcuts.begin(last).checked_sub(1).map_or(start, |before| plan.waypoints[before]);
         Some([plan.waypoints[last], before])
     }
@@ -130,7 +130,7 @@ impl Clearance {
 
 /// Whether a waypoint of a plan is between two walk legs.
 fn moves(plan: &Plan, idx: usize) -> bool {
-    let is_walk = |leg: usize| plan.legs.get(leg).is_some_and(|leg| leg.ability == Ability::Walk);
+    let is_walk = |leg: usize| plan.legs.get(leg).is_some_and(|leg| leg.ability == Ability::WALK);
     is_walk(idx) && is_walk(idx + 1)
 }
 
@@ -138,7 +138,7 @@ fn moves(plan: &Plan, idx: usize) -> bool {
 /// there is `margin`, m; `None` if the leg is not walked, or has that room.
 fn narrowest(plan: &Plan, leg: usize, from: Vec3, margin: f32, ground: &impl Ground) -> Option<(f32, Vec3)> {
     let to = plan.waypoints[leg];
-    if plan.legs[leg].ability != Ability::Walk || ground.is_lane(from, to, margin) {
+    if plan.legs[leg].ability != Ability::WALK || ground.is_lane(from, to, margin) {
         return None;
     }
     let count = (from.distance(to) / SAMPLE_M).ceil() as u32;

@@ -28,7 +28,7 @@ impl Detour {
 
     /// Begins, changes or ends the detour of a body at `feet` on its leg to `end`, m.
     pub fn update(&mut self, map: &Map, body: &CharacterProfile, feet: Vec3, (ability, end): (Ability, Vec3)) {
-        self.is_lost = ability == Ability::Walk && !sees(map, body, feet, end);
+        self.is_lost = ability == Ability::WALK && !sees(map, body, feet, end);
         self.via = if self.is_lost { self.way_back(map, body, feet, end) } else { None };
     }
 

@@ -1,12 +1,14 @@
 //! How an NPC moves on the legs of its plan: steered, composed or freely.
 
 use super::Follower;
+use super::moves::SteeredMove;
 use super::scene::MoverResponse;
+use crate::climb::Climb;
 use crate::leap::Leap;
 use crate::steer::Course;
 use crate::style::Style;
 use surefoot_planner::LegKey;
-use surefoot_world::{Ability, Gait, Vec3};
+use surefoot_world::{Ability, Gait, Motion};
 
 impl Follower {
     /// How the NPC moves on the current leg, if a rehearsal of it has arrived.
@@ -16,17 +18,18 @@ impl Follower {
         }
         let Some(ability) = self.ability().filter(|_| self.composes(self.leg)) else { return Style::Free };
         let Some(course) = self.course() else { return Style::for_leg(ability) };
-        match self.rims(self.leg) {
-            Some([take_off, landing]) => Style::Leap(Leap { take_off, landing, course }),
+        match self.steered_move(self.leg) {
+            Some(SteeredMove::Leap([take_off, landing])) => Style::Leap(Leap { take_off, landing, course }),
+            Some(SteeredMove::Climb(spot)) => Style::Climb(Climb { spot, course }),
             None => Style::Walk(course),
         }
     }
 
-    /// Ability of the next leap or ride, on the current leg or the one after it; [`Ability::Walk`] if there is none.
+    /// Ability of the next leap or ride, on the current leg or the one after it; [`Ability::WALK`] if there is none.
     pub fn next_ability(&self) -> Ability {
         let legs = self.plan.as_ref().map_or(&[][..], |plan| &plan.legs[self.leg..]);
         let mut abilities = legs.iter().take(2).map(|leg| leg.ability);
-        abilities.find(|ability| *ability != Ability::Walk).unwrap_or_default()
+        abilities.find(|ability| *ability != Ability::WALK).unwrap_or_default()
     }
 
     /// The course of the current leg, if the NPC is steered there.
@@ -47,15 +50,16 @@ impl Follower {
         })
     }
 
-    /// Whether the NPC is steered on a leg of its plan: one that can be walked, or leaps over a single gap.
+    /// Whether the NPC is steered on a leg of its plan: one on which it goes straight ahead, or that has a controller.
     fn steers(&self, leg: usize) -> bool {
-        let is_walk = || self.plan.as_ref().is_some_and(|plan| plan.legs[leg].ability == Ability::Walk);
-        self.composes(leg) && leg >= self.unsteered_until && (is_walk() || self.rims(leg).is_some())
+        let motion = self.plan.as_ref().map(|plan| plan.legs[leg].ability.motion());
+        let goes_ahead = matches!(motion, Some(Motion::Walk | Motion::Pull)) || self.steered_move(leg).is_some();
+        self.composes(leg) && leg >= self.unsteered_until && goes_ahead
     }
 
-    /// The rims of the gap on a leg of the plan, m, if the NPC can be steered over it.
-    fn rims(&self, leg: usize) -> Option<[Vec3; 2]> {
-        self.plan.as_ref().and_then(|plan| self.leaps.rims(plan.legs[leg].key))
+    /// How the NPC is steered on a leg of the plan that cannot be walked, if it is.
+    fn steered_move(&self, leg: usize) -> Option<SteeredMove> {
+        self.plan.as_ref().and_then(|plan| self.steered_moves.on(plan.legs[leg].key))
     }
 
     /// How the NPC goes where it can walk.
@@ -96,8 +100,8 @@ impl Follower {
         let Some(plan) = &self.plan else { return false };
         if (self.leg..=leg).any(|leg| self.steers(leg)) {
             // Cutting a corner may lead into a wall, down a rim, or off a platform.
-            let is_leap = self.rims(leg).is_some();
-            let cuts = !is_leap && self.exact_until <= leg && leg + 1 < plan.legs.len() && plan.needs.is_empty();
+            let is_walk = self.steered_move(leg).is_none();
+            let cuts = is_walk && self.exact_until <= leg && leg + 1 < plan.legs.len() && plan.needs.is_empty();
             if !cuts && self.remove_way(leg) {
                 return true;
             }

@@ -9,9 +9,9 @@ mod clearance;
 mod detour;
 mod failures;
 mod ground;
-mod leaps;
 mod manner;
 mod movers;
+mod moves;
 mod planning;
 mod prepare;
 mod review;
@@ -23,7 +23,7 @@ use clearance::Clearance;
 use detour::Detour;
 use failures::Failures;
 pub use ground::Ground;
-use leaps::Leaps;
+use moves::SteeredMoves;
 use review::Review;
 use scene::{MoverResponse, MoverWatch};
 use serde::{Deserialize, Serialize};
@@ -152,10 +152,12 @@ pub struct Follower {
     leg: usize,
     shortcuts: Shortcuts,
     clearance: Clearance,
-    leaps: Leaps,
+    steered_moves: SteeredMoves,
     review: Review,
     /// Whether the next plan may use jumps although the NPC avoids them, because no other way leads to the goal.
     accepts_jumps: bool,
+    /// Whether a way around a wall has failed in a rehearsal, on a leg that no proof covers.
+    distrusts_ways: bool,
     /// Where the NPC was last, m.
     feet: Vec3,
     to_waypoint: Approach,
@@ -185,9 +187,10 @@ impl Follower {
             leg: 0,
             shortcuts: Shortcuts::default(),
             clearance: Clearance::default(),
-            leaps: Leaps::default(),
+            steered_moves: SteeredMoves::default(),
             review: Review::default(),
             accepts_jumps: false,
+            distrusts_ways: false,
             feet: goal,
             to_waypoint: Approach::NONE,
             to_goal: Approach::NONE,

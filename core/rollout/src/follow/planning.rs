@@ -64,7 +64,7 @@ impl Follower {
             self.review = Review::default();
         }
         (self.free_until, self.unsteered_until, self.exact_until) = (0, 0, 0);
-        (self.shortcuts, self.clearance, self.leaps) = Default::default();
+        (self.shortcuts, self.clearance, self.steered_moves) = Default::default();
         self.start_leg(0);
         first
     }
@@ -101,7 +101,7 @@ impl Follower {
             return None;
         }
         *last = goal;
-        plan.legs.last().into_iter().for_each(|leg| self.leaps.forget(leg.key));
+        plan.legs.last().into_iter().for_each(|leg| self.steered_moves.forget(leg.key));
         if !self.is_last_leg() {
             return None;
         }

@@ -3,7 +3,7 @@
 
 use super::clearance::Clearance;
 use super::ground::Ground;
-use super::leaps::Leaps;
+use super::moves::SteeredMoves;
 use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S, leaps_of};
 use super::shortcuts::Shortcuts;
 use super::ways::{lead_around, way_of};
@@ -21,7 +21,8 @@ impl Follower {
         let Some(plan) = plan.cloned() else { return false };
         let margin = self.config.gait.wall_distance;
         // A way around leads along walls, and waypoints of plans with movers must not change.
-        let may_look = |plan: &Plan| margin == 0.0 && plan.needs.is_empty();
+        let trusts_ways = margin == 0.0 && !self.distrusts_ways;
+        let may_look = |plan: &Plan| trusts_ways && plan.needs.is_empty();
         let (leaps, longer_s) = leaps_of(&plan, feet, may_look(&plan), ground);
         let is_settled =
             leaps.is_empty() || plan.no_path.is_some() || !plan.needs.is_empty() || self.review.rounds >= MAX_ROUNDS;
@@ -47,7 +48,7 @@ impl Follower {
             if margin == 0.0 {
                 self.clearance.tighten(&mut best.plan, feet, &self.shortcuts, is_lane);
             }
-            self.leaps = Leaps::find(&best.plan, feet, ground);
+            self.steered_moves = SteeredMoves::find(&best.plan, feet, ground);
         }
         self.plan = Some(best.plan);
         self.start_leg(0);
@@ -86,7 +87,8 @@ impl Follower {
         let leg = &mut plan.legs[last];
         leg.seconds = seconds;
         if leg.key.edge().is_none() {
-            leg.ability = Ability::Jump;
+            leg.ability = Ability::JUMP;
+            self.distrusts_ways = true;
         }
         plan.legs.drain(first..last);
         plan.waypoints.drain(first..last);

@@ -57,7 +57,7 @@ pub(super) fn leaps_of(plan: &Plan, feet: Vec3, may_look: bool, ground: &impl Gr
     let (mut leaps, mut longer_s) = (Vec::new(), 0.0);
     let starts = std::iter::once(&feet).chain(&plan.waypoints);
     for (leg, (start, end)) in plan.legs.iter().zip(starts.zip(&plan.waypoints)) {
-        if leg.key.edge().is_some() || leg.ability != Ability::Walk || ground.is_walk(*start, *end) {
+        if leg.key.edge().is_some() || leg.ability != Ability::WALK || ground.is_walk(*start, *end) {
             continue;
         }
         match may_look.then(|| ground.walk_around(*start, *end)).flatten() {

@@ -24,7 +24,7 @@ impl Shortcuts {
     /// one place to another.
     pub fn find(plan: &Plan, feet: Vec3, is_lane: impl Fn(Vec3, Vec3) -> bool) -> Self {
         let mut ranges = Vec::new();
-        let walks = |leg: &usize| plan.legs[*leg].ability == Ability::Walk;
+        let walks = |leg: &usize| plan.legs[*leg].ability == Ability::WALK;
         let (mut from, mut leg) = (feet, 0);
         while leg < plan.legs.len() {
             let last = (leg..plan.legs.len()).take(MAX_LEGS).take_while(walks).last().unwrap_or(leg);

@@ -18,10 +18,10 @@ pub(super) fn lead_around(plan: &mut Plan, feet: Vec3, leaps: &[LegKey], may_loo
         let is_leap = leaps.contains(&leg.key);
         // A proof covers leaps on the straight way, but walls stand in the way of every walk.
         let may_walk =
-            leg.ability == Ability::Walk && !is_leap && (leg.key.edge().is_none() || ground.is_walled(start, end));
+            leg.ability == Ability::WALK && !is_leap && (leg.key.edge().is_none() || ground.is_walled(start, end));
         let is_barred = may_look && may_walk && !ground.is_walk(start, end);
         let way = if is_barred { ground.walk_around(start, end) } else { None };
-        let ability = if is_leap { Ability::Jump } else { leg.ability };
+        let ability = if is_leap { Ability::JUMP } else { leg.ability };
         let corners = way.as_deref().and_then(<[Vec3]>::split_last).map_or(&[][..], |(_, corners)| corners);
         let seconds = Seconds(leg.seconds.0 / (corners.len() + 1) as f32);
         let to_corner = Leg { seconds, chance: Chance::new(1.0), death_chance: 0.0, ..leg };

@@ -13,7 +13,7 @@ pub struct NamedBody {
 }
 
 /// All named bodies.
-pub const BODIES: [NamedBody; 8] = [
+pub const BODIES: [NamedBody; 9] = [
     NamedBody {
         name: "surefoot",
         about: "the default: the paper's body, with steps as high as stairs have",
@@ -91,6 +91,17 @@ pub const BODIES: [NamedBody; 8] = [
             *it = RawCharacterProfile::of_paper();
             (it.forward_speed, it.extra_jumps) = (8.0, 2);
             it.max_slope = 45.0f32.to_radians();
+        },
+    },
+    NamedBody {
+        name: "agile",
+        about: "an athlete: one jump, ladders, and ledges of up to 1.9 m to which it pulls itself up",
+        change: |it| {
+            (it.height, it.radius) = (1.8, 0.3);
+            (it.forward_speed, it.turn_speed) = (6.5, 360.0f32.to_radians());
+            (it.jump_speed, it.gravity, it.extra_jumps) = (6.0, 15.0, 0);
+            it.max_slope = 45.0f32.to_radians();
+            (it.climb_speed, it.mantle_height) = (2.0, 1.9);
         },
     },
 ];

@@ -49,6 +49,17 @@ pub struct Body {
     pub teleport_locked: bool,
     /// Horizontal unit vector away from the steep face touched in the last tick.
     pub(super) steep_out: Vec3,
+    /// What the body touched in the last tick and can move up along.
+    pub(super) hold: Option<Hold>,
+}
+
+/// An upright face that a body touches.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Hold {
+    /// Horizontal unit vector away from the face.
+    pub out: Vec3,
+    /// Whether the body can climb it.
+    pub is_climbed: bool,
 }
 
 /// A ride on a zip line.
@@ -72,6 +83,7 @@ impl Body {
         is_within(self.feet, FARTHEST_M)
             && is_within(self.velocity, FASTEST)
             && is_within(self.steep_out, 1.0)
+            && self.hold.is_none_or(|hold| is_within(hold.out, 1.0))
             && self.yaw.is_finite()
             && self.ride.is_none_or(|ride| (ride.line_idx as usize) < zip_line_count && ride.distance.is_finite())
     }

@@ -1,10 +1,10 @@
 //! Collision of a body with geometry: integrate in small steps, push out of the deepest contact, follow ground that
 //! falls away.
 
-use super::body::{Body, Support};
+use super::body::{Body, Hold, Support};
 use super::profile::CharacterProfile;
 use super::surroundings::{MoveScratch, Slope};
-use crate::mesh::{Contact, Mesh};
+use crate::mesh::{Contact, Mesh, Surface};
 use crate::{TICK_SECONDS, Vec3};
 
 /// Longest move between two contact passes, m, of a capsule with a radius of [`SUBSTEP_RADIUS_M`] or more. It is
@@ -23,8 +23,15 @@ const CLIMB_SPEED: f32 = 0.3;
 /// Depth of a contact that does not block a body which climbs, m, and longest move down between two contact passes, m.
 const CLIMB_SLOP_M: f32 = 0.02;
 const DESCENT_M: f32 = 0.05;
+/// Least horizontal part of the normal of a face that bodies climb: flatter ones are slopes.
+const LEAST_SIDEWAYS: f32 = 0.5;
+/// How far behind the face that it touches a body looks for a ledge, m, and how deep it may be in what is around it.
+const LEDGE_M: f32 = 0.05;
+const LEDGE_SLOP_M: f32 = 0.05;
 /// Speed below which a body wedged between steep faces counts as standing, m/s.
 const WEDGED_SPEED: f32 = 0.6;
+/// Share of its fall that such a body still falls, at most.
+const HELD_SHARE: f32 = 0.2;
 
 impl Body {
     pub(super) fn move_and_collide(&mut self, mesh: &Mesh, profile: &CharacterProfile, scratch: &mut MoveScratch) {
@@ -45,6 +52,7 @@ impl Body {
         scratch.select(mesh, low, high, self.velocity);
 
         self.support = Support::Air;
+        self.hold = None;
         let substep = SUBSTEP_M * (profile.radius / SUBSTEP_RADIUS_M).min(1.0);
         let substep_count = (delta.length() / substep).ceil().max(1.0);
         for _ in 0..substep_count as u32 {
@@ -57,7 +65,10 @@ impl Body {
         if was_grounded && self.support != Support::Ground && self.velocity.y <= 0.0 {
             self.snap_down(profile, slope, scratch, snap);
         }
-        if self.support == Support::Steep && (self.feet - start).length() < WEDGED_SPEED * TICK_SECONDS {
+        let is_slow = || (self.feet - start).length() < WEDGED_SPEED * TICK_SECONDS;
+        // At the top of a jump along a wall, a body is slow as well, but nothing holds it.
+        let is_held = || was_grounded || delta.y < 0.0 && self.feet.y - start.y > HELD_SHARE * delta.y;
+        if self.support == Support::Steep && is_slow() && is_held() {
             self.support = Support::Ground;
         }
         if self.is_grounded() {
@@ -81,9 +92,13 @@ impl Body {
             }
             let sideways = Vec3::new(n.x, 0.0, n.z);
             let sideways_length = sideways.length();
+            let is_climbed = contact.surface == Surface::Climb && profile.climb_speed > 0.0;
+            if (is_climbed || profile.mantle_height > 0.0) && sideways_length > LEAST_SIDEWAYS {
+                self.hold = Some(Hold { out: sideways / sideways_length, is_climbed });
+            }
             if n.y > 0.0 && sideways_length > 1.0e-3 {
                 let out = sideways / sideways_length;
-                if self.support == Support::Air {
+                if self.support == Support::Air && !is_climbed {
                     self.support = Support::Steep;
                     self.steep_out = out;
                 }
@@ -147,6 +162,23 @@ impl Body {
             self.velocity = wish;
             self.support = Support::Ground;
         }
+    }
+
+    /// Whether the top of the face that the body touches is within its reach, with room for the body on it. `out` is
+    /// the horizontal unit vector away from the face.
+    pub(super) fn finds_ledge(
+        &self,
+        mesh: &Mesh,
+        profile: &CharacterProfile,
+        out: Vec3,
+        scratch: &mut MoveScratch,
+    ) -> bool {
+        let above = self.feet - out * (profile.radius + LEDGE_M) + Vec3::Y * profile.mantle_height;
+        let least = if self.is_grounded() { profile.step_height } else { 0.0 };
+        let Some(hit) = mesh.cast_ray(above, Vec3::NEG_Y, profile.mantle_height - least) else { return false };
+        let normal = mesh.triangles()[hit.triangle_idx as usize].normal();
+        let is_ground = hit.surface.is_solid() && normal.y >= scratch.slope(profile).cos;
+        is_ground && is_clear(mesh, profile, above - Vec3::Y * hit.distance, LEDGE_SLOP_M, scratch)
     }
 
     /// Keeps a walking body on ground that falls away; leaves the body in the air over a ledge.

@@ -18,18 +18,18 @@ impl Body {
             DeviceKind::Pad if self.velocity.y <= 0.0 => {
                 self.velocity.y = device.power;
                 self.leave_ground();
-                used.insert(Ability::Pad);
+                used.insert(Ability::PAD);
             }
             DeviceKind::ZipLine => {
                 self.ride = Some(Ride { line_idx: device.idx, distance: 0.0 });
                 self.leave_ground();
                 self.jump_pending = false;
-                used.insert(Ability::ZipLine);
+                used.insert(Ability::ZIP_LINE);
             }
             DeviceKind::Teleporter if !self.teleport_locked => {
                 self.feet = device.exit() + Vec3::new(0.0, 0.1, 0.0);
                 self.teleport_locked = true;
-                used.insert(Ability::Teleporter);
+                used.insert(Ability::TELEPORTER);
             }
             DeviceKind::Jetpack => self.fuel = self.fuel.max(device.power),
             DeviceKind::Pad | DeviceKind::Teleporter => {}

@@ -8,6 +8,8 @@ use std::ops::Deref;
 const MAX_COYOTE_TICKS: u8 = u8::MAX - 1;
 /// `step_height` of the default body, m: the stairs of buildings rise by up to 0.2 m, those of games by more.
 const STEP_M: f32 = 0.35;
+/// `climb_speed` of the default body, m/s: twice that of people, as in games.
+const CLIMB_SPEED: f32 = 3.0;
 
 /// Size and motion of a kind of character. All values are in range: a profile is a checked [`RawCharacterProfile`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -47,6 +49,10 @@ pub struct RawCharacterProfile {
     pub air_acceleration: f32,
     /// Ticks after leaving the ground during which a jump still counts as one from the ground, at most 254.
     pub coyote_ticks: u8,
+    /// Speed up ladders and other faces that bodies climb, m/s; 0 if the character cannot climb.
+    pub climb_speed: f32,
+    /// Greatest height above its feet of a ledge to which the character pulls itself up, m; 0 if it cannot.
+    pub mantle_height: f32,
     /// Whether the character can use zip lines.
     pub uses_zip_lines: bool,
     /// Speed along a zip line, m/s.
@@ -76,6 +82,8 @@ impl RawCharacterProfile {
             ground_acceleration: 60.0,
             air_acceleration: 25.0,
             coyote_ticks: 6,
+            climb_speed: 0.0,
+            mantle_height: 0.0,
             uses_zip_lines: true,
             zip_line_speed: 14.0,
             uses_jetpacks: true,
@@ -92,7 +100,7 @@ impl RawCharacterProfile {
 
 impl Default for RawCharacterProfile {
     fn default() -> Self {
-        Self { step_height: STEP_M, ..Self::of_paper() }
+        Self { step_height: STEP_M, climb_speed: CLIMB_SPEED, ..Self::of_paper() }
     }
 }
 
@@ -176,6 +184,8 @@ impl RawCharacterProfile {
             ("ground_acceleration", self.ground_acceleration, 1.0, 1000.0),
             ("air_acceleration", self.air_acceleration, 0.0, 1000.0),
             ("coyote_ticks", self.coyote_ticks.into(), 0.0, f32::from(MAX_COYOTE_TICKS)),
+            ("climb_speed", self.climb_speed, 0.0, 10.0),
+            ("mantle_height", self.mantle_height, 0.0, 2.0 * self.height),
             ("zip_line_speed", self.zip_line_speed, 1.0, 40.0),
             ("jetpack_acceleration", self.jetpack_acceleration, 0.0, 200.0),
             ("jetpack_climb_speed", self.jetpack_climb_speed, 0.0, 40.0),

@@ -1,15 +1,20 @@
 //! One tick of a body: turn, accelerate, jump, thrust, enter devices, move.
 
 use super::action::Action;
-use super::body::{Body, Support};
+use super::body::{Body, Hold, Support};
 use super::profile::CharacterProfile;
 use super::surroundings::MoveScratch;
 use crate::float::wrapped;
 use crate::map::CollisionMap;
+use crate::mesh::Mesh;
 use crate::{Ability, AbilitySet, TICK_SECONDS, Vec3};
 
 /// Terminal speed of a fall, m/s.
 const MAX_FALL_SPEED: f32 = 45.0;
+/// Least share of the top speed at which a body that climbs wants to move into the face.
+const LEAST_INTO: f32 = 0.2;
+/// Speed at which a body pulls itself up to a ledge, m/s.
+const PULL_SPEED: f32 = 3.0;
 /// Air control on a steep face, as a share.
 const SLIDE_CONTROL: f32 = 0.2;
 /// Depth of liquid above the feet that slows a body down, m.
@@ -36,6 +41,7 @@ impl Body {
         self.accelerate(profile, action);
         self.jump(profile, &mut used);
         self.thrust(profile, action, &mut used);
+        self.scale(map.mesh(), profile, action, scratch, &mut used);
         self.enter_devices(map, profile, &mut used);
         if self.ride.is_none() {
             self.move_and_collide(map.mesh(), profile, scratch);
@@ -94,10 +100,10 @@ impl Body {
             return;
         }
         if self.is_grounded() || self.ticks_in_air <= profile.coyote_ticks {
-            used.insert(Ability::Jump);
+            used.insert(Ability::JUMP);
         } else if self.air_jumps_left > 0 {
             self.air_jumps_left -= 1;
-            used.insert(Ability::DoubleJump);
+            used.insert(Ability::DOUBLE_JUMP);
         } else {
             return;
         }
@@ -106,9 +112,33 @@ impl Body {
         self.jump_pending = false;
     }
 
+    /// Climbs the face that the body touches, or pulls it up to the ledge above, as long as it wants to move into the
+    /// face and does not jump.
+    fn scale(
+        &mut self,
+        mesh: &Mesh,
+        profile: &CharacterProfile,
+        action: &Action,
+        scratch: &mut MoveScratch,
+        used: &mut AbilitySet,
+    ) {
+        let Some(Hold { out, is_climbed }) = self.hold.filter(|_| used.is_empty()) else { return };
+        let (ability, speed) =
+            if is_climbed { (Ability::CLIMB, profile.climb_speed) } else { (Ability::MANTLE, PULL_SPEED) };
+        let wants = -self.wish(profile, action).dot(out) >= LEAST_INTO * profile.forward_speed;
+        if !wants || self.velocity.y > speed || !is_climbed && !self.finds_ledge(mesh, profile, out, scratch) {
+            return;
+        }
+        let inward = out * self.velocity.dot(out);
+        let sideways = (self.velocity - inward).with_y(0.0).clamp_length_max(speed);
+        self.velocity = inward + sideways + Vec3::Y * speed;
+        self.leave_ground();
+        used.insert(ability);
+    }
+
     /// Applies jetpack thrust in the air while the jump is held, unless the body jumps in this tick.
     fn thrust(&mut self, profile: &CharacterProfile, action: &Action, used: &mut AbilitySet) {
-        let jumps = used.contains(Ability::Jump) || used.contains(Ability::DoubleJump);
+        let jumps = used.contains(Ability::JUMP) || used.contains(Ability::DOUBLE_JUMP);
         let wanted = action.jump > 0.0 && !jumps && !self.is_grounded();
         if !wanted || self.fuel <= 0.0 || self.velocity.y >= profile.jetpack_climb_speed {
             return;
@@ -117,6 +147,6 @@ impl Body {
         self.velocity.y = pushed.min(profile.jetpack_climb_speed);
         self.fuel = (self.fuel - TICK_SECONDS).max(0.0);
         self.leave_ground();
-        used.insert(Ability::Jetpack);
+        used.insert(Ability::JETPACK);
     }
 }

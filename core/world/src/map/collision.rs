@@ -62,7 +62,7 @@ impl CollisionMap {
     /// This map, without movers and pieces, with these features instead of its own.
     pub fn with_placed(self, placed: Placed) -> Self {
         let mut triangles = self.mesh.into_built_triangles();
-        triangles.retain(|triangle| triangle.surface() == Surface::Ground);
+        triangles.retain(|triangle| triangle.surface().is_solid());
         Self::from_solids(self.spec, self.size, triangles, placed)
     }
 

@@ -1,13 +1,14 @@
 //! All triangles of a map: the built ones, whose index edited maps share, and the added ones.
 
 use super::added::Added;
+use super::climbed::{self, ClimbSpot};
 use super::grid::Grid;
 use super::ray::RayHit;
 use super::triangle::Triangle;
 use crate::Vec3;
 use std::ops::Index;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 
@@ -16,6 +17,7 @@ static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 pub struct Mesh {
     built: Arc<Grid>,
     added: Option<Added>,
+    climb_spots: OnceLock<Vec<ClimbSpot>>,
     /// Unique among all meshes of this process.
     id: u64,
 }
@@ -70,7 +72,7 @@ impl Mesh {
     }
 
     fn of(built: Arc<Grid>, added: Option<Added>) -> Self {
-        Self { built, added, id: NEXT_ID.fetch_add(1, Ordering::Relaxed) }
+        Self { built, added, climb_spots: OnceLock::new(), id: NEXT_ID.fetch_add(1, Ordering::Relaxed) }
     }
 
     /// The built triangles of this mesh with others added. The time does not depend on the size of the mesh.
@@ -87,6 +89,11 @@ impl Mesh {
     pub fn triangles(&self) -> Triangles<'_> {
         let added = self.added.as_ref().map_or(&[][..], |added| &added.triangles);
         Triangles { built: &self.built.triangles, added }
+    }
+
+    /// The spots at the upright faces that bodies climb, in a fixed order.
+    pub fn climb_spots(&self) -> &[ClimbSpot] {
+        self.climb_spots.get_or_init(|| climbed::spots(self.triangles()))
     }
 
     /// The triangles that the mesh was built from.

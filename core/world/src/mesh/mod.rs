@@ -8,6 +8,7 @@
 //! and contacts with it.
 
 mod added;
+mod climbed;
 mod columns;
 mod cones;
 mod fan;
@@ -17,6 +18,7 @@ mod layers;
 mod ray;
 mod triangle;
 
+pub use climbed::ClimbSpot;
 pub use cones::Cones;
 pub use fan::{ConeHit, ConeHits, Elevations};
 pub use lanes::LANES;

@@ -25,6 +25,8 @@ pub enum Surface {
     Teleporter = 5,
     /// Disc of a jetpack pick-up; otherwise like a pad.
     Jetpack = 6,
+    /// Ladders, nets and walls that bodies climb: solid.
+    Climb = 7,
 }
 
 impl Surface {
@@ -38,7 +40,7 @@ impl Surface {
 
     /// Whether bodies collide with the surface.
     pub fn is_solid(self) -> bool {
-        self == Surface::Ground
+        matches!(self, Surface::Ground | Surface::Climb)
     }
 }
 
@@ -186,7 +188,8 @@ impl Triangle {
             let crossing = low + Vec3::new(0.0, height * t, 0.0);
             if self.closest_point(crossing).distance_squared(crossing) < 1.0e-8 {
                 let depth = radius - low_side.min(high_side);
-                return Some(Contact { normal: self.normal, depth, point: crossing, face_normal: self.normal });
+                let Self { normal, surface, .. } = *self;
+                return Some(Contact { normal, depth, point: crossing, face_normal: normal, surface });
             }
         }
         let (on_axis, on_triangle) = self.closest_to_vertical(low, height);
@@ -197,7 +200,8 @@ impl Triangle {
         }
         let distance = distance_squared.sqrt();
         let normal = if distance > 1.0e-5 { offset / distance } else { self.normal };
-        Some(Contact { normal, depth: radius - distance, point: on_triangle, face_normal: self.normal })
+        let Self { normal: face_normal, surface, .. } = *self;
+        Some(Contact { normal, depth: radius - distance, point: on_triangle, face_normal, surface })
     }
 
     /// Closest pair of points of the vertical segment above `low` and the triangle, if the segment does not pass
@@ -263,4 +267,6 @@ pub struct Contact {
     pub point: Vec3,
     /// Normal of the touched triangle; differs from `normal` at its edges and corners.
     pub face_normal: Vec3,
+    /// Surface of the touched triangle.
+    pub surface: Surface,
 }

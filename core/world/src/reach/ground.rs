@@ -3,7 +3,6 @@
 use crate::character::{CharacterProfile, MoveScratch, is_clear};
 use crate::float::horizontal;
 use crate::map::CollisionMap;
-use crate::mesh::Surface;
 use crate::{Vec3, navigable};
 use petgraph::unionfind::UnionFind;
 use rayon::prelude::*;
@@ -250,7 +249,7 @@ fn can_walk(map: &CollisionMap, profile: &CharacterProfile, a: Vec3, b: Vec3) ->
         let above = a + offset * (i as f32 / (INTERMEDIATE_COUNT + 1) as f32) + Vec3::new(0.0, 1.2, 0.0);
         let Some(hit) = map.mesh().cast_ray(above, down, 2.4) else { return false };
         let height = above.y - hit.distance;
-        if hit.surface != Surface::Ground || (height - last).abs() > most + 0.08 {
+        if !hit.surface.is_solid() || (height - last).abs() > most + 0.08 {
             return false;
         }
         last = height;

@@ -45,7 +45,7 @@ pub fn land(
     for tick in 0..MAX_TICKS {
         let action = leaper.decide(profile, tick);
         let used = leaper.body.tick(map, profile, &action, scratch);
-        leaper.jumps_made += u32::from(used.contains(Ability::Jump)) + u32::from(used.contains(Ability::DoubleJump));
+        leaper.jumps_made += u32::from(used.contains(Ability::JUMP)) + u32::from(used.contains(Ability::DOUBLE_JUMP));
         let feet = leaper.body.feet;
         if used.meets_device() || map.is_outside(feet) || map.liquid_at(feet, 0.0).is_some() {
             return None;

@@ -32,8 +32,8 @@ impl JumpLimits {
         Self {
             max_failures: 40,
             jump_reach: (length_m / SPACING_M).ceil().max(2.0) as i32,
-            max_rise_m: jumps * rise_m + profile.step_height,
-            single_m: (rise_m, profile.forward_speed * seconds),
+            max_rise_m: jumps * rise_m + profile.step_height.max(profile.mantle_height),
+            single_m: (rise_m + profile.mantle_height, profile.forward_speed * seconds),
         }
     }
 }

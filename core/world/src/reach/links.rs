@@ -5,6 +5,7 @@ use super::leap::{self, Leap};
 use super::limits::JumpLimits;
 use super::{Link, Means};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
+use crate::climbs::climbs;
 use crate::float::horizontal;
 use crate::map::{CollisionMap, Device, DeviceKind};
 use crate::{Vec3, navigable};
@@ -32,6 +33,7 @@ pub(super) fn find(map: &CollisionMap, profile: &CharacterProfile, ground: &Grou
         borders.par_iter().enumerate().with_max_len(1).map_init(MoveScratch::default, of_island).collect();
     let mut links = found.concat();
     device_links(map, profile, ground, &mut links);
+    climb_links(map, profile, ground, &mut links);
     links.sort_unstable();
     links.dedup_by_key(|link| (link.from, link.to, link.means));
     links
@@ -251,6 +253,15 @@ fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground,
                 links.extend(between(ground, &takeoffs, landing as u32, means));
             }
         }
+    }
+}
+
+/// Links by climbs, which a body has made.
+fn climb_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
+    for climb in climbs(map, profile) {
+        let takeoffs = cells_beside(ground, climb.foot);
+        let landings = cells_beside(ground, climb.top);
+        links.extend(landings.iter().flat_map(|&to| between(ground, &takeoffs, to, Means::Climb)));
     }
 }
 

@@ -47,6 +47,8 @@ pub enum Means {
     Teleporter,
     /// A jetpack.
     Jetpack,
+    /// A ladder, a net, or a wall that can be climbed.
+    Climb,
     /// A ride on a lift or platform, or a walk over a floor or conveyor.
     Mover,
 }

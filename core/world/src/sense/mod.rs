@@ -203,7 +203,8 @@ fn note_ray(rays: &mut [f32], idx: usize, distance: f32, surface: Surface) {
 /// Ray channel and value that represent `surface`; `None` for ground.
 pub fn surface_channel(surface: Surface) -> Option<(usize, f32)> {
     match surface {
-        Surface::Ground => None,
+        // To the eyes of the policy, what bodies climb is a wall.
+        Surface::Ground | Surface::Climb => None,
         Surface::Water => Some((1, 1.0)),
         Surface::Lava => Some((2, 1.0)),
         Surface::Pad => Some((3, 1.0)),

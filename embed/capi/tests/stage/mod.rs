@@ -113,7 +113,7 @@ pub fn graph_text_of(frame: Option<LevelFrame>) -> String {
     let mut edges = Vec::new();
     let ways = [(0, 1), (1, 2), (2, 3), (0, 4), (4, 5), (5, 6), (6, 7), (7, 3)];
     for (from, to) in ways {
-        let ability = if from >= 4 && to >= 4 { Ability::Pad } else { Ability::Walk };
+        let ability = if from >= 4 && to >= 4 { Ability::PAD } else { Ability::WALK };
         for (from, to) in [(from, to), (to, from)] {
             let mut evidence = Evidence::default();
             (0..20).for_each(|_| evidence.note(TryEnd::Arrived, 20, ability));

@@ -4,7 +4,7 @@ use crate::decide::{Acted, Decided, Decision, Sighting, TICKS};
 use crate::world::{BodyState, Hit};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{RAY_COUNT, RAY_RANGE_M, RayCone};
-use surefoot_world::{AbilitySet, Action, Body, CharacterProfile, End, Vec3};
+use surefoot_world::{Ability, AbilitySet, Action, Body, CharacterProfile, End, Vec3};
 
 /// Version of the protocol.
 const VERSION: u32 = 1;
@@ -14,6 +14,8 @@ const MAGIC: u32 = u32::from_le_bytes(*b"SFGW");
 const TICK_RATE: u32 = 60;
 /// Bytes of a state.
 const STATE_BYTES: usize = 36;
+/// Abilities that a state can name, after walking.
+const USED_ABILITIES: u32 = 6;
 /// Bytes of what 64 rays hit.
 const HITS_BYTES: usize = RAY_COUNT * 5;
 /// Surface of a ray that hits nothing.
@@ -235,7 +237,8 @@ impl Reader<'_> {
         if flags & 0xc0f0 != 0 {
             return Err(format!("the {} has flags 0x{flags:x}; bits 4 to 7, 14 and 15 must be 0", of("state")));
         }
-        let used_abilities = AbilitySet::from(std::array::from_fn(|idx| has(8 + idx as u32)));
+        let used = (0..USED_ABILITIES).filter(|idx| has(8 + idx));
+        let used_abilities: AbilitySet = used.filter_map(|idx| Ability::at(idx as usize + 1)).collect();
         Ok(BodyState {
             feet,
             velocity,
@@ -259,7 +262,8 @@ impl Reader<'_> {
                 continue;
             }
             let of = || format!("ray {ray} of character {character}");
-            let known = Surface::ALL.get(usize::from(surface)).copied();
+            // To the eyes of NPCs, what can be climbed is ground.
+            let known = Surface::ALL.get(usize::from(surface)).copied().filter(|it| *it != Surface::Climb);
             let surface = known.ok_or_else(|| format!("{} hits surface {surface}; it must be 0 to 6 or 255", of()))?;
             if !(0.0..=RAY_RANGE_M).contains(&distance) {
                 return Err(format!("{} hits after {distance} m; it must be 0 to {RAY_RANGE_M}", of()));

@@ -34,7 +34,7 @@ impl Default for SurefootAgent {
         Self {
             body: CharacterProfile::default(),
             caution: Caution::CAREFUL,
-            without: [Ability::ZipLine, Ability::Jetpack].into_iter().collect(),
+            without: [Ability::ZIP_LINE, Ability::JETPACK, Ability::CLIMB].into_iter().collect(),
             noise_share: DEFAULT_NOISE_SHARE,
             seed: 0,
         }

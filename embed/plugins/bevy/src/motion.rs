@@ -45,7 +45,7 @@ pub(crate) fn follow(mut agents: Agents<'_, '_>, time: Res<'_, Time<Fixed>>) {
             let moved = character.filter(|(character, _)| !character.is_halted);
             let jump = moved.and_then(|(character, _)| character.jump);
             if let Some(jump) = jump {
-                moving.used.insert(if jump == Jump::Ground { Ability::Jump } else { Ability::DoubleJump });
+                moving.used.insert(if jump == Jump::Ground { Ability::JUMP } else { Ability::DOUBLE_JUMP });
             }
             moving.follow(settings, &state, action, ticks);
         }

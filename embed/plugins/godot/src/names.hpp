@@ -16,13 +16,15 @@ inline const char* name_of(sf_ability ability) {
         case SF_ZIP_LINE: return "zip_line";
         case SF_TELEPORTER: return "teleporter";
         case SF_JETPACK: return "jetpack";
+        case SF_CLIMB: return "climb";
+        case SF_MANTLE: return "mantle";
         default: return "unknown";
     }
 }
 
 // The ability with a name; SF_WALK if there is none.
 inline sf_ability ability_of(const std::string& name) {
-    for (sf_ability ability = SF_JUMP; ability <= SF_JETPACK; ability++) {
+    for (sf_ability ability = SF_JUMP; ability <= SF_MANTLE; ability++) {
         if (name == name_of(ability)) {
             return ability;
         }

@@ -93,6 +93,7 @@ bool SurefootAgent3D::read_body(const Variant& body, double& feet_offset) {
         profile_.max_slope = static_cast<float>(body.call("get_floor_max_angle").number());
         profile_.uses_zip_lines = (without_ & SF_ZIP_LINE_BIT) == 0;
         profile_.uses_jetpacks = (without_ & SF_JETPACK_BIT) == 0;
+        profile_.climb_speed = (without_ & SF_CLIMB_BIT) == 0 ? profile_.climb_speed : 0.0f;
         feet_offset = profile_.height / 2.0 - static_cast<double>(child.call("get_position").vector3().y);
         return true;
     }

@@ -118,7 +118,7 @@ private:
     double noise_ = SF_DEFAULT_NOISE;
     int64_t noise_seed_ = 0;
     double caution_ = 1.0;
-    int64_t without_ = SF_ZIP_LINE_BIT | SF_JETPACK_BIT;
+    int64_t without_ = SF_ZIP_LINE_BIT | SF_JETPACK_BIT | SF_CLIMB_BIT;
     int64_t ray_mask_ = 1;
     bool sees_areas_ = false;
     double goal_radius_ = SF_REACHED_WITHIN;

@@ -49,7 +49,7 @@ void SurefootAgent3D::note_ability(const std::string& ability) {
     const sf_ability used = ability_of(ability);
     if (used == SF_WALK) {
         engine::push_error("SurefootAgent3D.note_ability: there is no ability '" + ability +
-                           "': it is jump, double_jump, pad, zip_line, teleporter or jetpack");
+                           "': it is jump, double_jump, pad, zip_line, teleporter, jetpack or climb");
     } else if (life_ != nullptr) {
         life_->used = used;
     }

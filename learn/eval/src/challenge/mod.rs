@@ -19,4 +19,4 @@ pub use set::{GoalSet, SETS, SetError, SetGoal, SetMap};
 pub use surefoot_rollout::drive::PathPoint;
 
 /// Version of sets, protocol and scorer. Scores of different versions are not compared.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;

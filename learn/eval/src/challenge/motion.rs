@@ -116,7 +116,7 @@ fn walked_length(approach: &Approach, goal: &SetGoal) -> Option<f64> {
     let Approach::Path(points) = approach else { return None };
     let end = Vec3::from_array(points.last()?.at);
     let leads_there = end.distance(Vec3::from_array(goal.goal)) <= TaskConfig::default().goal_radius;
-    let is_walk = points.iter().all(|point| point.by == Ability::Walk);
+    let is_walk = points.iter().all(|point| point.by == Ability::WALK);
     let places = points.iter().map(|point| Vec3::from_array(point.at));
     let all: Vec<Vec3> = [Vec3::from_array(goal.start)].into_iter().chain(places).collect();
     (leads_there && is_walk).then(|| all.windows(2).map(|pair| on_plane(pair[0], pair[1])).sum())

@@ -15,6 +15,8 @@ export const ABILITIES: readonly Ability[] = [
   Ability.ZIP_LINE,
   Ability.TELEPORTER,
   Ability.JETPACK,
+  Ability.CLIMB,
+  Ability.MANTLE,
 ]
 
 const ABILITY_NAMES: Record<Ability, string> = {
@@ -26,6 +28,8 @@ const ABILITY_NAMES: Record<Ability, string> = {
   [Ability.ZIP_LINE]: 'Zip line',
   [Ability.TELEPORTER]: 'Teleporter',
   [Ability.JETPACK]: 'Jetpack',
+  [Ability.CLIMB]: 'Climb',
+  [Ability.MANTLE]: 'Mantle',
 }
 
 export function abilityName(ability: Ability): string {
@@ -47,6 +51,10 @@ export function abilityDone(ability: Ability): string {
       return 'took a teleporter'
     case Ability.JETPACK:
       return 'used a jetpack'
+    case Ability.CLIMB:
+      return 'climbed'
+    case Ability.MANTLE:
+      return 'pulled itself up'
     default:
       return 'walked'
   }

@@ -17,6 +17,8 @@ export const ABILITY_COLOURS: Readonly<Record<Ability, string>> = {
   [Ability.ZIP_LINE]: '#ff5cc8',
   [Ability.TELEPORTER]: '#b487ff',
   [Ability.JETPACK]: '#3af0d8',
+  [Ability.CLIMB]: '#c79a4b',
+  [Ability.MANTLE]: '#f08a4b',
 }
 
 /** By what a ray hit. */
@@ -30,6 +32,7 @@ export const SURFACE_COLOURS: Readonly<Record<Surface, string>> = {
   [Surface.TELEPORTER]: ABILITY_COLOURS[Ability.TELEPORTER],
   [Surface.JETPACK]: ABILITY_COLOURS[Ability.JETPACK],
   [Surface.BODY]: '#f6f8fb',
+  [Surface.CLIMB]: ABILITY_COLOURS[Ability.CLIMB],
 }
 
 /** By what an NPC is doing. */

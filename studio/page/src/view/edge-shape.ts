@@ -31,6 +31,8 @@ const ARCS: Readonly<Record<Ability, { share: number; most: number; pieces: numb
   [Ability.ZIP_LINE]: { share: 0.08, most: 2.5, pieces: 4 },
   [Ability.TELEPORTER]: { share: 0.25, most: 14, pieces: 8 },
   [Ability.JETPACK]: { share: 0.3, most: 10, pieces: 7 },
+  [Ability.CLIMB]: { share: 0.02, most: 0.6, pieces: 2 },
+  [Ability.MANTLE]: { share: 0.02, most: 0.6, pieces: 2 },
 }
 
 /** Shorter ways that are walked are straight, m. */

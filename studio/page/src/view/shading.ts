@@ -32,14 +32,14 @@ interface Faces {
   flat: Uint8Array
 }
 
-/** Pools and devices are drawn as features, so only ground stays. */
+/** Pools and devices are drawn as features, so only what is solid stays. */
 function drawnIndices(tile: MeshTile): Uint32Array {
   const { indices, surfaces } = tile
   let kept = 0
   const drawn = new Uint32Array(indices.length)
   for (let face = 0; face < indices.length / 3; face += 1) {
     const surface = surfaces[face] ?? Surface.GROUND
-    if (surface === Surface.GROUND || surface === Surface.UNSPECIFIED) {
+    if ([Surface.GROUND, Surface.CLIMB, Surface.UNSPECIFIED].includes(surface)) {
       drawn.set(indices.subarray(face * 3, face * 3 + 3), kept)
       kept += 3
     }

@@ -28,7 +28,7 @@ pub fn figures(router: &Router, context: &ProbeContext, points: &[Vec3]) -> Vec<
         });
         Figure::new(name, us / places.len() as f64, "us").at_most(MOST_US)
     };
-    let on_foot = |query: &mut Query| query.without = AbilitySet::from_iter([Ability::Jump]);
+    let on_foot = |query: &mut Query| query.without = AbilitySet::from_iter([Ability::JUMP]);
     let out_of_reach: Vec<Vec3> = places.iter().map(|place| *place + Vec3::Y * 100.0).collect();
     let mut figures = vec![
         rank("rank_from_us", &|_| {}, SharedEnd::Start, places),

@@ -59,12 +59,12 @@ fn json(document: &impl Serialize) -> String {
 
 /// Name of the ability of a link; a walk without ground underneath is a drop.
 fn name_of(ability: Ability) -> &'static str {
-    if ability == Ability::Walk { "drop" } else { ability.name() }
+    if ability == Ability::WALK { "drop" } else { ability.name() }
 }
 
 /// A number of each ability that engines can filter by, from 0 for drops.
 fn kind_of(ability: Ability) -> u8 {
-    ability as u8
+    ability.into()
 }
 
 /// A leap as hints for an animation, on the axes of a format.
@@ -133,7 +133,7 @@ struct Kind {
 
 /// The numbers of all abilities, from `first`.
 fn kinds(first: u8) -> Vec<Kind> {
-    Ability::ALL.iter().map(|&it| Kind { ability: name_of(it), kind: first + kind_of(it) }).collect()
+    Ability::all().map(|it| Kind { ability: name_of(it), kind: first + kind_of(it) }).collect()
 }
 
 /// All fields of the links: docs/guides/links.md has the schema.
@@ -341,7 +341,12 @@ pub(super) fn detour(set: &LinkSet) -> String {
     let key = |ability: Ability| AbilityKey {
         ability: name_of(ability),
         area: FIRST_DETOUR_AREA + kind_of(ability),
-        flag: if ability == Ability::Walk { 1 << 6 } else { 1 << (ability as u16 - 1) },
+        // Drops have the flag after jetpacks, as they always had.
+        flag: match ability.idx() {
+            0 => 1 << 6,
+            idx @ 1..=6 => 1 << (idx - 1),
+            idx => 1 << idx,
+        },
     };
     let links = &set.links;
     let abouts: Vec<About> = links.iter().map(|link| About::of(link, Axes::Ours)).collect();
@@ -360,6 +365,6 @@ pub(super) fn detour(set: &LinkSet) -> String {
         off_mesh_con_chance: abouts.iter().map(|about| about.chance).collect(),
         off_mesh_con_driven: abouts.iter().map(|about| about.driven).collect(),
         off_mesh_con_leaps: abouts.into_iter().map(|about| about.leaps).collect(),
-        legend: Ability::ALL.iter().copied().map(key).collect(),
+        legend: Ability::all().map(key).collect(),
     })
 }

@@ -24,7 +24,7 @@ use surefoot_world::{Ability, Chance, DECISION_SECONDS, Decisions, Vec3};
 /// One leap: off the ground by one move, until the body stands again.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leap {
-    /// The ability by which the body leaves the ground and flies; [`Ability::Walk`] for a drop.
+    /// The ability by which the body leaves the ground and flies; [`Ability::WALK`] for a drop.
     pub ability: Ability,
     /// Last position of the feet on the ground, m, or the centre of a device.
     pub take_off: Vec3,

@@ -42,7 +42,7 @@ fn a_run_onto_a_box_has_paces_strides_and_phases_at_any_rate_of_ticks() {
             assert_eq!((flight.0, flight.1), (MovePhase::Flight, landing.1), "{hz} Hz: {phases:?}");
         }
         let jumped = |by| phases.contains(&Some((MovePhase::Flight, by)));
-        assert!(jumped(Ability::Jump) || jumped(Ability::DoubleJump), "{hz} Hz: {phases:?}");
+        assert!(jumped(Ability::JUMP) || jumped(Ability::DOUBLE_JUMP), "{hz} Hz: {phases:?}");
         assert_eq!((phases.last(), paces.last()), (Some(&None), Some(&Pace::Idle)), "{hz} Hz: it stands at the end");
         assert!(paces.contains(&Pace::Run) && (3.0..6.0).contains(&widest), "{hz} Hz: {widest} m at 11 m/s");
     }
@@ -60,12 +60,12 @@ fn an_app_says_which_ability_its_own_controller_used() {
         let now = locomotion(&app, agent);
         (now.phase, now.ability)
     };
-    assert_eq!(at(0.0, true, None), (None, Ability::Walk));
-    assert_eq!(at(0.2, false, Some(Ability::Pad)), (Some(MovePhase::Flight), Ability::Pad));
-    assert_eq!(at(0.4, false, None), (Some(MovePhase::Flight), Ability::Pad), "the plugin took what was used");
-    assert_eq!(at(0.0, true, None), (Some(MovePhase::Landing), Ability::Pad));
+    assert_eq!(at(0.0, true, None), (None, Ability::WALK));
+    assert_eq!(at(0.2, false, Some(Ability::PAD)), (Some(MovePhase::Flight), Ability::PAD));
+    assert_eq!(at(0.4, false, None), (Some(MovePhase::Flight), Ability::PAD), "the plugin took what was used");
+    assert_eq!(at(0.0, true, None), (Some(MovePhase::Landing), Ability::PAD));
     for _ in 0..20 {
         at(0.0, true, None);
     }
-    assert_eq!(at(0.0, true, None), (None, Ability::Walk));
+    assert_eq!(at(0.0, true, None), (None, Ability::WALK));
 }

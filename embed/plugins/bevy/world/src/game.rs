@@ -172,7 +172,7 @@ fn report(map: &Map, state: &AgentState, jump: Option<Jump>) -> BodyState {
         harm,
         used_abilities: jump
             .into_iter()
-            .map(|jump| if jump == Jump::Ground { Ability::Jump } else { Ability::DoubleJump })
+            .map(|jump| if jump == Jump::Ground { Ability::JUMP } else { Ability::DOUBLE_JUMP })
             .collect(),
         ..BodyState::default()
     }

@@ -21,6 +21,8 @@ const ROLES: Readonly<Record<NodeRole, readonly [one: string, many: string]>> = 
   [NodeRole.FLOOR]: ['floor that vanishes', 'floors that vanish'],
   [NodeRole.CONVEYOR]: ['conveyor', 'conveyors'],
   [NodeRole.CRATE]: ['crate', 'crates'],
+  [NodeRole.LADDER]: ['ladder', 'ladders'],
+  [NodeRole.CLIMB]: ['wall to climb', 'walls to climb'],
   [NodeRole.PATH]: ['stop of a path', 'stops of paths'],
   [NodeRole.HELPER]: ['helper', 'helpers'],
   [NodeRole.LEFT_OUT]: ['left out', 'left out'],

@@ -50,7 +50,7 @@ impl Rule {
         Outcome {
             reached: hash % 16 >= self.failures,
             decisions,
-            ability: if hash % 3 == 0 { Ability::Jump } else { Ability::Walk },
+            ability: if hash % 3 == 0 { Ability::JUMP } else { Ability::WALK },
             bounds: [trial.start.min(trial.goal), trial.start.max(trial.goal)],
             track: if trial.keep_track { (0..=decisions).map(at).collect() } else { Vec::new() },
             ..Outcome::begin(trial.start)
@@ -165,7 +165,7 @@ fn unreachable(router: &Router) -> f64 {
     let graph = router.graph();
     let places: Vec<Vec3> =
         graph.vertices().step_by(graph.vertex_count() / 64).map(|vertex| graph.position(vertex)).collect();
-    let without: AbilitySet = [Ability::Jump].into_iter().collect();
+    let without: AbilitySet = [Ability::JUMP].into_iter().collect();
     let query = |start: Vec3| Query { without, ..Query::new(start, start + Vec3::Y * 100.0) };
     timed(|| places.iter().for_each(|&start| _ = black_box(router.find_path(&query(start)))))
 }

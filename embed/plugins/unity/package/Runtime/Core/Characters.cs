@@ -157,6 +157,10 @@ namespace Surefoot
         public int UsesZipLines;
         /// <summary>Whether the character can use jetpacks, 0 or 1.</summary>
         public int UsesJetpacks;
+        /// <summary>Speed up ladders and other faces that can be climbed, m/s, 0 to 10; 0 if the character cannot climb.</summary>
+        public float ClimbSpeed;
+        /// <summary>Greatest height above its feet of a ledge to which the character pulls itself up, m; 0 if it cannot.</summary>
+        public float MantleHeight;
 
         /// <summary>The body that policies were trained with: 1.8 m tall, 11 m/s, a double jump.</summary>
         public static unsafe Body Default

@@ -49,6 +49,8 @@ namespace Surefoot
         Teleporter = 6,
         /// <summary>A jetpack to pick up.</summary>
         Jetpack = 7,
+        /// <summary>A ladder, a net, or a wall that can be climbed. To the eyes of agents it is ground.</summary>
+        Climb = 8,
     }
 
     /// <summary>The most demanding ability that a leg takes; <c>sf_ability</c>.</summary>
@@ -62,6 +64,10 @@ namespace Surefoot
         ZipLine = 4,
         Teleporter = 5,
         Jetpack = 6,
+        /// <summary>Climbing a ladder, a net or a wall.</summary>
+        Climb = 7,
+        /// <summary>Pulling oneself up to a ledge.</summary>
+        Mantle = 8,
     }
 
     /// <summary>A set of abilities. One with jumps has double jumps as well.</summary>
@@ -75,6 +81,8 @@ namespace Surefoot
         ZipLine = 1u << Ability.ZipLine,
         Teleporter = 1u << Ability.Teleporter,
         Jetpack = 1u << Ability.Jetpack,
+        Climb = 1u << Ability.Climb,
+        Mantle = 1u << Ability.Mantle,
     }
 
     /// <summary>What the legs of a character do; <c>sf_pace</c>.</summary>
