@@ -139,7 +139,13 @@ async fn a_zone_closes_the_route(mode: wire::TimeMode) {
             continue;
         }
         let place = npc.position.unwrap();
-        waypoints = step.plan.map_or(waypoints, |plan| plan.waypoints);
+        if let Some(plan) = step.plan {
+            if waypoints.is_empty() {
+                // The first plan may have been on its way when the zone closed.
+                due = due.max(step.tick + DECISION);
+            }
+            waypoints = plan.waypoints;
+        }
         assert!(!is_in(&closed, place), "{place:?} is closed");
         if npc.support() == wire::Support::Air && !is_diverted {
             // An NPC in the air cannot turn back.
