@@ -157,6 +157,9 @@ pub fn body(value: Option<&wire::Body>) -> Result<CharacterProfile, FieldError> 
             coyote_ticks,
             climb_speed: value.climb_speed.unwrap_or(it.climb_speed),
             mantle_height: value.mantle_height.unwrap_or(it.mantle_height),
+            swim_speed: value.swim_speed.unwrap_or(it.swim_speed),
+            crouch_height: value.crouch_height.unwrap_or(it.crouch_height),
+            dash_speed: value.dash_speed.unwrap_or(it.dash_speed),
             uses_zip_lines: value.uses_zip_lines.unwrap_or(it.uses_zip_lines),
             zip_line_speed: value.zip_line_speed.unwrap_or(it.zip_line_speed),
             uses_jetpacks: value.uses_jetpacks.unwrap_or(it.uses_jetpacks),
@@ -192,6 +195,9 @@ pub fn body_to_wire(body: &CharacterProfile) -> wire::Body {
         jetpack_climb_speed: Some(body.jetpack_climb_speed),
         climb_speed: Some(body.climb_speed),
         mantle_height: Some(body.mantle_height),
+        swim_speed: Some(body.swim_speed),
+        crouch_height: Some(body.crouch_height),
+        dash_speed: Some(body.dash_speed),
     }
 }
 

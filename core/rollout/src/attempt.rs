@@ -16,7 +16,7 @@ use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
 use surefoot_world::character::Body;
-use surefoot_world::climbs::climb_between;
+use surefoot_world::crossings::climb_between;
 use surefoot_world::mesh::ClimbSpot;
 use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Trajectory, Vec3, around, arrival};
 

@@ -4,7 +4,7 @@
 
 use crate::steer::Course;
 use surefoot_world::character::Body;
-use surefoot_world::climbs::before;
+use surefoot_world::crossings::before;
 use surefoot_world::mesh::ClimbSpot;
 use surefoot_world::{Action, CharacterProfile, Gait};
 

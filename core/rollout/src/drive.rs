@@ -166,11 +166,14 @@ impl<'p> Driver<'p> {
         let most = match by.motion() {
             Motion::Jump | Motion::Thrust => 1,
             Motion::AirJump => 1 + u32::from(profile.extra_jumps),
+            Motion::Dash => 2,
             // A NavMesh may contain steps that are too high for the body.
             Motion::Walk => return body.is_grounded() && self.blocked >= BLOCKED_TICKS,
             // Jumps in the air may add height to a pad's throw.
             Motion::Throw => 1 + u32::from(profile.extra_jumps),
-            Motion::Ride | Motion::Teleport | Motion::Surface | Motion::Pull => return false,
+            Motion::Ride | Motion::Teleport | Motion::Surface | Motion::Pull | Motion::Swim | Motion::Crouch => {
+                return false;
+            }
         };
         let to = target - body.feet;
         if by.motion() == Motion::Throw {
@@ -186,7 +189,8 @@ impl<'p> Driver<'p> {
         if self.jumps == 0 {
             return to.y > -LEVEL_M;
         }
-        self.jumps < most && body.air_jumps_left > 0 && body.velocity.y < 0.5 && to.y > -1.0
+        let may_jump = body.air_jumps_left > 0 || body.can_dash(profile);
+        self.jumps < most && may_jump && body.velocity.y < 0.5 && to.y > -1.0
     }
 }
 

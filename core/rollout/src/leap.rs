@@ -5,7 +5,7 @@
 //! the NPC arrives so.
 
 use crate::steer::{BRAKE, Course, moving, turn_by};
-use surefoot_world::character::Body;
+use surefoot_world::character::{Body, DASH_TICKS};
 use surefoot_world::float::{heading, hypot, wrapped};
 use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Gait, TICK_SECONDS, TICKS_PER_DECISION, Vec3};
 
@@ -61,7 +61,8 @@ impl Leap {
         if lands_before {
             return self.approach(&gap, body, profile);
         }
-        let air_jumps = (body.air_jumps_left > 0).then_some(std::iter::once(0).chain(AIR_JUMPS));
+        let goes_on = body.air_jumps_left > 0 || body.can_dash(profile);
+        let air_jumps = goes_on.then_some(std::iter::once(0).chain(AIR_JUMPS));
         let throw = flight.best(&gap, profile, air_jumps.into_iter().flatten());
         let jump = if throw.air_jump == Some(0) { 1.0 } else { -1.0 };
         Action { jump, ..gap.fly(throw.speed, body, profile) }
@@ -116,9 +117,10 @@ pub fn is_possible(rims: [Vec3; 2], to: Vec3, profile: &CharacterProfile) -> boo
     })
 }
 
-/// Decisions after a jump from the ground at which a body may jump in the air.
+/// Decisions after a jump from the ground at which a body may jump in the air, or dash.
 fn air_jumps(profile: &CharacterProfile) -> impl Iterator<Item = u32> {
-    AIR_JUMPS.into_iter().take(if profile.extra_jumps > 0 { AIR_JUMPS.len() } else { 0 })
+    let goes_on = profile.extra_jumps > 0 || profile.dash_speed > 0.0;
+    AIR_JUMPS.into_iter().take(if goes_on { AIR_JUMPS.len() } else { 0 })
 }
 
 /// A gap, seen along its leap from the rim before it.
@@ -254,6 +256,9 @@ impl Flight {
 
     /// By how much the body clears the gap, m, and the speed at which it aims, m/s.
     fn clearance(self, gap: &Gap, profile: &CharacterProfile, air_jump: Option<u32>) -> (f32, f32) {
+        if let Some(decisions) = air_jump.filter(|_| profile.extra_jumps == 0) {
+            return self.clearance_of_dash(gap, profile, decisions);
+        }
         let (last, before) = air_jump.map_or((self, 0.0), |decisions| self.after_air_jump(decisions, profile));
         let Some(seconds) = last.seconds_to(gap.rise).map(|seconds| seconds + before) else {
             let peak = last.height + 0.5 * last.rising * last.rising / self.drop;
@@ -270,6 +275,30 @@ impl Flight {
         let (flight, after) = if rim < before { (self, rim) } else { (last, rim - before) };
         let height = flight.height + flight.rising * after - 0.5 * self.drop * after * after;
         (beyond.min(height - gap.rise - ABOVE_M), speed)
+    }
+
+    /// The same with a dash after so many decisions.
+    fn clearance_of_dash(self, gap: &Gap, profile: &CharacterProfile, decisions: u32) -> (f32, f32) {
+        let before = decisions as f32 * DECISION_SECONDS;
+        let height_after = |flight: Self, seconds: f32| {
+            flight.height + flight.rising * seconds - 0.5 * flight.drop * seconds * seconds
+        };
+        let dash_m = profile.dash_speed * f32::from(DASH_TICKS) * TICK_SECONDS;
+        let height = height_after(self, before);
+        let after = Self { height, rising: 0.0, speed: profile.dash_speed, ..self };
+        let Some(seconds) = after.seconds_to(gap.rise) else { return (height - gap.rise, profile.forward_speed) };
+        let begins = |wish: f32| self.at + self.distance(wish, before, profile);
+        let lands = |wish: f32| begins(wish) + dash_m + after.distance(wish, seconds, profile);
+        let slowest = -profile.side_speed_share * profile.forward_speed;
+        let speed = least(slowest, profile.forward_speed, |wish| lands(wish) >= gap.aim);
+        let (beyond, rim, begin) = (lands(speed) - (gap.width + BEYOND_M), gap.width - TOE_M, begins(speed));
+        let over_rim = if begin >= rim {
+            height_after(self, self.seconds_over(rim - self.at, speed, before, profile))
+        } else {
+            let left = (rim - begin - dash_m).max(0.0);
+            height_after(after, after.seconds_over(left, speed, seconds, profile))
+        };
+        (beyond.min(over_rim - gap.rise - ABOVE_M), speed)
     }
 
     /// Distance that the body covers when it aims at `wish`, m/s.

@@ -6,6 +6,7 @@
 use crate::climb::Climb;
 use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::goals::{Goal, random_yaw};
+use crate::leap::Leap;
 use crate::steer::Course;
 use crate::style::Style;
 use rand::SeedableRng;
@@ -19,11 +20,11 @@ use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
 use surefoot_policy::noise::fill_gaussian;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::climbs::climb_between;
+use surefoot_world::crossings::climb_between;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
     Ability, Arrival, CharacterProfile, DecisionOutcome, End, Gait, Map, MoverAt, MoverOrder, NpcSlot, StopSet,
-    TICKS_PER_DECISION, TaskConfig, Vec3, World,
+    TICKS_PER_DECISION, TaskConfig, Vec3, World, arrival,
 };
 
 /// Most trials of a chunk.
@@ -313,13 +314,16 @@ impl<'a> Probes<'a> {
 /// The style in which the body of a trial moves.
 fn style_of(trial: &Trial, world: &World) -> Style {
     let spot = || climb_between(world.map(), &world.config().profiles[0], [trial.start, trial.goal]);
+    let rims = || arrival::rims(world.map(), &world.config().profiles[0], [trial.start, trial.goal]);
+    let course = Course { to: trial.goal, then: None, cuts: false, gait: Gait::DEFAULT, around: None };
     match trial.manner {
         Manner::Free => Style::Free,
         Manner::OnFoot => Style::for_leg(Ability::WALK),
-        Manner::Climb => spot().map_or(Style::Free, |spot| {
-            let course = Course { to: trial.goal, then: None, cuts: false, gait: Gait::DEFAULT, around: None };
-            Style::Climb(Climb { spot, course })
-        }),
+        Manner::Steered => match (spot(), rims()) {
+            (Some(spot), _) => Style::Climb(Climb { spot, course }),
+            (None, Some([take_off, landing])) => Style::Leap(Leap { take_off, landing, course }),
+            (None, None) => Style::Walk(course),
+        },
     }
 }
 

@@ -2,13 +2,13 @@
 
 mod build;
 mod chase;
-mod climbing;
 mod crowd;
 mod edits;
 mod env;
 mod gaits;
 mod leaps;
 mod motion;
+mod moves;
 mod rehearsals;
 mod reviews;
 mod shapes;

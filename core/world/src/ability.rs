@@ -38,6 +38,12 @@ pub enum Motion {
     Surface,
     /// The body pulls itself up to the ledge above the face that it touches, as long as it wants to move into it.
     Pull,
+    /// The body floats in water.
+    Swim,
+    /// The body makes itself lower.
+    Crouch,
+    /// The body flies straight ahead for a moment.
+    Dash,
 }
 
 const fn made(id: &'static str, motion: Motion) -> Move {
@@ -45,7 +51,7 @@ const fn made(id: &'static str, motion: Motion) -> Move {
 }
 
 /// All moves. There may be as many as an [`AbilitySet`] has bits.
-pub const MOVES: [Move; 9] = [
+pub const MOVES: [Move; 12] = [
     made("walk", Motion::Walk),
     made("jump", Motion::Jump),
     made("double_jump", Motion::AirJump),
@@ -55,6 +61,9 @@ pub const MOVES: [Move; 9] = [
     made("jetpack", Motion::Thrust),
     made("climb", Motion::Surface),
     made("mantle", Motion::Pull),
+    made("swim", Motion::Swim),
+    made("crouch", Motion::Crouch),
+    made("dash", Motion::Dash),
 ];
 
 impl Ability {
@@ -76,6 +85,12 @@ impl Ability {
     pub const CLIMB: Self = Self(7);
     /// Pulling oneself up to a ledge.
     pub const MANTLE: Self = Self(8);
+    /// Swimming.
+    pub const SWIM: Self = Self(9);
+    /// Going under what is lower than the body.
+    pub const CROUCH: Self = Self(10);
+    /// A dash in the air.
+    pub const DASH: Self = Self(11);
     /// Jumps, from the ground and in the air.
     pub const JUMPS: [Self; 2] = [Self::JUMP, Self::DOUBLE_JUMP];
 

@@ -118,7 +118,7 @@ fn lines(profile: &CharacterProfile, from: Vec3, to: Vec3) -> [Line; LINE_COUNT]
     let offset = to - from;
     let length = offset.length();
     let (direction, length) = if length < f32::EPSILON { (Vec3::Y, 0.0) } else { (offset / length, length) };
-    OPEN_AT.map(|share| Line { from: from + Vec3::Y * (share * profile.height), direction, length })
+    OPEN_AT.map(|share| Line { from: from + Vec3::Y * (share * profile.least_height()), direction, length })
 }
 
 /// Whether a body could walk straight from one place on a map to another, m. Movers do not count.
@@ -128,7 +128,7 @@ pub fn walks_straight(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec
 
 /// Whether something solid rises by half of the body's height above two places on a map, m, between them.
 pub fn is_walled(map: &Map, profile: &CharacterProfile, from: Vec3, to: Vec3) -> bool {
-    !is_open_at(map, from, to, from.y.max(to.y) + 0.5 * profile.height)
+    !is_open_at(map, from, to, from.y.max(to.y) + 0.5 * profile.least_height())
 }
 
 /// Whether nothing solid lies between two places at a height, m.
@@ -179,7 +179,7 @@ pub fn rims(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2]) -> Opt
     let offset = (to - from).with_y(0.0);
     let ((_, near), (_, far)) = (place.walkable(from, offset), place.walkable(to, -offset));
     let width = (far - near).dot(offset.normalize_or_zero());
-    let top = near.y.max(far.y) + 0.5 * profile.height;
+    let top = near.y.max(far.y) + 0.5 * profile.least_height();
     let is_open = || [top, top + profile.jump_height()].into_iter().any(|height| is_open_at(map, near, far, height));
     (width > 0.0 && width < horizontal(offset) && is_open()).then_some([near, far])
 }
@@ -223,7 +223,7 @@ impl Place<'_> {
             Some((place, distance)) if distance <= snap => return Ok(place),
             _ => {}
         }
-        let is_solid = self.map.mesh().solid_depth_at(goal + Vec3::Y * (0.5 * self.profile.height)) > 0;
+        let is_solid = self.map.mesh().solid_depth_at(goal + Vec3::Y * (0.5 * self.profile.least_height())) > 0;
         let mut nearest: Option<Vec3> = None;
         for step in 1..=(snap / SNAP_STEP_M) as u32 {
             for spoke in 0..SNAP_SPOKES {
@@ -254,7 +254,7 @@ impl Place<'_> {
             let feet = place + Vec3::Y * (0.5 * SLACK_M);
             let stands = self.is_level(place)
                 && is_clear(self.map.mesh(), self.profile, feet, 0.02, scratch)
-                && self.map.mesh().solid_depth_at(feet + Vec3::Y * (0.5 * self.profile.height)) == 0
+                && self.map.mesh().solid_depth_at(feet + Vec3::Y * (0.5 * self.profile.least_height())) == 0
                 && self.map.liquid_at(place, 0.0) != Some(Liquid::Lava);
             stands.then_some(place)
         })

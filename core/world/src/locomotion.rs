@@ -3,7 +3,7 @@
 
 use crate::character::Body;
 use crate::float::hypot;
-use crate::{Ability, AbilitySet, Action, CharacterProfile, Steps, TICK_SECONDS, TICKS_PER_SECOND};
+use crate::{Ability, AbilitySet, Action, CharacterProfile, Motion, Steps, TICK_SECONDS, TICKS_PER_SECOND};
 
 /// Height of the hip, as a share of the body's height (Winter, Biomechanics and Motor Control of Human Movement, 2009,
 /// figure 4.1).
@@ -42,7 +42,7 @@ pub enum Pace {
 pub enum MovePhase {
     /// The body is about to leave the ground by an ability.
     WindUp,
-    /// The body is in the air, or rides a zip line.
+    /// The body is in the air, climbs, swims, or rides a zip line.
     Flight,
     /// The body has come down within the last 0.2 s.
     Landing,
@@ -55,7 +55,8 @@ pub struct Locomotion {
     pub pace: Pace,
     /// Phase of the leap, ride or fall; `None` while the body simply stands, walks or runs.
     pub phase: Option<MovePhase>,
-    /// Ability of that leap or ride; [`Ability::WALK`] in a fall and without a phase.
+    /// Ability of that leap or ride; without a phase, [`Ability::CROUCH`] while the body crouches; otherwise
+    /// [`Ability::WALK`].
     pub ability: Ability,
     /// Length of a stride, which is two steps, m; 0 unless the body moves on the ground.
     pub stride_m: f32,
@@ -97,14 +98,18 @@ impl Locomotion {
                 Some(MovePhase::Landing) if self.ticks < LANDING_TICKS => self.ticks += 1,
                 _ => self.end_move(),
             }
+            if self.phase.is_none() && body.crouches {
+                self.ability = Ability::CROUCH;
+            }
             return;
         }
         if self.phase == Some(MovePhase::Landing) {
             self.end_move();
         }
         self.ticks = self.ticks.saturating_add(1);
-        // A teleporter does not throw bodies.
-        if let Some(ability) = used.iter().filter(|ability| *ability != Ability::TELEPORTER).last() {
+        // A teleporter does not throw bodies, nor does a ceiling.
+        let throws = |ability: &Ability| !matches!(ability.motion(), Motion::Teleport | Motion::Crouch);
+        if let Some(ability) = used.iter().filter(throws).last() {
             (self.ability, self.was_thrown) = (ability, true);
         }
         if self.was_thrown || self.ticks >= MIN_FALL_TICKS {

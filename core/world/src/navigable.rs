@@ -215,6 +215,6 @@ fn rest_on(map: &CollisionMap, profile: &CharacterProfile, floor: Vec3, scratch:
         && map.liquid_at(body.feet, -0.1).is_none()
         && map.device_at(body.feet).is_none()
         && is_clear(map.mesh(), profile, body.feet, 0.01, scratch)
-        && map.mesh().solid_depth_at(body.feet + Vec3::new(0.0, 0.5 * profile.height, 0.0)) == 0;
+        && map.mesh().solid_depth_at(body.feet + Vec3::new(0.0, 0.5 * profile.least_height(), 0.0)) == 0;
     stands.then_some(body.feet)
 }

@@ -472,7 +472,7 @@ fn tick_npc(npc: &mut Npc, at: Place<'_>, task: &TaskConfig, scratch: &mut MoveS
         npc.harm = Some(End::Fell);
     }
     npc.used_abilities = npc.used_abilities.union(used);
-    npc.harm = npc.harm.or_else(|| hazard_end(npc, at.map, task));
+    npc.harm = npc.harm.or_else(|| hazard_end(npc, at, task));
     if let Some(episode) = npc.episode.as_mut().filter(|episode| episode.end.is_none()) {
         episode.note_tick(npc.body.feet, task);
         if episode.arrival.is_met(at, &npc.body, episode.goal, task.goal_radius) {
@@ -484,17 +484,17 @@ fn tick_npc(npc: &mut Npc, at: Place<'_>, task: &TaskConfig, scratch: &mut MoveS
 }
 
 /// The hazard that ends an attempt in this tick; counts ticks in water.
-fn hazard_end(npc: &mut Npc, map: &Map, task: &TaskConfig) -> Option<End> {
+fn hazard_end(npc: &mut Npc, Place { map, profile, .. }: Place<'_>, task: &TaskConfig) -> Option<End> {
     if map.is_outside(npc.body.feet) {
         return Some(End::Fell);
     }
     match map.liquid_at(npc.body.feet, 0.0) {
         Some(Liquid::Lava) => Some(End::Burnt),
-        Some(Liquid::Water) => {
+        Some(Liquid::Water) if profile.is_harmed_by(Liquid::Water) => {
             npc.last.ticks_in_water += 1;
             (npc.last.ticks_in_water >= task.drown_ticks).then_some(End::Drowned)
         }
-        None => {
+        Some(Liquid::Water) | None => {
             npc.last.ticks_in_water = npc.last.ticks_in_water.saturating_sub(1);
             None
         }

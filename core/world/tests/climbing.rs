@@ -2,7 +2,7 @@
 
 use surefoot_world::character::MoveScratch;
 use surefoot_world::character::bodies::NamedBody;
-use surefoot_world::climbs::climbs;
+use surefoot_world::crossings::crossings;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -75,14 +75,14 @@ fn walls_are_not_climbed_nor_are_ladders_by_bodies_that_cannot_climb_or_do_not_w
 #[test]
 fn climbs_are_found_where_a_body_gets_up_and_the_survey_links_them() {
     let (map, body) = (map(Surface::Climb), CharacterProfile::default());
-    let found = climbs(&map, &body);
+    let found = crossings(&map, &body);
     assert_eq!(found.len(), 1, "{found:?}");
     let climb = found[0];
-    assert!((climb.foot.y - FLOOR).abs() < 0.1 && climb.foot.z < 11.9, "{climb:?}");
-    assert!((climb.top.y - TOP).abs() < 0.1 && climb.top.z > 12.0, "{climb:?}");
+    assert!((climb.from.y - FLOOR).abs() < 0.1 && climb.from.z < 11.9, "{climb:?}");
+    assert!((climb.to.y - TOP).abs() < 0.1 && climb.to.z > 12.0, "{climb:?}");
     let links = Reach::survey(&map, &body, 1).links;
     assert!(links.iter().any(|link| link.means == Means::Climb), "{links:?}");
-    assert!(climbs(&map, &body.with(|it| it.climb_speed = 0.0).unwrap()).is_empty());
+    assert!(crossings(&map, &body.with(|it| it.climb_speed = 0.0).unwrap()).is_empty());
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn a_body_does_not_pull_itself_up_where_it_has_no_room() {
     let agile = NamedBody::find("agile").unwrap().profile();
     let floor = block([0.0, 0.0, 0.0], [24.0, FLOOR, 24.0], Surface::Ground);
     let step = block([8.0, FLOOR, 12.0], [16.0, FLOOR + 1.0, 20.0], Surface::Ground);
-    let roof = block([8.0, FLOOR + 2.5, 12.0], [16.0, FLOOR + 3.0, 20.0], Surface::Ground);
+    let roof = block([8.0, FLOOR + 1.8, 12.0], [16.0, FLOOR + 3.0, 20.0], Surface::Ground);
     let size = MapSize { width: 24, height: 20, depth: 24 };
     let map = Map::from_parts(size, [floor, step, roof].concat(), Placed::default());
     let (body, used) = act(&map, &agile, AHEAD, 3);

@@ -111,7 +111,12 @@ enum {
     /* Climbing a ladder, a net or a wall. */
     SF_CLIMB = 7,
     /* Pulling oneself up to a ledge. */
-    SF_MANTLE = 8
+    SF_MANTLE = 8,
+    SF_SWIM = 9,
+    /* Crouching under what is lower than the character. */
+    SF_CROUCH = 10,
+    /* A dash in the air. */
+    SF_DASH = 11
 };
 
 /* Sets of abilities, as bits. A set with jumps has double jumps as well. */
@@ -123,7 +128,10 @@ enum {
     SF_TELEPORTER_BIT = 1 << SF_TELEPORTER,
     SF_JETPACK_BIT = 1 << SF_JETPACK,
     SF_CLIMB_BIT = 1 << SF_CLIMB,
-    SF_MANTLE_BIT = 1 << SF_MANTLE
+    SF_MANTLE_BIT = 1 << SF_MANTLE,
+    SF_SWIM_BIT = 1 << SF_SWIM,
+    SF_CROUCH_BIT = 1 << SF_CROUCH,
+    SF_DASH_BIT = 1 << SF_DASH
 };
 
 /* Coordinates of places. */
@@ -266,6 +274,13 @@ typedef struct sf_body {
     /* Greatest height above its feet of a ledge to which the character pulls itself up, m (0 to 2 height); 0 if it
      * cannot. Only worlds use this. */
     float mantle_height;
+    /* Speed in water that is too deep to wade, m/s (0 to 10); 0 if it cannot swim. Only worlds use this. */
+    float swim_speed;
+    /* Height of the character when it crouches, m (0, or 2 radius to height); 0 if it cannot. Only worlds use this. */
+    float crouch_height;
+    /* Speed of the dash that the character makes when it jumps in the air and has no jump left, m/s (0 to 40); 0 if it
+     * makes none. Only worlds use this. */
+    float dash_speed;
 } sf_body;
 
 /* Flags of a state. */
@@ -328,7 +343,7 @@ typedef struct sf_locomotion {
     /* What its legs do; in the air, what they did last. */
     sf_pace pace;
     sf_move_phase phase;
-    /* The ability of its leap or ride; SF_WALK in a fall and without a phase. */
+    /* The ability of its leap, climb, swim or ride; SF_WALK in a fall and without a phase. */
     sf_ability ability;
     /* Length of a stride, which is two steps, m; 0 unless it moves on the ground. */
     float stride;

@@ -132,6 +132,9 @@ pub struct Body {
     pub uses_jetpacks: i32,
     pub climb_speed: f32,
     pub mantle_height: f32,
+    pub swim_speed: f32,
+    pub crouch_height: f32,
+    pub dash_speed: f32,
 }
 
 /// `sf_state`: where a body is and how it moves.
@@ -378,6 +381,9 @@ impl Body {
             uses_jetpacks: raw.uses_jetpacks.into(),
             climb_speed: raw.climb_speed,
             mantle_height: raw.mantle_height,
+            swim_speed: raw.swim_speed,
+            crouch_height: raw.crouch_height,
+            dash_speed: raw.dash_speed,
         }
     }
 }

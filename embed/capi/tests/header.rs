@@ -188,7 +188,10 @@ fn structs_and_constants_are_those_of_the_source() {
             uses_zip_lines,
             uses_jetpacks,
             climb_speed,
-            mantle_height
+            mantle_height,
+            swim_speed,
+            crouch_height,
+            dash_speed
         }
     );
     compare!(
@@ -246,6 +249,9 @@ fn structs_and_constants_are_those_of_the_source() {
         ("SF_JETPACK", surefoot_world::Ability::JETPACK.idx()),
         ("SF_CLIMB", surefoot_world::Ability::CLIMB.idx()),
         ("SF_MANTLE", surefoot_world::Ability::MANTLE.idx()),
+        ("SF_SWIM", surefoot_world::Ability::SWIM.idx()),
+        ("SF_CROUCH", surefoot_world::Ability::CROUCH.idx()),
+        ("SF_DASH", surefoot_world::Ability::DASH.idx()),
         ("SF_PACE_STOP", surefoot_world::Pace::Stop as usize),
         ("SF_ARRIVAL_RAY_COUNT", surefoot_world::arrival::LINE_COUNT),
         ("SF_RAY_RANGE", surefoot_world::sense::RAY_RANGE_M as usize),

@@ -217,7 +217,8 @@ class Graph:
         `coordinates` are those of the places and of the plan: of the map, in m, or of the level's file, as in the tool
         that made it.
 
-        `without` names abilities that the plan must not use (jump, double_jump, pad, zip_line, teleporter, jetpack).
+        `without` names abilities that the plan must not use (jump, double_jump, pad, zip_line,
+        teleporter, jetpack, climb, mantle, swim, crouch, dash).
         `caution` is 0 to 1: with 0 dying costs no more than any failure.
 
         `zones` are dicts with `name`, and `box` (two opposite corners) or `bottom`, `radius` and `height` (m). With

@@ -175,8 +175,11 @@ const BODIES_CLIMB: u32 = 16;
 
 /// The text of a body without the fields that say what it climbs.
 fn without_climbing(body: &str) -> String {
-    let fields =
-        body.split(", ").filter(|field| !["climb_speed: ", "mantle_height: "].iter().any(|it| field.starts_with(it)));
+    let fields = body.split(", ").filter(|field| {
+        !["climb_speed: ", "mantle_height: ", "swim_speed: ", "crouch_height: ", "dash_speed: "]
+            .iter()
+            .any(|it| field.starts_with(it))
+    });
     fields.collect::<Vec<_>>().join(", ")
 }
 

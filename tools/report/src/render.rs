@@ -235,6 +235,9 @@ fn ability_colour(ability: Ability) -> Colour {
         Motion::Thrust => [80, 255, 220],
         Motion::Surface => [190, 150, 70],
         Motion::Pull => [230, 120, 60],
+        Motion::Swim => [60, 160, 230],
+        Motion::Crouch => [150, 170, 150],
+        Motion::Dash => [255, 90, 90],
     }
 }
 

@@ -10,7 +10,7 @@ use crate::needs::Ride;
 use crate::ride_stops::RideStops;
 use crate::settings::{BuildSettings, Site};
 use std::collections::{BTreeMap, BTreeSet};
-use surefoot_world::climbs::climbs;
+use surefoot_world::crossings::crossings;
 use surefoot_world::float::hypot;
 use surefoot_world::map::DeviceKind;
 use surefoot_world::{CharacterProfile, Map, MoverAt, MoverId, Vec3};
@@ -118,8 +118,8 @@ pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], kno
         });
         join(&beside(device.from), &landings);
     }
-    for climb in climbs(map, profile) {
-        join(&beside(climb.foot), &beside(climb.top));
+    for crossing in crossings(map, profile) {
+        join(&beside(crossing.from), &beside(crossing.to));
     }
     for (from, &ledge) in (0..).zip(vertices) {
         let below = closest(&grid, vertices, ledge, DROP_REACH_M, DROPS, |at| ledge.y - at.y > DROP_M);

@@ -3,7 +3,7 @@
 use crate::ids::EdgeKey;
 use crate::needs::{Needs, Ride};
 use serde::{Deserialize, Serialize};
-use surefoot_world::{Ability, Arrival, MoverAt, Vec3};
+use surefoot_world::{Ability, Arrival, Motion, MoverAt, Vec3};
 
 /// The input of one probe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,14 +37,18 @@ pub enum Manner {
     Free,
     /// In the style of legs that can be walked, without jumps.
     OnFoot,
-    /// Steered up what it can climb on its way; as its policy does where there is nothing.
-    Climb,
+    /// Steered: up what it can climb on its way, over a gap, or straight through water.
+    Steered,
 }
 
 impl Manner {
     /// How the body of a run along a proved edge moves that needs `ability`.
     pub fn of_edge(ability: Ability) -> Self {
-        if ability == Ability::CLIMB { Self::Climb } else { Self::Free }
+        if matches!(ability.motion(), Motion::Surface | Motion::Swim | Motion::Crouch | Motion::Dash) {
+            Self::Steered
+        } else {
+            Self::Free
+        }
     }
 }
 

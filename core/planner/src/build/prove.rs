@@ -27,7 +27,8 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
-use surefoot_world::climbs::climb_between;
+use surefoot_world::arrival::rims;
+use surefoot_world::crossings::{climb_between, swims_between};
 use surefoot_world::csr::Csr;
 use surefoot_world::parallel::with_threads;
 use surefoot_world::{Ability, Chance, MoverAt, Vec3};
@@ -124,7 +125,8 @@ impl Prover<'_> {
     /// start.
     pub fn prove_on_the_run(&self, which: &[u32], evidence: &mut [Evidence]) -> Result<(), BuildError> {
         // On a ride, the body stands still, and a climb begins at its foot.
-        let is_run = |own: &Evidence| own.successes > 0 && own.needs.ride.is_none() && own.ability != Ability::CLIMB;
+        let is_free = |own: &Evidence| own.needs.ride.is_none() && Manner::of_edge(own.ability) == Manner::Free;
+        let is_run = |own: &Evidence| own.successes > 0 && is_free(own);
         let arrived: Vec<u32> = which.iter().copied().filter(|&idx| is_run(&evidence[idx as usize])).collect();
         let is_beside_peril = self.are_perilous(&arrived)?;
         let perilous: Vec<u32> =
@@ -183,7 +185,7 @@ impl Prover<'_> {
             }
             let predictor = fit(evidence);
             let is_hopeful =
-                |idx: &u32| self.is_climb(*idx) || predictor.chance(*idx as usize, evidence) >= MIN_CHANCE_TO_PROBE;
+                |idx: &u32| self.is_steered(*idx) || predictor.chance(*idx as usize, evidence) >= MIN_CHANCE_TO_PROBE;
             let (mut hopeful, rejected): (Vec<u32>, Vec<u32>) = candidates.into_iter().partition(is_hopeful);
             hopeless.extend(rejected);
             self.remove_needless(&mut hopeful, evidence, &predictor);
@@ -305,17 +307,19 @@ impl Prover<'_> {
         edges.iter().copied().filter(|&idx| succeeds(idx)).map(run_up).collect()
     }
 
-    /// Whether a body could climb along a candidate.
-    fn is_climb(&self, idx: u32) -> bool {
+    /// Whether a body could climb, swim or dash along a candidate.
+    fn is_steered(&self, idx: u32) -> bool {
         let EdgeKey { from, to } = self.candidates[idx as usize];
+        let ends = [from, to].map(|vertex| self.position(vertex));
         let Site { map, profile } = self.builder.site;
-        climb_between(map, profile, [from, to].map(|vertex| self.position(vertex))).is_some()
+        let dashes = || profile.dash_speed > 0.0 && rims(map, profile, ends).is_some();
+        climb_between(map, profile, ends).is_some() || swims_between(map, profile, ends) || dashes()
     }
 
-    /// How the body of a probe moves: where it could climb, it tries that first, and its policy second.
+    /// How the body of a probe moves: where it could climb, swim or dash, it is steered first, and its policy second.
     fn manner(&self, idx: u32, attempt: u32, own: &Evidence) -> Manner {
-        let tries_climb = attempt % 2 == 1 && own.successes == 0 && self.is_climb(idx);
-        if tries_climb { Manner::Climb } else { Manner::of_edge(own.ability) }
+        let is_first = attempt % 2 == 1 && own.successes == 0 && self.is_steered(idx);
+        if is_first { Manner::Steered } else { Manner::of_edge(own.ability) }
     }
 
     /// The trial of one run along a candidate, without a run-up.

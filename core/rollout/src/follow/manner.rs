@@ -53,7 +53,8 @@ impl Follower {
     /// Whether the NPC is steered on a leg of its plan: one on which it goes straight ahead, or that has a controller.
     fn steers(&self, leg: usize) -> bool {
         let motion = self.plan.as_ref().map(|plan| plan.legs[leg].ability.motion());
-        let goes_ahead = matches!(motion, Some(Motion::Walk | Motion::Pull)) || self.steered_move(leg).is_some();
+        let goes_ahead = matches!(motion, Some(Motion::Walk | Motion::Pull | Motion::Swim | Motion::Crouch))
+            || self.steered_move(leg).is_some();
         self.composes(leg) && leg >= self.unsteered_until && goes_ahead
     }
 

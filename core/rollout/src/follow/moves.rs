@@ -28,7 +28,7 @@ impl SteeredMoves {
         let legs = plan.legs.iter().zip(starts.zip(&plan.waypoints));
         let moves = legs.filter_map(|(leg, (start, end))| {
             let by = match leg.ability.motion() {
-                Motion::Jump | Motion::AirJump => SteeredMove::Leap(ground.rims(*start, *end)?),
+                Motion::Jump | Motion::AirJump | Motion::Dash => SteeredMove::Leap(ground.rims(*start, *end)?),
                 Motion::Surface => SteeredMove::Climb(ground.climb(*start, *end)?),
                 _ => return None,
             };

@@ -13,7 +13,7 @@ pub struct NamedBody {
 }
 
 /// All named bodies.
-pub const BODIES: [NamedBody; 9] = [
+pub const BODIES: [NamedBody; 10] = [
     NamedBody {
         name: "surefoot",
         about: "the default: the paper's body, with steps as high as stairs have",
@@ -95,13 +95,21 @@ pub const BODIES: [NamedBody; 9] = [
     },
     NamedBody {
         name: "agile",
-        about: "an athlete: one jump, ladders, and ledges of up to 1.9 m to which it pulls itself up",
+        about: "climbs ladders, pulls itself up to ledges of 1.9 m, swims, and crouches to 0.9 m",
         change: |it| {
             (it.height, it.radius) = (1.8, 0.3);
             (it.forward_speed, it.turn_speed) = (6.5, 360.0f32.to_radians());
             (it.jump_speed, it.gravity, it.extra_jumps) = (6.0, 15.0, 0);
             it.max_slope = 45.0f32.to_radians();
-            (it.climb_speed, it.mantle_height) = (2.0, 1.9);
+            (it.climb_speed, it.mantle_height, it.swim_speed, it.crouch_height) = (2.0, 1.9, 2.5, 0.9);
+        },
+    },
+    NamedBody {
+        name: "dasher",
+        about: "like `agile`, with a dash in the air at 16 m/s",
+        change: |it| {
+            let agile = NamedBody::find("agile").expect("a named body").profile();
+            *it = RawCharacterProfile { dash_speed: 16.0, ..(*agile).clone() };
         },
     },
 ];

@@ -49,8 +49,18 @@ pub struct Body {
     pub teleport_locked: bool,
     /// Horizontal unit vector away from the steep face touched in the last tick.
     pub(super) steep_out: Vec3,
+    /// Ticks that are left of a dash.
+    pub dash_ticks: u8,
+    /// Whether the body has dashed since it last stood.
+    pub has_dashed: bool,
+    /// Whether the body floats in water.
+    pub swims: bool,
+    /// Whether the body crouches.
+    pub crouches: bool,
     /// What the body touched in the last tick and can move up along.
     pub(super) hold: Option<Hold>,
+    /// Height of the ledge to which the body is pulling itself up, m.
+    pub(super) pulls_to: Option<f32>,
 }
 
 /// An upright face that a body touches.
@@ -84,6 +94,7 @@ impl Body {
             && is_within(self.velocity, FASTEST)
             && is_within(self.steep_out, 1.0)
             && self.hold.is_none_or(|hold| is_within(hold.out, 1.0))
+            && self.pulls_to.is_none_or(f32::is_finite)
             && self.yaw.is_finite()
             && self.ride.is_none_or(|ride| (ride.line_idx as usize) < zip_line_count && ride.distance.is_finite())
     }
@@ -102,7 +113,15 @@ impl Body {
 
     /// Whether the body could jump now.
     pub fn can_jump(&self, profile: &CharacterProfile) -> bool {
-        self.is_grounded() || self.ticks_in_air <= profile.coyote_ticks || self.air_jumps_left > 0
+        self.is_grounded()
+            || self.ticks_in_air <= profile.coyote_ticks
+            || self.air_jumps_left > 0
+            || self.can_dash(profile)
+    }
+
+    /// Whether a jump in the air would be a dash.
+    pub fn can_dash(&self, profile: &CharacterProfile) -> bool {
+        profile.dash_speed > 0.0 && !self.has_dashed && self.air_jumps_left == 0
     }
 
     /// Horizontal unit vector that the body faces.

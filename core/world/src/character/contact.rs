@@ -25,6 +25,16 @@ const CLIMB_SLOP_M: f32 = 0.02;
 const DESCENT_M: f32 = 0.05;
 /// Least horizontal part of the normal of a face that bodies climb: flatter ones are slopes.
 const LEAST_SIDEWAYS: f32 = 0.5;
+/// How far ahead of its rim a body looks for something to duck under, m, and where on its rim, as a share of its
+/// radius.
+const DUCK_M: f32 = 0.25;
+const RIM_SHARE: f32 = 0.9;
+/// Least downward component of the normal of such a face.
+const CEILING: f32 = 0.3;
+/// Share of its height to which a body that floats is under water.
+pub(super) const FLOAT_SHARE: f32 = 0.75;
+/// Height above the water to which a body that swims pulls itself up, m.
+const OUT_OF_WATER_M: f32 = 0.7;
 /// How far behind the face that it touches a body looks for a ledge, m, and how deep it may be in what is around it.
 const LEDGE_M: f32 = 0.05;
 const LEDGE_SLOP_M: f32 = 0.05;
@@ -74,6 +84,7 @@ impl Body {
         if self.is_grounded() {
             self.ticks_in_air = 0;
             self.air_jumps_left = profile.extra_jumps;
+            self.has_dashed = false;
         } else {
             self.ticks_in_air = self.ticks_in_air.saturating_add(1);
         }
@@ -93,7 +104,9 @@ impl Body {
             let sideways = Vec3::new(n.x, 0.0, n.z);
             let sideways_length = sideways.length();
             let is_climbed = contact.surface == Surface::Climb && profile.climb_speed > 0.0;
-            if (is_climbed || profile.mantle_height > 0.0) && sideways_length > LEAST_SIDEWAYS {
+            if (is_climbed || profile.mantle_height > 0.0 || self.swims || self.pulls_to.is_some())
+                && sideways_length > LEAST_SIDEWAYS
+            {
                 self.hold = Some(Hold { out: sideways / sideways_length, is_climbed });
             }
             if n.y > 0.0 && sideways_length > 1.0e-3 {
@@ -164,21 +177,43 @@ impl Body {
         }
     }
 
-    /// Whether the top of the face that the body touches is within its reach, with room for the body on it. `out` is
-    /// the horizontal unit vector away from the face.
-    pub(super) fn finds_ledge(
+    /// Whether something above the body, or ahead where it wants to go, is too low to stand under, so that a body that
+    /// can crouch does.
+    pub(super) fn is_under_ceiling(&self, mesh: &Mesh, profile: &CharacterProfile, wish: Vec3) -> bool {
+        if profile.crouch_height <= 0.0 {
+            return false;
+        }
+        let ahead = wish.normalize_or_zero();
+        let (far, aside) = (profile.radius + DUCK_M, Vec3::new(-ahead.z, 0.0, ahead.x) * RIM_SHARE);
+        let around = [Vec3::ZERO, Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].map(|it| it * RIM_SHARE * profile.radius);
+        let before = [-aside, Vec3::ZERO, aside].map(|it| ahead * far + it * profile.radius);
+        let low = profile.crouch_height - profile.radius;
+        around.into_iter().chain(before).any(|offset| {
+            let hit = mesh.cast_ray(self.feet + offset + Vec3::Y * low, Vec3::Y, profile.height - low);
+            hit.is_some_and(|hit| {
+                hit.surface.is_solid() && mesh.triangles()[hit.triangle_idx as usize].normal().y < -CEILING
+            })
+        })
+    }
+
+    /// Height of the top of the face that the body touches, m, if it is within its reach, with room for the body on it.
+    /// `out` is the horizontal unit vector away from the face.
+    pub(super) fn ledge(
         &self,
         mesh: &Mesh,
         profile: &CharacterProfile,
         out: Vec3,
         scratch: &mut MoveScratch,
-    ) -> bool {
-        let above = self.feet - out * (profile.radius + LEDGE_M) + Vec3::Y * profile.mantle_height;
+    ) -> Option<f32> {
+        let from_water = if self.swims { FLOAT_SHARE * profile.height + OUT_OF_WATER_M } else { 0.0 };
+        let reach = profile.mantle_height.max(from_water);
+        let above = self.feet - out * (profile.radius + LEDGE_M) + Vec3::Y * reach;
         let least = if self.is_grounded() { profile.step_height } else { 0.0 };
-        let Some(hit) = mesh.cast_ray(above, Vec3::NEG_Y, profile.mantle_height - least) else { return false };
+        let hit = mesh.cast_ray(above, Vec3::NEG_Y, reach - least)?;
         let normal = mesh.triangles()[hit.triangle_idx as usize].normal();
         let is_ground = hit.surface.is_solid() && normal.y >= scratch.slope(profile).cos;
-        is_ground && is_clear(mesh, profile, above - Vec3::Y * hit.distance, LEDGE_SLOP_M, scratch)
+        let ledge = above - Vec3::Y * hit.distance;
+        (is_ground && is_clear(mesh, profile, ledge, LEDGE_SLOP_M, scratch)).then_some(ledge.y)
     }
 
     /// Keeps a walking body on ground that falls away; leaves the body in the air over a ledge.
@@ -200,10 +235,13 @@ fn is_walkable(profile: &CharacterProfile, slope: Slope, contact: &Contact, feet
             && contact.point.y - feet.y <= profile.step_height)
 }
 
-/// Whether a body with its feet at `feet` is clear of solid geometry, up to `slop` metres of penetration.
+/// Whether a body with its feet at `feet`, crouched if it can, is clear of solid geometry, up to `slop` metres of
+/// penetration.
 ///
 /// Contacts are one-sided, so the capsule's axis is checked as well: no front face may cross it between sole and crown.
 pub fn is_clear(mesh: &Mesh, profile: &CharacterProfile, feet: Vec3, slop: f32, scratch: &mut MoveScratch) -> bool {
+    let crouched = (profile.crouch_height > 0.0).then(|| profile.crouched());
+    let profile = crouched.as_ref().unwrap_or(profile);
     let up = Vec3::new(0.000_31, 0.999_999_9, 0.000_23);
     let mut from = feet - Vec3::new(0.0, slop, 0.0);
     let crown = feet.y + profile.height;

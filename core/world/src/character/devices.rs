@@ -55,5 +55,6 @@ impl Body {
         self.jump_pending = false;
         self.velocity *= ZIP_RELEASE_SHARE;
         self.air_jumps_left = profile.extra_jumps;
+        (self.dash_ticks, self.has_dashed) = (0, false);
     }
 }

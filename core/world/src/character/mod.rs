@@ -21,3 +21,4 @@ pub use body::{Body, Ride, Support};
 pub use contact::is_clear;
 pub use profile::{CharacterProfile, ProfileError, RawCharacterProfile};
 pub use surroundings::MoveScratch;
+pub use tick::DASH_TICKS;

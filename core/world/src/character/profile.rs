@@ -1,6 +1,6 @@
 //! Character profiles: the size and the motion of a kind of character.
 
-use crate::map::{Device, DeviceKind};
+use crate::map::{Device, DeviceKind, Liquid};
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 
@@ -53,6 +53,13 @@ pub struct RawCharacterProfile {
     pub climb_speed: f32,
     /// Greatest height above its feet of a ledge to which the character pulls itself up, m; 0 if it cannot.
     pub mantle_height: f32,
+    /// Speed in water that is too deep to wade, m/s; 0 if the character cannot swim, and drowns.
+    pub swim_speed: f32,
+    /// Height of the character when it crouches, m; 0 if it cannot.
+    pub crouch_height: f32,
+    /// Speed of the dash that the character makes when it jumps in the air and has no jump left, m/s; 0 if it makes
+    /// none.
+    pub dash_speed: f32,
     /// Whether the character can use zip lines.
     pub uses_zip_lines: bool,
     /// Speed along a zip line, m/s.
@@ -84,6 +91,9 @@ impl RawCharacterProfile {
             coyote_ticks: 6,
             climb_speed: 0.0,
             mantle_height: 0.0,
+            swim_speed: 0.0,
+            crouch_height: 0.0,
+            dash_speed: 0.0,
             uses_zip_lines: true,
             zip_line_speed: 14.0,
             uses_jetpacks: true,
@@ -143,6 +153,21 @@ impl CharacterProfile {
         }
     }
 
+    /// The least room that the character needs above its feet, m.
+    pub fn least_height(&self) -> f32 {
+        if self.crouch_height > 0.0 { self.crouch_height } else { self.height }
+    }
+
+    /// This profile with the height of the character when it crouches, or as it is.
+    pub fn crouched(&self) -> Self {
+        Self(RawCharacterProfile { height: self.least_height(), ..self.0.clone() })
+    }
+
+    /// Whether a liquid harms the character.
+    pub fn is_harmed_by(&self, liquid: Liquid) -> bool {
+        liquid == Liquid::Lava || self.swim_speed <= 0.0
+    }
+
     /// Greatest height above a device to which it takes the character, m; `None` for devices that lead to a place.
     pub fn rise_by(&self, device: Device) -> Option<f32> {
         match device.kind {
@@ -171,6 +196,7 @@ impl TryFrom<RawCharacterProfile> for CharacterProfile {
 
 impl RawCharacterProfile {
     fn check(&self) -> Result<(), ProfileError> {
+        let least_crouch = if self.crouch_height > 0.0 { 2.0 * self.radius } else { 0.0 };
         let ranges = [
             ("radius", self.radius, 0.15, 1.0),
             ("height", self.height, 2.0 * self.radius, 4.0),
@@ -186,6 +212,9 @@ impl RawCharacterProfile {
             ("coyote_ticks", self.coyote_ticks.into(), 0.0, f32::from(MAX_COYOTE_TICKS)),
             ("climb_speed", self.climb_speed, 0.0, 10.0),
             ("mantle_height", self.mantle_height, 0.0, 2.0 * self.height),
+            ("swim_speed", self.swim_speed, 0.0, 10.0),
+            ("crouch_height", self.crouch_height, least_crouch, self.height),
+            ("dash_speed", self.dash_speed, 0.0, 40.0),
             ("zip_line_speed", self.zip_line_speed, 1.0, 40.0),
             ("jetpack_acceleration", self.jetpack_acceleration, 0.0, 200.0),
             ("jetpack_climb_speed", self.jetpack_climb_speed, 0.0, 40.0),

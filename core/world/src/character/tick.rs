@@ -2,6 +2,7 @@
 
 use super::action::Action;
 use super::body::{Body, Hold, Support};
+use super::contact::FLOAT_SHARE;
 use super::profile::CharacterProfile;
 use super::surroundings::MoveScratch;
 use crate::float::wrapped;
@@ -15,6 +16,19 @@ const MAX_FALL_SPEED: f32 = 45.0;
 const LEAST_INTO: f32 = 0.2;
 /// Speed at which a body pulls itself up to a ledge, m/s.
 const PULL_SPEED: f32 = 3.0;
+/// Share of its height to which a body is under water when it begins to float; it must be less than that at which it
+/// floats.
+const AFLOAT_SHARE: f32 = 0.6;
+/// Speed at which a body that floats rises or sinks for each metre that it floats too deep or too high, 1/s, and its
+/// limit, m/s.
+const FLOAT_RATE: f32 = 3.0;
+const FLOAT_SPEED: f32 = 2.0;
+/// Ticks that a dash takes.
+pub const DASH_TICKS: u8 = 12;
+/// Speed of a body that crouches, as a share.
+const CROUCH_SPEED: f32 = 0.5;
+/// Acceleration of a body that swims, m/s2.
+const SWIM_ACCELERATION: f32 = 12.0;
 /// Air control on a steep face, as a share.
 const SLIDE_CONTROL: f32 = 0.2;
 /// Depth of liquid above the feet that slows a body down, m.
@@ -33,18 +47,32 @@ impl Body {
     ) -> AbilitySet {
         let mut used = AbilitySet::default();
         self.liquid = map.liquid_at(self.feet, WADING_DEPTH_M);
+        let depth = map
+            .water_above(self.feet)
+            .filter(|depth| profile.swim_speed > 0.0 && *depth > AFLOAT_SHARE * profile.height);
+        self.swims = depth.is_some();
         self.turn(profile, action);
         if let Some(ride) = self.ride {
             self.ride_on(map, profile, ride);
             return used;
         }
-        self.accelerate(profile, action);
-        self.jump(profile, &mut used);
+        self.crouches = self.is_under_ceiling(map.mesh(), profile, self.wish(profile, action));
+        if self.crouches {
+            self.jump_pending = false;
+            used.insert(Ability::CROUCH);
+        }
+        match depth {
+            Some(depth) => self.swim(profile, action, depth, &mut used),
+            None if self.dash_ticks > 0 => self.dash(&mut used),
+            None => self.accelerate(profile, action),
+        }
+        self.jump(profile, action, &mut used);
         self.thrust(profile, action, &mut used);
         self.scale(map.mesh(), profile, action, scratch, &mut used);
         self.enter_devices(map, profile, &mut used);
         if self.ride.is_none() {
-            self.move_and_collide(map.mesh(), profile, scratch);
+            let crouched = self.crouches.then(|| profile.crouched());
+            self.move_and_collide(map.mesh(), crouched.as_ref().unwrap_or(profile), scratch);
         }
         used
     }
@@ -64,8 +92,12 @@ impl Body {
             wish /= length;
         }
         wish *= profile.forward_speed;
-        if self.liquid.is_some() {
+        if self.swims {
+            wish *= profile.swim_speed / profile.forward_speed;
+        } else if self.liquid.is_some() {
             wish *= WADING_SPEED;
+        } else if self.crouches {
+            wish *= CROUCH_SPEED;
         }
         wish
     }
@@ -95,7 +127,23 @@ impl Body {
         self.velocity.y = (self.velocity.y - profile.gravity * TICK_SECONDS).max(-MAX_FALL_SPEED);
     }
 
-    fn jump(&mut self, profile: &CharacterProfile, used: &mut AbilitySet) {
+    /// Flies on at the same height.
+    fn dash(&mut self, used: &mut AbilitySet) {
+        self.dash_ticks -= 1;
+        self.velocity.y = 0.0;
+        used.insert(Ability::DASH);
+    }
+
+    /// Floats with the head above the water, and moves as far as the action wants.
+    fn swim(&mut self, profile: &CharacterProfile, action: &Action, depth: f32, used: &mut AbilitySet) {
+        let rise = ((depth - FLOAT_SHARE * profile.height) * FLOAT_RATE).clamp(-FLOAT_SPEED, FLOAT_SPEED);
+        let wish = self.wish(profile, action) + Vec3::Y * rise;
+        self.velocity += (wish - self.velocity).clamp_length_max(SWIM_ACCELERATION * TICK_SECONDS);
+        self.jump_pending = false;
+        used.insert(Ability::SWIM);
+    }
+
+    fn jump(&mut self, profile: &CharacterProfile, action: &Action, used: &mut AbilitySet) {
         if !self.jump_pending {
             return;
         }
@@ -104,6 +152,12 @@ impl Body {
         } else if self.air_jumps_left > 0 {
             self.air_jumps_left -= 1;
             used.insert(Ability::DOUBLE_JUMP);
+        } else if self.can_dash(profile) {
+            let way = self.wish(profile, action).try_normalize().unwrap_or(self.facing());
+            self.velocity = way * profile.dash_speed;
+            (self.dash_ticks, self.has_dashed, self.jump_pending) = (DASH_TICKS, true, false);
+            used.insert(Ability::DASH);
+            return;
         } else {
             return;
         }
@@ -112,8 +166,8 @@ impl Body {
         self.jump_pending = false;
     }
 
-    /// Climbs the face that the body touches, or pulls it up to the ledge above, as long as it wants to move into the
-    /// face and does not jump.
+    /// Climbs the face that the body touches, or pulls itself up to the ledge above, also out of water, as long as it
+    /// wants to move into the face and does not jump.
     fn scale(
         &mut self,
         mesh: &Mesh,
@@ -122,12 +176,22 @@ impl Body {
         scratch: &mut MoveScratch,
         used: &mut AbilitySet,
     ) {
-        let Some(Hold { out, is_climbed }) = self.hold.filter(|_| used.is_empty()) else { return };
-        let (ability, speed) =
-            if is_climbed { (Ability::CLIMB, profile.climb_speed) } else { (Ability::MANTLE, PULL_SPEED) };
-        let wants = -self.wish(profile, action).dot(out) >= LEAST_INTO * profile.forward_speed;
-        if !wants || self.velocity.y > speed || !is_climbed && !self.finds_ledge(mesh, profile, out, scratch) {
+        let pulls_to = self.pulls_to.take();
+        let is_idle = used.iter().all(|ability| [Ability::SWIM, Ability::CROUCH].contains(&ability));
+        let Some(Hold { out, is_climbed }) = self.hold.filter(|_| is_idle) else { return };
+        let (ability, speed) = match is_climbed {
+            true => (Ability::CLIMB, profile.climb_speed),
+            false if self.swims || profile.mantle_height <= 0.0 => (Ability::SWIM, PULL_SPEED),
+            false => (Ability::MANTLE, PULL_SPEED),
+        };
+        let wish = self.wish(profile, action);
+        let wants = -wish.dot(out) >= LEAST_INTO * if self.swims { profile.swim_speed } else { profile.forward_speed };
+        if !wants || self.velocity.y > speed {
             return;
+        }
+        if !is_climbed {
+            let Some(ledge) = pulls_to.or_else(|| self.ledge(mesh, profile, out, scratch)) else { return };
+            self.pulls_to = Some(ledge).filter(|ledge| self.feet.y < *ledge);
         }
         let inward = out * self.velocity.dot(out);
         let sideways = (self.velocity - inward).with_y(0.0).clamp_length_max(speed);

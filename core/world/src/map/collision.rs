@@ -129,6 +129,17 @@ impl CollisionMap {
         feet.y < 0.0 || feet.x < 0.0 || feet.z < 0.0 || feet.x > extent.x || feet.z > extent.z
     }
 
+    /// How far below the surface of water `at` is, m; `None` outside of water.
+    pub fn water_above(&self, at: Vec3) -> Option<f32> {
+        let pools = self.zones.pools.at(at).iter().map(|idx| &self.placed.pools[*idx as usize]);
+        let depths = pools.filter_map(|pool| {
+            let offset = at - pool.centre;
+            let is_in = pool.outline.contains(offset.x, offset.z) && offset.y < 0.0 && offset.y > -(pool.depth + 1.0);
+            (is_in && pool.liquid == Liquid::Water).then_some(-offset.y)
+        });
+        depths.reduce(f32::max)
+    }
+
     /// The liquid that covers `feet` by more than `depth` metres.
     pub fn liquid_at(&self, feet: Vec3, depth: f32) -> Option<Liquid> {
         self.zones.pools.at(feet).iter().find_map(|idx| {

@@ -17,6 +17,10 @@ const OFFSET_M: f32 = 0.61;
 const INTERMEDIATE_COUNT: usize = 3;
 /// Heights above the feet at which the path between two places must be clear, m.
 const CLEAR_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
+/// Height above the feet from which the ground between two places is looked for, m.
+const GROUND_BELOW_M: f32 = 1.2;
+/// Share of the height of a body that crouches up to which the survey looks.
+const CROUCHED_SHARE: f32 = 0.8;
 
 /// One place to stand.
 #[derive(Debug, Clone, Copy)]
@@ -246,7 +250,7 @@ fn can_walk(map: &CollisionMap, profile: &CharacterProfile, a: Vec3, b: Vec3) ->
     let down = navigable::DOWN;
     let mut last = a.y;
     for i in 1..=INTERMEDIATE_COUNT {
-        let above = a + offset * (i as f32 / (INTERMEDIATE_COUNT + 1) as f32) + Vec3::new(0.0, 1.2, 0.0);
+        let above = a + offset * (i as f32 / (INTERMEDIATE_COUNT + 1) as f32) + Vec3::Y * room(profile, GROUND_BELOW_M);
         let Some(hit) = map.mesh().cast_ray(above, down, 2.4) else { return false };
         let height = above.y - hit.distance;
         if !hit.surface.is_solid() || (height - last).abs() > most + 0.08 {
@@ -257,15 +261,20 @@ fn can_walk(map: &CollisionMap, profile: &CharacterProfile, a: Vec3, b: Vec3) ->
     if (b.y - last).abs() > most + 0.08 {
         return false;
     }
-    is_open_between(map, a, b)
+    is_open_between(map, profile, a, b)
+}
+
+/// A height above the feet at which the survey looks, m, or the most at which a body that crouches has room.
+fn room(profile: &CharacterProfile, height: f32) -> f32 {
+    if profile.crouch_height > 0.0 { height.min(CROUCHED_SHARE * profile.crouch_height) } else { height }
 }
 
 /// Whether there is no obstacle between two places.
-pub(super) fn is_open_between(map: &CollisionMap, a: Vec3, b: Vec3) -> bool {
+pub(super) fn is_open_between(map: &CollisionMap, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
     let offset = b - a;
     let length = offset.length().max(1.0e-3);
     CLEAR_HEIGHTS_M.iter().all(|&height| {
-        let hit = map.mesh().cast_ray(a + Vec3::new(0.0, height, 0.0), offset / length, length);
+        let hit = map.mesh().cast_ray(a + Vec3::Y * room(profile, height), offset / length, length);
         hit.is_none_or(|hit| !hit.surface.is_solid())
     })
 }

@@ -45,7 +45,8 @@ pub fn land(
     for tick in 0..MAX_TICKS {
         let action = leaper.decide(profile, tick);
         let used = leaper.body.tick(map, profile, &action, scratch);
-        leaper.jumps_made += u32::from(used.contains(Ability::JUMP)) + u32::from(used.contains(Ability::DOUBLE_JUMP));
+        let jumps = [Ability::JUMP, Ability::DOUBLE_JUMP, Ability::DASH];
+        leaper.jumps_made += jumps.into_iter().filter(|jump| used.contains(*jump)).count() as u32;
         let feet = leaper.body.feet;
         if used.meets_device() || map.is_outside(feet) || map.liquid_at(feet, 0.0).is_some() {
             return None;
@@ -92,14 +93,14 @@ impl Leaper {
         let along = Vec3::new(target.x - feet.x, 0.0, target.z - feet.z).dot(self.body.facing());
         let runs = self.leap == Leap::Run && !self.has_left_ground;
         let speed = if runs { profile.forward_speed } else { approach_speed(profile, along) };
-        self.body.jump_pending = self.wants_jump(tick);
+        self.body.jump_pending = self.wants_jump(profile, tick);
         let thrusts =
             matches!(self.leap, Leap::Jetpack(_)) && self.jumps_made > 0 && (feet.y < target.y + 1.2 || along > 3.0);
         let jump = if self.body.jump_pending || thrusts { 1.0 } else { 0.0 };
         Action { forward: (speed / profile.forward_speed).clamp(-1.0, 1.0), jump, ..Action::default() }
     }
 
-    fn wants_jump(&self, tick: u32) -> bool {
+    fn wants_jump(&self, profile: &CharacterProfile, tick: u32) -> bool {
         let body = &self.body;
         match self.leap {
             Leap::Run => false,
@@ -108,7 +109,7 @@ impl Leaper {
             Leap::Jump | Leap::RunAndJump => false,
             _ => {
                 let falls = body.velocity.y < 0.5 && body.feet.y < self.target.y + 1.0;
-                self.jumps_made < 2 && body.air_jumps_left > 0 && falls
+                self.jumps_made < 2 && (body.air_jumps_left > 0 || body.can_dash(profile)) && falls
             }
         }
     }

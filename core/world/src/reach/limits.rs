@@ -3,6 +3,8 @@
 use super::ground::SPACING_M;
 use crate::character::CharacterProfile;
 
+/// Time for which a dash carries a body with its speed, s, with what it keeps afterwards.
+const DASH_S: f32 = 0.35;
 /// Longest jump of any body that a survey tries, m.
 const MAX_JUMP_M: f32 = 30.0;
 
@@ -28,7 +30,8 @@ impl JumpLimits {
     pub fn far(profile: &CharacterProfile) -> Self {
         let (rise_m, seconds) = (profile.jump_height(), 2.0 * profile.jump_speed / profile.gravity);
         let jumps = 1.0 + f32::from(profile.extra_jumps.min(1));
-        let length_m = (profile.forward_speed * seconds * 0.5 * (1.0 + jumps)).min(MAX_JUMP_M);
+        let dash_m = profile.dash_speed * DASH_S;
+        let length_m = (profile.forward_speed * seconds * 0.5 * (1.0 + jumps) + dash_m).min(MAX_JUMP_M);
         Self {
             max_failures: 40,
             jump_reach: (length_m / SPACING_M).ceil().max(2.0) as i32,

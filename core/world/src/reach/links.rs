@@ -5,10 +5,10 @@ use super::leap::{self, Leap};
 use super::limits::JumpLimits;
 use super::{Link, Means};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
-use crate::climbs::climbs;
+use crate::crossings::crossings;
 use crate::float::horizontal;
 use crate::map::{CollisionMap, Device, DeviceKind};
-use crate::{Vec3, navigable};
+use crate::{Ability, Vec3, navigable};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -33,7 +33,7 @@ pub(super) fn find(map: &CollisionMap, profile: &CharacterProfile, ground: &Grou
         borders.par_iter().enumerate().with_max_len(1).map_init(MoveScratch::default, of_island).collect();
     let mut links = found.concat();
     device_links(map, profile, ground, &mut links);
-    climb_links(map, profile, ground, &mut links);
+    crossing_links(map, profile, ground, &mut links);
     links.sort_unstable();
     links.dedup_by_key(|link| (link.from, link.to, link.means));
     links
@@ -154,13 +154,17 @@ impl IslandSearch<'_> {
                 return;
             }
         }
-        if self.profile.extra_jumps > 0 && !self.is_settled(target.island, Means::DoubleJump) {
+        let (again, means) = match self.profile.extra_jumps {
+            0 => (self.profile.dash_speed > 0.0, Means::Dash),
+            _ => (true, Means::DoubleJump),
+        };
+        if again && !self.is_settled(target.island, means) {
             let leaps = if rise > 0.3 {
                 [Leap::DoubleJump, Leap::RunAndDoubleJump]
             } else {
                 [Leap::RunAndDoubleJump, Leap::DoubleJump]
             };
-            let _ = leaps.into_iter().any(|leap| self.attempt(from, target, leap, Means::DoubleJump));
+            let _ = leaps.into_iter().any(|leap| self.attempt(from, target, leap, means));
         }
     }
 }
@@ -256,12 +260,13 @@ fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground,
     }
 }
 
-/// Links by climbs, which a body has made.
-fn climb_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
-    for climb in climbs(map, profile) {
-        let takeoffs = cells_beside(ground, climb.foot);
-        let landings = cells_beside(ground, climb.top);
-        links.extend(landings.iter().flat_map(|&to| between(ground, &takeoffs, to, Means::Climb)));
+/// Links by crossings, which a body has made.
+fn crossing_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
+    for crossing in crossings(map, profile) {
+        let means = if crossing.by == Ability::SWIM { Means::Swim } else { Means::Climb };
+        let takeoffs = cells_beside(ground, crossing.from);
+        let landings = cells_beside(ground, crossing.to);
+        links.extend(landings.iter().flat_map(|&to| between(ground, &takeoffs, to, means)));
     }
 }
 

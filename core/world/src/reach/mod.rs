@@ -49,6 +49,10 @@ pub enum Means {
     Jetpack,
     /// A ladder, a net, or a wall that can be climbed.
     Climb,
+    /// Swimming.
+    Swim,
+    /// A dash in the air.
+    Dash,
     /// A ride on a lift or platform, or a walk over a floor or conveyor.
     Mover,
 }

@@ -84,7 +84,7 @@ fn cells_beside(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground,
     let cells = around.flat_map(|(x, z)| ground.column(column + x, row + z));
     let is_beside = |idx: &usize| {
         let feet = ground.cells()[*idx].feet;
-        is_step(profile, feet, top) && is_open_between(map, feet, top)
+        is_step(profile, feet, top) && is_open_between(map, profile, feet, top)
     };
     cells.filter(is_beside).map(|idx| idx as u32).collect()
 }

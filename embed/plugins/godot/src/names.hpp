@@ -18,13 +18,16 @@ inline const char* name_of(sf_ability ability) {
         case SF_JETPACK: return "jetpack";
         case SF_CLIMB: return "climb";
         case SF_MANTLE: return "mantle";
+        case SF_SWIM: return "swim";
+        case SF_CROUCH: return "crouch";
+        case SF_DASH: return "dash";
         default: return "unknown";
     }
 }
 
 // The ability with a name; SF_WALK if there is none.
 inline sf_ability ability_of(const std::string& name) {
-    for (sf_ability ability = SF_JUMP; ability <= SF_MANTLE; ability++) {
+    for (sf_ability ability = SF_JUMP; ability <= SF_DASH; ability++) {
         if (name == name_of(ability)) {
             return ability;
         }

@@ -17,6 +17,9 @@ export const ABILITIES: readonly Ability[] = [
   Ability.JETPACK,
   Ability.CLIMB,
   Ability.MANTLE,
+  Ability.SWIM,
+  Ability.CROUCH,
+  Ability.DASH,
 ]
 
 const ABILITY_NAMES: Record<Ability, string> = {
@@ -30,6 +33,9 @@ const ABILITY_NAMES: Record<Ability, string> = {
   [Ability.JETPACK]: 'Jetpack',
   [Ability.CLIMB]: 'Climb',
   [Ability.MANTLE]: 'Mantle',
+  [Ability.SWIM]: 'Swim',
+  [Ability.CROUCH]: 'Crouch',
+  [Ability.DASH]: 'Dash',
 }
 
 export function abilityName(ability: Ability): string {
@@ -55,6 +61,12 @@ export function abilityDone(ability: Ability): string {
       return 'climbed'
     case Ability.MANTLE:
       return 'pulled itself up'
+    case Ability.SWIM:
+      return 'swam'
+    case Ability.CROUCH:
+      return 'crouched'
+    case Ability.DASH:
+      return 'dashed'
     default:
       return 'walked'
   }

@@ -19,6 +19,9 @@ export const ABILITY_COLOURS: Readonly<Record<Ability, string>> = {
   [Ability.JETPACK]: '#3af0d8',
   [Ability.CLIMB]: '#c79a4b',
   [Ability.MANTLE]: '#f08a4b',
+  [Ability.SWIM]: '#4ba0f0',
+  [Ability.CROUCH]: '#a3b899',
+  [Ability.DASH]: '#ff6a6a',
 }
 
 /** By what a ray hit. */

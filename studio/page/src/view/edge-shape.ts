@@ -33,6 +33,9 @@ const ARCS: Readonly<Record<Ability, { share: number; most: number; pieces: numb
   [Ability.JETPACK]: { share: 0.3, most: 10, pieces: 7 },
   [Ability.CLIMB]: { share: 0.02, most: 0.6, pieces: 2 },
   [Ability.MANTLE]: { share: 0.02, most: 0.6, pieces: 2 },
+  [Ability.SWIM]: { share: 0.02, most: 0.6, pieces: 2 },
+  [Ability.CROUCH]: { share: 0.02, most: 0.6, pieces: 2 },
+  [Ability.DASH]: { share: 0.1, most: 3, pieces: 5 },
 }
 
 /** Shorter ways that are walked are straight, m. */

@@ -3,7 +3,7 @@
 
 use crate::grid::GrowingGrid;
 use surefoot_world::character::MoveScratch;
-use surefoot_world::climbs::climbs;
+use surefoot_world::crossings::crossings;
 use surefoot_world::map::{DeviceKind, MoverKind};
 use surefoot_world::{CharacterProfile, Map, Vec3, navigable};
 
@@ -35,7 +35,7 @@ pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Ve
             DeviceKind::Jetpack => {}
         }
     }
-    spots.extend(climbs(map, profile).into_iter().flat_map(|climb| [near(climb.foot), near(climb.top)]));
+    spots.extend(crossings(map, profile).into_iter().flat_map(|crossing| [near(crossing.from), near(crossing.to)]));
     spots.extend(beside_movers(map));
     let mut scratch = MoveScratch::default();
     let apart = 0.5 * BESIDE_M;

@@ -4,7 +4,20 @@ import { checkRange, checkVec3, SurefootError } from '../checks.ts'
 import type { Vec3 } from '../vec3.ts'
 
 /** What a character must be able to do on a leg, the least demanding first. */
-export const ABILITIES = ['walk', 'jump', 'double_jump', 'pad', 'zip_line', 'teleporter', 'jetpack'] as const
+export const ABILITIES = [
+  'walk',
+  'jump',
+  'double_jump',
+  'pad',
+  'zip_line',
+  'teleporter',
+  'jetpack',
+  'climb',
+  'mantle',
+  'swim',
+  'crouch',
+  'dash',
+] as const
 export type Ability = (typeof ABILITIES)[number]
 
 /** Where a leg begins or ends: an end of the query, or the index of a vertex. */

@@ -13,6 +13,8 @@ export const NODE_KINDS = [
   { value: 'platform', name: 'Platform' },
   { value: 'floor', name: 'Floor that vanishes' },
   { value: 'crate', name: 'Crate' },
+  { value: 'ladder', name: 'Ladder' },
+  { value: 'climb', name: 'Wall to climb' },
 ] as const
 
 export type NodeKind = (typeof NODE_KINDS)[number]['value']

@@ -161,6 +161,12 @@ namespace Surefoot
         public float ClimbSpeed;
         /// <summary>Greatest height above its feet of a ledge to which the character pulls itself up, m; 0 if it cannot.</summary>
         public float MantleHeight;
+        /// <summary>Speed in water that is too deep to wade, m/s, 0 to 10; 0 if the character cannot swim.</summary>
+        public float SwimSpeed;
+        /// <summary>Height of the character when it crouches, m; 0 if it cannot.</summary>
+        public float CrouchHeight;
+        /// <summary>Speed of a dash in the air, m/s, 0 to 40; 0 if the character makes none.</summary>
+        public float DashSpeed;
 
         /// <summary>The body that policies were trained with: 1.8 m tall, 11 m/s, a double jump.</summary>
         public static unsafe Body Default

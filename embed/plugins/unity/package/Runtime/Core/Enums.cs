@@ -68,6 +68,11 @@ namespace Surefoot
         Climb = 7,
         /// <summary>Pulling oneself up to a ledge.</summary>
         Mantle = 8,
+        Swim = 9,
+        /// <summary>Crouching under what is lower than the character.</summary>
+        Crouch = 10,
+        /// <summary>A dash in the air.</summary>
+        Dash = 11,
     }
 
     /// <summary>A set of abilities. One with jumps has double jumps as well.</summary>
@@ -83,6 +88,9 @@ namespace Surefoot
         Jetpack = 1u << Ability.Jetpack,
         Climb = 1u << Ability.Climb,
         Mantle = 1u << Ability.Mantle,
+        Swim = 1u << Ability.Swim,
+        Crouch = 1u << Ability.Crouch,
+        Dash = 1u << Ability.Dash,
     }
 
     /// <summary>What the legs of a character do; <c>sf_pace</c>.</summary>
