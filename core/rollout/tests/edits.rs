@@ -205,6 +205,7 @@ fn json_comes_back_and_other_forms_hold_every_edge() {
     assert_eq!((body_of(&with_body), frame_of(&with_body)), (Some(body), None));
     assert_eq!(import_json(&with_body).unwrap().to_data(), back.to_data());
     assert_eq!(body_of(&export(&graph, Format::Json)), None);
+    assert!(export(&graph, Format::Json).contains("\"ability\": \"Walk\""), "files of 0.2.0 have such names");
     let far = LevelFrame { origin: DVec3::new(-512_345.25, 2.0, 5_400_123.5), scale: 0.01, up: UpAxis::Z };
     for frame in [LevelFrame::default(), far] {
         let with_frame = export_about(&graph, Format::Json, About { frame: Some(frame), body: None });

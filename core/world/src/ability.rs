@@ -1,11 +1,12 @@
 //! Abilities: the moves of the table that a leg can need. docs/adr/0064-moves-are-data.md says where this leads.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A move of [`MOVES`], by its place there. Legs need the most demanding one; moves are ordered from the least
 /// demanding to the most demanding.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
-#[serde(try_from = "u8", into = "u8")]
+/// Text formats have its name in camel case, binary ones its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct Ability(u8);
 
 /// A move that bodies can make.
@@ -123,6 +124,36 @@ impl Ability {
     pub fn motion(self) -> Motion {
         MOVES[self.idx()].motion
     }
+}
+
+impl Serialize for Ability {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() {
+            serializer.serialize_str(&in_camel_case(self.name()))
+        } else {
+            serializer.serialize_u8(self.0)
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Ability {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        if !deserializer.is_human_readable() {
+            return Self::try_from(u8::deserialize(deserializer)?).map_err(D::Error::custom);
+        }
+        let name = String::deserialize(deserializer)?;
+        let found = Self::all().find(|ability| in_camel_case(ability.name()) == name);
+        found.ok_or_else(|| D::Error::custom(format!("`{name}` is no ability")))
+    }
+}
+
+/// A name in snake case, in camel case.
+fn in_camel_case(name: &str) -> String {
+    let words = name.split('_').map(|word| {
+        let (first, rest) = word.split_at(word.len().min(1));
+        first.to_uppercase() + rest
+    });
+    words.collect()
 }
 
 impl From<Ability> for u8 {
