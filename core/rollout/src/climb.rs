@@ -6,7 +6,7 @@ use crate::steer::Course;
 use surefoot_world::character::Body;
 use surefoot_world::crossings::before;
 use surefoot_world::mesh::ClimbSpot;
-use surefoot_world::{Action, CharacterProfile, Gait};
+use surefoot_world::{Action, CharacterProfile};
 
 /// How far beside the spot a body begins its climb, at most, m.
 const ASIDE_M: f32 = 0.15;
@@ -38,7 +38,7 @@ impl Climb {
         let aside = (offset - out * in_front).with_y(0.0).length();
         let is_before = aside <= ASIDE_M && (0.0..=profile.radius + NEAR_M).contains(&in_front);
         let behind = at - out * BEHIND_M;
-        let straight = Course { to: behind, then: None, cuts: false, gait: Gait::DEFAULT, around: None };
+        let straight = Course::straight(behind);
         if is_before || !body.is_grounded() && offset.y > ON_M {
             return straight.action(body, profile);
         }

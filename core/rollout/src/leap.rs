@@ -7,7 +7,7 @@
 use crate::steer::{BRAKE, Course, moving, turn_by};
 use surefoot_world::character::{Body, DASH_TICKS};
 use surefoot_world::float::{heading, hypot, wrapped};
-use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, Gait, TICK_SECONDS, TICKS_PER_DECISION, Vec3};
+use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, TICK_SECONDS, TICKS_PER_DECISION, Vec3};
 
 /// Distance before the rim at which a body takes off, at least, m.
 const RIM_M: f32 = 0.1;
@@ -93,7 +93,7 @@ impl Leap {
         let is_far = gap.along(body.feet) < -ALIGN_M;
         let (to, then) =
             if is_far { (self.take_off, self.course.to) } else { (self.course.to, self.course.to + gap.ahead) };
-        let course = Course { to, then: Some(then), cuts: false, gait: Gait::DEFAULT, around: None };
+        let course = Course { then: Some(then), ..Course::straight(to) };
         let run = course.action(body, profile);
         let wish = hypot(run.forward, run.strafe * profile.side_speed_share);
         let brake = BRAKE * profile.ground_acceleration;

@@ -23,7 +23,7 @@ use surefoot_world::character::ACTION_LEN;
 use surefoot_world::crossings::climb_between;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    Ability, Arrival, CharacterProfile, DecisionOutcome, End, Gait, Map, MoverAt, MoverOrder, NpcSlot, StopSet,
+    Ability, Arrival, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, StopSet,
     TICKS_PER_DECISION, TaskConfig, Vec3, World, arrival,
 };
 
@@ -315,7 +315,7 @@ impl<'a> Probes<'a> {
 fn style_of(trial: &Trial, world: &World) -> Style {
     let spot = || climb_between(world.map(), &world.config().profiles[0], [trial.start, trial.goal]);
     let rims = || arrival::rims(world.map(), &world.config().profiles[0], [trial.start, trial.goal]);
-    let course = Course { to: trial.goal, then: None, cuts: false, gait: Gait::DEFAULT, around: None };
+    let course = Course::straight(trial.goal);
     match trial.manner {
         Manner::Free => Style::Free,
         Manner::OnFoot => Style::for_leg(Ability::WALK),

@@ -44,6 +44,11 @@ pub struct Course {
 }
 
 impl Course {
+    /// A course that ends at `to`, m, without a corner, in the default gait.
+    pub fn straight(to: Vec3) -> Self {
+        Self { to, then: None, cuts: false, gait: Gait::DEFAULT, around: None }
+    }
+
     /// The action of a body on this course.
     pub fn action(&self, body: &Body, profile: &CharacterProfile) -> Action {
         if let Some(course) = self.before_corner(body.feet) {

@@ -47,9 +47,8 @@ impl Body {
     ) -> AbilitySet {
         let mut used = AbilitySet::default();
         self.liquid = map.liquid_at(self.feet, WADING_DEPTH_M);
-        let depth = map
-            .water_above(self.feet)
-            .filter(|depth| profile.swim_speed > 0.0 && *depth > AFLOAT_SHARE * profile.height);
+        let depth = if profile.swim_speed > 0.0 { map.water_above(self.feet) } else { None };
+        let depth = depth.filter(|depth| *depth > AFLOAT_SHARE * profile.height);
         self.swims = depth.is_some();
         self.turn(profile, action);
         if let Some(ride) = self.ride {
