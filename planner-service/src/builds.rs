@@ -396,6 +396,7 @@ impl Interims<'_> {
         let Self { runner, wanted, started } = self;
         let Wanted { job, context, id, .. } = wanted;
         let Some(graph) = job.progress.interim.graph(&context.map, job.settings.threshold) else { return false };
+        let graph = graph.with_moves(context.profile.moves.clone());
         let probes = job.progress.done.load(Ordering::Relaxed);
         let stats = BuildStats { probes, seconds: started.elapsed().as_secs_f64(), ..BuildStats::default() };
         let hosted = runner.host(wanted, Built { graph, stats }, Provenance::Interim, self.carried_over());

@@ -6,7 +6,6 @@ use std::path::Path;
 use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::graph::GraphData;
-use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::store::{
     Call, GraphStore, LevelId, MAX_RECEIPTS, Receipt, decode_layer, decode_live, encode_layer,
@@ -27,7 +26,7 @@ fn built(vertices: u32) -> Built {
     let graph = NavGraph::check(GraphData {
         vertices: (0..vertices).map(|idx| Vec3::new(3.0 * idx as f32, 0.0, 0.0)).collect(),
         edges: edges.collect(),
-        legs: LegModel::default(),
+        ..GraphData::default()
     });
     Built { graph: graph.unwrap(), stats: BuildStats { probes: u64::from(vertices), ..BuildStats::default() } }
 }

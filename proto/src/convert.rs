@@ -3,14 +3,16 @@
 use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 use surefoot_planner::zones::ZoneError;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
-use surefoot_world::character::{ProfileError, RawCharacterProfile};
+use surefoot_world::character::{OwnMotion, OwnMove, OwnMoveError, ProfileError, RawCharacterProfile};
 use surefoot_world::formation::Shape;
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind};
 use surefoot_world::mesh::Surface;
 use surefoot_world::{
-    Ability, CharacterProfile, End, GAITS, Gait, MapSpec, NamedGait, PlayerContact, RawMapSpec, SpecError, Vec3,
+    Ability, CharacterProfile, End, GAITS, Gait, MAX_OWN_MOVES, MapSpec, NamedGait, PlayerContact, RawMapSpec,
+    SpecError, Vec3,
 };
 use tonic_types::{ErrorDetails, StatusExt};
 
@@ -54,7 +56,7 @@ impl FieldError {
                 (*field).to_owned()
             }
             FieldError::Spec(SpecError { field, .. }) => format!("map.{field}"),
-            FieldError::Body(ProfileError { field, .. }) => format!("body.{field}"),
+            FieldError::Body(error) => format!("body.{}", error.field()),
             FieldError::UnknownBody { .. } => "body.preset".to_owned(),
             FieldError::UnknownGait { .. } => "gait.name".to_owned(),
             FieldError::Range { field, .. }
@@ -139,6 +141,7 @@ pub fn body(value: Option<&wire::Body>) -> Result<CharacterProfile, FieldError> 
         Ok::<u8, FieldError>(value.map_or(default, |value| value as u8))
     };
     let extra_jumps = count(value.extra_jumps, preset.extra_jumps, "body.extra_jumps")?;
+    let moves = own_moves(&value.moves)?;
     let coyote_ticks = count(value.coyote_ticks, preset.coyote_ticks, "body.coyote_ticks")?;
     let changed = preset.with(|it| {
         *it = RawCharacterProfile {
@@ -160,6 +163,10 @@ pub fn body(value: Option<&wire::Body>) -> Result<CharacterProfile, FieldError> 
             swim_speed: value.swim_speed.unwrap_or(it.swim_speed),
             crouch_height: value.crouch_height.unwrap_or(it.crouch_height),
             dash_speed: value.dash_speed.unwrap_or(it.dash_speed),
+            wall_run_seconds: value.wall_run_seconds.unwrap_or(it.wall_run_seconds),
+            slide_seconds: value.slide_seconds.unwrap_or(it.slide_seconds),
+            dive_seconds: value.dive_seconds.unwrap_or(it.dive_seconds),
+            moves: if moves.is_empty() { it.moves.clone() } else { moves },
             uses_zip_lines: value.uses_zip_lines.unwrap_or(it.uses_zip_lines),
             zip_line_speed: value.zip_line_speed.unwrap_or(it.zip_line_speed),
             uses_jetpacks: value.uses_jetpacks.unwrap_or(it.uses_jetpacks),
@@ -168,6 +175,39 @@ pub fn body(value: Option<&wire::Body>) -> Result<CharacterProfile, FieldError> 
         }
     });
     Ok(changed?)
+}
+
+/// Converts the moves of a body from the wire.
+fn own_moves(moves: &[wire::OwnMove]) -> Result<Arc<[OwnMove]>, FieldError> {
+    if moves.len() > MAX_OWN_MOVES {
+        return Err(ProfileError::Moves(OwnMoveError::TooMany(moves.len())).into());
+    }
+    let own = |it: &wire::OwnMove| {
+        let unknown = || FieldError::Unknown { field: "body.moves.motion", value: it.motion };
+        let usual = OwnMove::new(&it.id, OwnMotion::from_wire(it.motion).ok_or_else(unknown)?);
+        Ok(OwnMove {
+            spot: it.spot.clone(),
+            speed: it.speed.unwrap_or(usual.speed),
+            rise: it.rise.unwrap_or(usual.rise),
+            range: it.range.unwrap_or(usual.range),
+            animation: it.animation.clone(),
+            ..usual
+        })
+    };
+    moves.iter().map(own).collect()
+}
+
+/// Converts a move of a body's own to the wire.
+fn own_move_to_wire(own: &OwnMove) -> wire::OwnMove {
+    wire::OwnMove {
+        id: own.id.clone(),
+        motion: own.motion.to_wire().into(),
+        spot: own.spot.clone(),
+        speed: Some(own.speed),
+        rise: Some(own.rise),
+        range: Some(own.range),
+        animation: own.animation.clone(),
+    }
 }
 
 /// Converts a body to the wire, with all of its numbers, and with the preset that it equals, if there is one.
@@ -198,6 +238,10 @@ pub fn body_to_wire(body: &CharacterProfile) -> wire::Body {
         swim_speed: Some(body.swim_speed),
         crouch_height: Some(body.crouch_height),
         dash_speed: Some(body.dash_speed),
+        wall_run_seconds: Some(body.wall_run_seconds),
+        slide_seconds: Some(body.slide_seconds),
+        dive_seconds: Some(body.dive_seconds),
+        moves: body.moves.iter().map(own_move_to_wire).collect(),
     }
 }
 
@@ -274,7 +318,8 @@ macro_rules! wire_enum {
     };
 }
 
-wire_enum!(MapKind = wire::MapKind: Terrain Islands Interior Arena Tower Open);
+wire_enum!(MapKind = wire::MapKind: Terrain Islands Interior Arena Tower Open Keep Flooded Vents Rooftops Canyon);
+wire_enum!(OwnMotion = wire::OwnMotion: Curve Tether);
 wire_enum!(End = wire::Outcome: Reached Fell Burnt Drowned NoProgress Unreachable ReachedNear);
 
 /// On the wire, abilities are numbered as in the table, from 1 on.

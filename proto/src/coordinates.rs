@@ -230,7 +230,8 @@ places! {
     wire::PoolFeature: places centre;
     wire::PadFeature: places centre;
     wire::LineFeature: places from to;
-    wire::GetFeaturesResponse: places pools pads zip_lines teleporters jetpacks;
+    wire::SpotFeature: places from to;
+    wire::GetFeaturesResponse: places pools pads zip_lines teleporters jetpacks spots;
     wire::GetMeshResponse: packed positions;
     wire::Mover: places pivot stops, packed positions, vectors belt;
     wire::MoverStop: vectors offset;

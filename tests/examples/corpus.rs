@@ -54,6 +54,7 @@ fn main() {
         ("checkpoint", networks()),
         ("cache_entry", cache_entries()),
         ("graph_json", vec![("row", graph_json())]),
+        ("body", bodies()),
         ("saved_world", vec![("on_a_level", saved_world(Some(&FLOOR))), ("generated", saved_world(None))]),
     ];
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools/fuzz/corpus");
@@ -331,4 +332,13 @@ fn cache_entries() -> Vec<(&'static str, Vec<u8>)> {
         ("layer", cache::encode_layer(&layer())[32..].to_vec()),
         ("sealed", whole),
     ]
+}
+
+/// Bodies with moves of their own.
+fn bodies() -> Vec<(&'static str, Vec<u8>)> {
+    let rope = "[[moves]]\nid = \"rope\"\nmotion = \"curve\"\nspeed = 3.0\nrise = 1.5\nanimation = \"Climb\"\n";
+    let hook = "extra_jumps = 0\n[[moves]]\nid = \"hook\"\nmotion = \"tether\"\nspot = \"anchor\"\nrange = 12.5\n";
+    let all = "climb_speed = 2.0\nmantle_height = 1.5\nswim_speed = 2.0\ncrouch_height = 0.9\ndash_speed = 12.0\n\
+               wall_run_seconds = 1.5\nslide_seconds = 1.0\ndive_seconds = 9.0\n";
+    vec![("rope", rope.into()), ("hook", hook.into()), ("moves", format!("{all}{rope}").into())]
 }

@@ -44,7 +44,7 @@ fn hex(bytes: &[u8]) -> String {
 fn the_state_after_a_minute_and_what_is_observed_then_are_bit_for_bit_those_of_before() {
     let world = after_a_minute();
     assert_eq!(world.current_tick().0, 3600);
-    assert_eq!(hex(&world.save().hash()), "90e75dc2f5d3753bef8bc15fe73f12101851c175b6238caf327d8ad143db8dfb");
+    assert_eq!(hex(&world.save().hash()), "7ea71796b5e20e04a528857acb4254c52c65d119073d70d47e996f3eb4bb8e64");
     let mut row = vec![0.0; OBSERVATION_LEN];
     let mut bytes = Vec::new();
     for idx in 0..16 {

@@ -8,7 +8,6 @@ use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::GraphData;
-use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::{
     BuildSettings, Built, Edge, EdgeKey, Leg, LegKey, NavGraph, Need, Needs, NoPath, Placement, Plan, Probing,
@@ -19,7 +18,7 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::plans::{self, plan_to_wire, settings_to_wire};
 use surefoot_world::map::{
     Building, Cave, Features, Jetpack, Liquid, MapKind, MapSize, MoverDensities, Outline, Pad, Placed, Plateau, Pool,
-    Ravine, Teleporter, ZipLine,
+    Ravine, Spot, Teleporter, ZipLine,
 };
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
@@ -70,6 +69,11 @@ fn building() -> impl Strategy<Value = Building> {
     )
 }
 
+fn spot() -> impl Strategy<Value = Spot> {
+    ("[a-z][a-z0-9_]{0,31}", point(), prop::option::of(point()), any::<bool>())
+        .prop_map(|(tag, from, to, two_way)| Spot { tag, from, to, two_way })
+}
+
 fn placed() -> impl Strategy<Value = Placed> {
     let devices = (
         several(pool()),
@@ -77,6 +81,7 @@ fn placed() -> impl Strategy<Value = Placed> {
         several((point(), point()).prop_map(|(from, to)| ZipLine { from, to })),
         several((point(), point(), any::<bool>()).prop_map(|(from, to, two_way)| Teleporter { from, to, two_way })),
         several((point(), 0.0..9.0f32).prop_map(|(centre, fuel)| Jetpack { centre, fuel })),
+        several(spot()),
     );
     let ground = (
         several(building()),
@@ -85,9 +90,9 @@ fn placed() -> impl Strategy<Value = Placed> {
         several((point(), point(), 0.5..5.0f32).prop_map(|(from, to, radius)| Cave { from, to, radius })),
     );
     (devices, ground).prop_map(|(devices, ground)| {
-        let ((pools, pads, zip_lines, teleporters, jetpacks), (buildings, plateaus, ravines, caves)) =
+        let ((pools, pads, zip_lines, teleporters, jetpacks, spots), (buildings, plateaus, ravines, caves)) =
             (devices, ground);
-        Placed { pools, pads, zip_lines, teleporters, jetpacks, buildings, plateaus, ravines, caves }
+        Placed { pools, pads, zip_lines, teleporters, jetpacks, buildings, plateaus, ravines, caves, spots }
     })
 }
 
@@ -186,7 +191,7 @@ fn graph() -> impl Strategy<Value = NavGraph> {
     (prop::collection::vec(on_a_map(), 12), edges).prop_map(|(vertices, edges)| {
         let edges = edges.into_iter().filter(|(from, to, _)| from != to);
         let edges = edges.map(|(from, to, evidence)| Edge { key: EdgeKey::new(from, to), evidence }).collect();
-        NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+        NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap()
     })
 }
 
@@ -272,7 +277,7 @@ fn spec() -> impl Strategy<Value = MapSpec> {
     let density = || 0.0..=4.0f32;
     let sizes = (50..=1000u32, 40..=200u32, 50..=1000u32);
     let [d0, d1, d2, d3, d4, d5, d6, d7] = std::array::from_fn(|_| (density(), density()));
-    let kinds = prop::sample::select(MapKind::ALL.to_vec());
+    let kinds = prop::sample::select(MapKind::all().collect::<Vec<_>>());
     let movers = (d5, d6, d7).prop_map(|((doors, lifts), (platforms, floors), (conveyors, crates))| MoverDensities {
         doors,
         lifts,

@@ -1,5 +1,8 @@
-//! Maps that are built of blocks instead of shaped as terrain: islands, towers, arenas and interiors. Beyond and
-//! between the blocks there is nothing: what falls there is lost.
+//! Maps that are built of blocks instead of shaped as terrain: islands, towers, arenas, interiors, and those that need
+//! moves. Beyond and between the blocks there is nothing: what falls there is lost.
+
+mod courses;
+mod tiles;
 
 use noise::{NoiseFn, Perlin};
 use rand::rngs::ChaCha8Rng;
@@ -7,8 +10,9 @@ use rand::{RngExt, SeedableRng};
 use std::f32::consts::{FRAC_PI_2, TAU};
 use surefoot_world::Vec3;
 use surefoot_world::float::hypot;
-use surefoot_world::map::{Block, MapKind, MapSpec};
+use surefoot_world::map::{Block, MapKind, MapSpec, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
+use tiles::Tiles;
 
 /// Scales of built maps, one of which is drawn for each: 1 is made for people, larger ones for giants.
 const SCALES: [f32; 5] = [0.8, 1.0, 1.0, 1.6, 2.5];
@@ -23,17 +27,26 @@ const MAX_RELIEF_M: f32 = 24.0;
 /// Height of the lowest ground as a share of the map's.
 const BASE_SHARE: f32 = 0.3;
 
-/// The solid triangles of a built map; `None` for kinds that are terrain.
-pub(crate) fn triangles(spec: &MapSpec) -> Option<Vec<Triangle>> {
+/// The solid triangles of a built map, and what is placed on it; `None` for kinds that are terrain.
+pub(crate) fn triangles(spec: &MapSpec) -> Option<(Vec<Triangle>, Placed)> {
     let mut builder = Builder::new(spec);
+    if MapKind::COURSES.contains(&spec.kind) {
+        // Their gaps and heights are those of one body.
+        builder.scale = 1.0;
+    }
     match spec.kind {
         MapKind::Terrain | MapKind::Open => return None,
         MapKind::Islands => builder.islands(),
         MapKind::Interior => builder.interior(),
         MapKind::Arena => builder.arena(),
         MapKind::Tower => builder.towers(),
+        MapKind::Keep => builder.keeps(),
+        MapKind::Flooded => builder.flooded_caves(),
+        MapKind::Vents => builder.vents(),
+        MapKind::Rooftops => builder.rooftops(),
+        MapKind::Canyon => builder.canyons(),
     }
-    Some(builder.triangles)
+    Some((builder.triangles, builder.placed))
 }
 
 /// A level platform.
@@ -57,42 +70,13 @@ impl Platform {
     }
 }
 
-/// Square tiles that fit into a map.
-#[derive(Debug, Clone, Copy)]
-struct Tiles {
-    /// Side of a tile, m.
-    pitch: f32,
-    /// Numbers of columns and rows.
-    counts: [usize; 2],
-    /// Corner of the first tile, m.
-    corner: [f32; 2],
-}
-
-impl Tiles {
-    /// Column and row of each tile, row by row.
-    fn all(self) -> impl Iterator<Item = [usize; 2]> {
-        (0..self.counts[1]).flat_map(move |row| (0..self.counts[0]).map(move |column| [column, row]))
-    }
-
-    /// Middle of a tile at height 0, m.
-    fn middle(self, tile: [usize; 2]) -> Vec3 {
-        let [x, z] = [0, 1].map(|axis| self.corner[axis] + (tile[axis] as f32 + 0.5) * self.pitch);
-        Vec3::new(x, 0.0, z)
-    }
-
-    /// Index of the tile so many columns and rows from another in the order of [`all`](Self::all), if there is one.
-    fn beside(self, tile: [usize; 2], steps: [isize; 2]) -> Option<usize> {
-        let at = |axis: usize| tile[axis].checked_add_signed(steps[axis]).filter(|it| *it < self.counts[axis]);
-        Some(at(1)? * self.counts[0] + at(0)?)
-    }
-}
-
 struct Builder {
     rng: ChaCha8Rng,
     size: Vec3,
     scale: f32,
     relief: Perlin,
     triangles: Vec<Triangle>,
+    placed: Placed,
 }
 
 impl Builder {
@@ -101,7 +85,7 @@ impl Builder {
         rng.set_stream(3);
         let scale = SCALES[rng.random_range(0..SCALES.len())];
         let relief = Perlin::new(rng.random());
-        Self { rng, size: spec.size.extent(), scale, relief, triangles: Vec::new() }
+        Self { rng, size: spec.size.extent(), scale, relief, triangles: Vec::new(), placed: Placed::default() }
     }
 
     fn chance(&mut self, probability: f64) -> bool {
@@ -128,6 +112,11 @@ impl Builder {
     fn add(&mut self, block: Block, at: Vec3, yaw: f32) {
         let placed = block.placed(at, yaw);
         self.triangles.extend(placed.filter_map(|corners| Triangle::new(corners, Surface::Ground)));
+    }
+
+    /// Adds a block with a surface that is moved to `at`.
+    fn add_as(&mut self, block: Block, at: Vec3, surface: Surface) {
+        self.triangles.extend(block.placed(at, 0.0).filter_map(|corners| Triangle::new(corners, surface)));
     }
 
     /// Adds an upright block whose top has its middle at `top`.

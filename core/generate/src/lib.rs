@@ -55,10 +55,10 @@ pub fn generate_with(spec: &MapSpec, thread_count: usize, mut progress: impl FnM
     let mut placer = Placer::new(spec);
     progress(Stage::Terrain);
     let (triangles, placed) = match built::triangles(spec) {
-        Some(triangles) => {
+        Some(built) => {
             progress(Stage::Features);
             progress(Stage::Mesh);
-            (triangles, Placed::default())
+            built
         }
         None => placer.terrain(thread_count, &mut progress),
     };

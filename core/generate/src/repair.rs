@@ -8,7 +8,7 @@ use surefoot_world::Vec3;
 use surefoot_world::character::{CharacterProfile, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
 use surefoot_world::map::{
-    CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, Device, DeviceKind, MapSpec, Pad, Placed, ZipLine,
+    CATCH_HEIGHT_M, CollisionMap, DISC_RADIUS_M, Device, DeviceKind, MapKind, MapSpec, Pad, Placed, ZipLine,
 };
 use surefoot_world::reach::ground::{Cell, Ground};
 use surefoot_world::reach::leap::{self, Leap};
@@ -48,7 +48,9 @@ pub(crate) fn connect(
     let profile = CharacterProfile::of_paper();
     let mut map = bare;
     let wanted = &spec.features;
-    if !spec.repair && wanted.zip_lines == 0.0 && wanted.teleporters == 0.0 {
+    // Pads and zip lines would do away with the need for moves.
+    let is_course = MapKind::COURSES.contains(&spec.kind);
+    if is_course || !spec.repair && wanted.zip_lines == 0.0 && wanted.teleporters == 0.0 {
         let placed = map.placed().clone();
         return map.with_placed(placed);
     }

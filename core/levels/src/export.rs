@@ -8,6 +8,7 @@ use crate::found::{PAD_EXTRA_M, PAD_GRAVITY};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::f32::consts::TAU;
+use surefoot_world::map::spot::ANCHOR;
 use surefoot_world::map::{DISC_RADIUS_M, DeviceKind, Map, MapSize, MoverKind, Outline};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{Aabb, Vec3};
@@ -34,6 +35,7 @@ pub fn export_glb(map: &Map) -> Vec<u8> {
     }
     add_pools(&mut scene, map);
     add_devices(&mut scene, map);
+    add_spots(&mut scene, map);
     add_movers(&mut scene, map);
     add_landmarks(&mut scene, map);
     scene.finish(map.size())
@@ -74,6 +76,16 @@ fn add_devices(scene: &mut SceneWriter, map: &Map) {
             Some(to) => scene.add_empty(&format!("{name}:to"), to, Value::Null),
             None => {}
         }
+    }
+}
+
+fn add_spots(scene: &mut SceneWriter, map: &Map) {
+    for (idx, spot) in map.placed().spots.iter().enumerate() {
+        let name = if spot.tag == ANCHOR { format!("{ANCHOR}_{idx}") } else { format!("move_{}_{idx}", spot.tag) };
+        let extras = if spot.two_way { json!({ "two_way": true }) } else { Value::Null };
+        let end = if spot.to.is_some() { ":from" } else { "" };
+        scene.add_empty(&format!("{name}{end}"), spot.from, extras);
+        spot.to.into_iter().for_each(|to| scene.add_empty(&format!("{name}:to"), to, Value::Null));
     }
 }
 

@@ -9,6 +9,7 @@ use surefoot_world::Vec3;
 use surefoot_world::map::MapSize;
 use surefoot_world::map::MoverError;
 use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use surefoot_world::map::spot::MAX_TAG_LEN;
 
 /// Most triangles of a level.
 pub(super) const MAX_TRIANGLES: usize = 4_000_000;
@@ -269,6 +270,16 @@ pub enum ImportError {
     NoVolume {
         /// The entry of the sidecar.
         of: String,
+    },
+    /// A tag is not valid.
+    #[error(
+        "the tag of {of} is `{tag}`, but must be 1 to {MAX_TAG_LEN} lower-case letters, digits and `_`, a letter first"
+    )]
+    Tag {
+        /// The entry of the sidecar.
+        of: String,
+        /// Its tag.
+        tag: String,
     },
     /// A mover cannot be part of a map.
     #[error(transparent)]

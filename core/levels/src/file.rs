@@ -15,15 +15,18 @@ use crate::load::{Overload, check_load, is_allowed};
 use std::collections::HashMap;
 use surefoot_world::Vec3;
 use surefoot_world::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use surefoot_world::map::spot::is_tag;
 use surefoot_world::map::{
     CollisionMap, Features, LevelFrame, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed,
-    RawMapSpec, SpecError,
+    RawMapSpec, SpecError, Spot,
 };
 use surefoot_world::mesh::{Surface, Triangle};
 
 /// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
+/// The version before spots.
+const VERSION_WITHOUT_SPOTS: u32 = 6;
 /// Without the frame of a level.
 const VERSION_WITHOUT_FRAME: u32 = 5;
 /// Release 0.2.0 (commit b43d94c) wrote it. Its specs have no kind, movers and choice of repair, and its maps neither
@@ -144,8 +147,9 @@ pub enum FileError {
 
 /// Encodes a map; the same map gives the same bytes.
 pub fn encode(map: &Map) -> Vec<u8> {
-    let (triangles, placed) = map.without_pieces();
-    let description = (map.spec(), map.size(), placed, map.movers(), map.pieces(), map.frame());
+    let (triangles, mut placed) = map.without_pieces();
+    let spots = std::mem::take(&mut placed.spots);
+    let description = ((map.spec(), map.size(), placed, map.movers(), map.pieces(), map.frame()), spots);
     let description = postcard::to_stdvec(&description).expect("plain data");
     let (vertices, corners) = numbered(triangles.iter().flat_map(Triangle::corners));
     let geometry_len = vertices.len() * VERTEX_LEN + triangles.len() * (CORNERS_LEN + 1);
@@ -216,7 +220,7 @@ fn checked_payload(bytes: &[u8]) -> Result<(u32, &[u8]), FileError> {
     let mut header = Reader(&bytes[MAGIC.len()..]);
     let too_short = |_| FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
     let found = header.number().map_err(too_short)?;
-    if ![VERSION_OF_0_2, VERSION_WITHOUT_FRAME, VERSION].contains(&found) {
+    if ![VERSION_OF_0_2, VERSION_WITHOUT_FRAME, VERSION_WITHOUT_SPOTS, VERSION].contains(&found) {
         return Err(FileError::Version { found });
     }
     let payload_len = u64::from_le_bytes(*header.array().map_err(too_short)?);
@@ -245,20 +249,24 @@ struct Description {
 fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError> {
     type Of02 = (Option<(u64, MapSize, Features)>, MapSize, Placed);
     type WithoutFrame = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>);
-    type Present = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>, LevelFrame);
+    type WithoutSpots = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>, LevelFrame);
+    type Present = (WithoutSpots, Vec<Spot>);
     let complete = |((spec, size, placed), rest): (Of02, _)| -> (Present, _) {
         let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
-        ((spec, size, placed, Vec::new(), Vec::new(), LevelFrame::default()), rest)
+        (((spec, size, placed, Vec::new(), Vec::new(), LevelFrame::default()), Vec::new()), rest)
     };
     let framed = |((spec, size, placed, movers, pieces), rest): (WithoutFrame, _)| -> (Present, _) {
-        ((spec, size, placed, movers, pieces, LevelFrame::default()), rest)
+        (((spec, size, placed, movers, pieces, LevelFrame::default()), Vec::new()), rest)
     };
     let read = match version {
         VERSION_OF_0_2 => postcard::take_from_bytes::<Of02>(bytes).map(complete),
         VERSION_WITHOUT_FRAME => postcard::take_from_bytes::<WithoutFrame>(bytes).map(framed),
+        VERSION_WITHOUT_SPOTS => {
+            postcard::take_from_bytes::<WithoutSpots>(bytes).map(|(saved, rest)| ((saved, Vec::new()), rest))
+        }
         _ => postcard::take_from_bytes::<Present>(bytes),
     };
-    let ((spec, size, placed, movers, pieces, frame), rest) =
+    let (((spec, size, placed, movers, pieces, frame), spots), rest) =
         read.map_err(|error| FileError::Description(error.to_string()))?;
     if !(frame.origin.is_finite() && frame.scale > 0.0 && frame.scale.is_finite()) {
         return Err(FileError::Description("the frame of its level is not finite".to_owned()));
@@ -273,6 +281,7 @@ fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError
     if spec.is_some_and(|spec| spec.size != size) {
         return Err(FileError::SpecSize);
     }
+    let placed = Placed { spots, ..placed };
     check_placed(&placed)?;
     Ok(Description { spec, size, placed, movers, pieces, frame })
 }
@@ -311,6 +320,12 @@ fn check_placed(placed: &Placed) -> Result<(), FileError> {
     }
     for device in placed.devices() {
         check_numbers(device.kind.name(), device.idx as usize, device.numbers())?;
+    }
+    for (idx, spot) in placed.spots.iter().enumerate() {
+        if !is_tag(&spot.tag) {
+            return Err(FileError::Description(format!("spot {idx} has an invalid tag")));
+        }
+        check_numbers("spot", idx, spot.ends().flat_map(|end| end.to_array()))?;
     }
     for (idx, building) in placed.buildings.iter().enumerate() {
         let measures = [building.half[0], building.half[1], building.yaw, building.height];

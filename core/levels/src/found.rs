@@ -4,12 +4,14 @@ use crate::extras::{Extras, property};
 use crate::faults::ImportError;
 use crate::meaning::{Kind, Meaning};
 use crate::moving::{self, Paths};
-use crate::pairs::{Half, Pairs};
+use crate::pairs::{Half, Paired, Pairs};
 use crate::scene::{Node, node_label};
 use crate::upright::upright_box;
 use surefoot_world::map::mover::MAX_MOVERS;
 use surefoot_world::map::spec::MAX_HEIGHT_M;
-use surefoot_world::map::{Device, DeviceKind, Liquid, MapSize, Mover, MoverError, Outline, Placed, Pool, features};
+use surefoot_world::map::{
+    Device, DeviceKind, Liquid, MapSize, Mover, MoverError, Outline, Placed, Pool, Spot, features,
+};
 use surefoot_world::{Aabb, Vec3};
 
 /// Constants of pads in `f64`, like the numbers of JSON.
@@ -27,6 +29,7 @@ const ROUNDING_M: f32 = 0.01;
 pub(super) struct Found {
     pub(super) pools: Vec<(String, FoundPool)>,
     pub(super) devices: Vec<(String, Device)>,
+    pub(super) spots: Vec<(String, Spot)>,
     pub(super) movers: Vec<Mover>,
     /// Triangles that bodies climb.
     pub(super) climbs: Vec<[Vec3; 3]>,
@@ -77,11 +80,26 @@ impl Found {
                         Some((end, pair)) => {
                             let two_way =
                                 *kind == DeviceKind::Teleporter && extras.flag("two_way")?.unwrap_or_default();
-                            pairs.add(pair.clone(), *end, Half { node, kind: *kind, at, two_way });
+                            let kind = Paired::Device(*kind);
+                            pairs.add(pair.clone(), *end, Half { node, kind, at, two_way });
                         }
                         None => {
                             let power = power(*kind, |key| extras.number(key), &name)?;
                             self.devices.push((name, Device { power, ..Device::new(*kind, at) }));
+                        }
+                    }
+                }
+                Kind::Spot(tag, end) => {
+                    self.extend(at);
+                    match end {
+                        Some((end, pair)) => {
+                            let two_way = extras.flag("two_way")?.unwrap_or_default();
+                            let kind = Paired::Spot(tag.clone());
+                            pairs.add(pair.clone(), *end, Half { node, kind, at, two_way });
+                        }
+                        None => {
+                            let from = bounds.low.midpoint(bounds.high);
+                            self.spots.push((name, Spot { tag: tag.clone(), from, to: None, two_way: false }));
                         }
                     }
                 }
@@ -104,7 +122,14 @@ impl Found {
                 Kind::Path | Kind::Helper | Kind::LeftOut => {}
             }
         }
-        self.devices.extend(pairs.finish());
+        for (name, kind, [from, to], two_way) in pairs.finish() {
+            match kind {
+                Paired::Device(kind) => {
+                    self.devices.push((name, Device { to: Some(to), two_way, ..Device::new(kind, from) }));
+                }
+                Paired::Spot(tag) => self.spots.push((name, Spot { tag, from, to: Some(to), two_way })),
+            }
+        }
         Ok(())
     }
 
@@ -149,6 +174,10 @@ impl Found {
         for (name, device) in self.devices {
             let to = device.to.map(|to| on_map(&name, to)).transpose()?;
             placed.add(Device { from: on_map(&name, device.from)?, to, ..device });
+        }
+        for (name, spot) in self.spots {
+            let to = spot.to.map(|to| on_map(&name, to)).transpose()?;
+            placed.spots.push(Spot { from: on_map(&name, spot.from)?, to, ..spot });
         }
         Ok(placed)
     }

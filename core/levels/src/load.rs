@@ -9,7 +9,7 @@ use surefoot_world::mesh::Triangle;
 const MAX_TOUCHED_CELLS: f64 = 2.0e8;
 /// Side of the cells counted, m: finer than the index's own, so the estimate errs high.
 const INDEX_CELL_M: f32 = 1.25;
-/// Most pools and devices of a map together.
+/// Most pools, devices and spots of a map together.
 const MAX_FEATURES: usize = 20_000;
 /// Most cells of the zone grid that pools may cover, counted once for each pool.
 const MAX_POOL_CELLS: f64 = 2.0e7;
@@ -20,10 +20,10 @@ pub enum Overload {
     /// Too many triangles span much of the map.
     #[error("too many of its triangles span the whole level: split them or remove what cannot be seen or touched")]
     Triangles,
-    /// There are too many pools and devices.
-    #[error("it has {count} pools and devices, but at most {MAX_FEATURES} fit")]
+    /// There are too many pools, devices and spots.
+    #[error("it has {count} pools, devices and spots, but at most {MAX_FEATURES} fit")]
     Features {
-        /// Number of pools and devices.
+        /// Number of them.
         count: usize,
     },
     /// Too many pools cover much of the map.
@@ -49,7 +49,7 @@ pub(super) fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed)
     if touched.sum::<f64>() > MAX_TOUCHED_CELLS {
         return Err(Overload::Triangles);
     }
-    let count = placed.pools.len() + placed.devices().count();
+    let count = placed.pools.len() + placed.devices().count() + placed.spots.len();
     if count > MAX_FEATURES {
         return Err(Overload::Features { count });
     }

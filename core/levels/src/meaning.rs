@@ -10,6 +10,8 @@ pub(super) enum Kind {
     Pool(Liquid),
     /// A device, with the end and the name of the pair for one end of a transport whose node says which end it is.
     Device(DeviceKind, Option<(End, String)>),
+    /// A spot with its tag, and the end and the name of its pair if it is one end of a way.
+    Spot(String, Option<(End, String)>),
     /// A door, lift, platform, floor or conveyor.
     Mover(MoverKind),
     /// A ladder: its box can be climbed.
@@ -34,6 +36,7 @@ impl Kind {
             Self::Device(DeviceKind::ZipLine, _) => Role::ZipLine,
             Self::Device(DeviceKind::Teleporter, _) => Role::Teleporter,
             Self::Device(DeviceKind::Jetpack, _) => Role::Jetpack,
+            Self::Spot(..) => Role::Spot,
             Self::Mover(MoverKind::Door) => Role::Door,
             Self::Mover(MoverKind::Lift) => Role::Lift,
             Self::Mover(MoverKind::Platform) => Role::Platform,
@@ -54,7 +57,7 @@ impl Kind {
     }
 
     pub(super) fn has_end(&self) -> bool {
-        matches!(self, Self::Device(_, Some(_)))
+        matches!(self, Self::Device(_, Some(_)) | Self::Spot(_, Some(_)))
     }
 }
 

@@ -9,6 +9,8 @@
 //! - `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end (`_from` works like
 //!   `:from`, for tools that do not allow colons).
 //! - `ladder` can be climbed as its smallest upright box, `climb` as it is.
+//! - `anchor` is a place to which bodies pull themselves, `move_TAG` one for moves at such spots; `move_TAG:from` and
+//!   `:to` pair up like the ends of zip lines.
 //! - What moves is described in `moving`.
 //! - Helpers are left out: `navmesh`, `trigger`, `occluder`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot),
 //!   and the simple colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
@@ -26,10 +28,11 @@ use crate::sidecar::{NodeAs, Sidecar};
 use glam::DVec3;
 use std::collections::HashMap;
 use surefoot_world::Aabb;
+use surefoot_world::map::spot::{ANCHOR, is_tag};
 use surefoot_world::map::{DeviceKind, Liquid, MoverKind};
 
 /// Words with which the names of features and helpers begin.
-const WORDS: [(&str, Word); 20] = [
+const WORDS: [(&str, Word); 22] = [
     ("lava", Word::Pool(Liquid::Lava)),
     ("water", Word::Pool(Liquid::Water)),
     ("pad", Word::Device(DeviceKind::Pad)),
@@ -47,6 +50,8 @@ const WORDS: [(&str, Word); 20] = [
     ("conveyor", Word::Mover(MoverKind::Conveyor)),
     ("ladder", Word::Ladder),
     ("climb", Word::Climb),
+    (ANCHOR, Word::Anchor),
+    ("move", Word::Spot),
     ("navmesh", Word::Helper),
     ("trigger", Word::Helper),
     ("occluder", Word::Helper),
@@ -60,6 +65,8 @@ enum Word {
     Mover(MoverKind),
     Ladder,
     Climb,
+    Anchor,
+    Spot,
     Helper,
 }
 
@@ -77,6 +84,8 @@ const NOT_IT: [(&str, &[&str]); 5] = [
 
 /// Longest side of a device from above, m. What is larger only has its name, as landing pads do.
 const MAX_DEVICE_M: f32 = 8.0;
+/// Longest side of a spot from above, m. What is larger is scenery, as the anchors of ships are.
+const MAX_SPOT_M: f32 = 1.0;
 /// How the names of helpers begin and end, in lower case.
 const HELPER_STARTS: [&str; 4] = ["ucx_", "ubx_", "ucp_", "usp_"];
 const HELPER_ENDS: [&str; 3] = ["-navmesh", "-noimp", "-occonly"];
@@ -95,7 +104,8 @@ fn beginning(name: &str) -> Beginning {
     for (word, meaning) in WORDS {
         let Some(rest) = name.strip_prefix(word) else { continue };
         if rest.starts_with(char::is_alphabetic) {
-            return Beginning::Near(word);
+            // `Moved` and `movable` are no misspelt spots.
+            return if matches!(meaning, Word::Spot) { Beginning::Nothing } else { Beginning::Near(word) };
         }
         let parts = rest.split(|letter: char| !letter.is_alphabetic());
         let others = NOT_IT.iter().find(|(it, _)| *it == word).map_or(&[][..], |(_, others)| others);
@@ -151,6 +161,10 @@ pub(super) fn meanings(
                 if side > MAX_DEVICE_M && matches!(named, Some(Meaning { kind: Some(Kind::Device(..)), .. })) {
                     warnings.push(Warning::LargeDevice { node: node.name.clone(), side });
                     meanings.push(Meaning { reason: "it is too large for a device".to_owned(), ..Meaning::default() });
+                    continue;
+                }
+                if side > MAX_SPOT_M && matches!(named, Some(Meaning { kind: Some(Kind::Spot(..)), .. })) {
+                    meanings.push(Meaning { reason: "it is too large for a spot".to_owned(), ..Meaning::default() });
                     continue;
                 }
                 let animated = || moving::animated_kind(node, paths, whole).filter(|_| may_move);
@@ -234,16 +248,33 @@ fn named(
         },
         Word::Ladder => Kind::Ladder,
         Word::Climb => Kind::Climb,
+        Word::Anchor => Kind::Spot(ANCHOR.to_owned(), None),
+        Word::Spot => {
+            let end = split_end(&name);
+            Kind::Spot(tag_of(&name)?, end)
+        }
         Word::Helper => Kind::Helper,
     };
     Some(Meaning::new(kind, format!("its name begins with `{word}`")))
 }
 
-/// Leaves ends of zip lines and teleporters solid that have no other end, or whose end is taken already.
+/// The tag in the name of a spot, `rope_slide` in `move_rope_slide_2:from`; `None` if there is none.
+fn tag_of(name: &str) -> Option<String> {
+    let rest = name.strip_prefix("move")?;
+    let stem = split_end(name).map_or(rest, |(end, _)| rest.rsplit_once(end.name()).map_or(rest, |(stem, _)| stem));
+    let is_end = |letter: char| letter.is_ascii_digit() || !letter.is_alphanumeric();
+    let tag = stem.trim_end_matches(is_end).trim_start_matches(|letter: char| !letter.is_alphanumeric());
+    let tag = tag.replace(|letter: char| !letter.is_alphanumeric(), "_");
+    is_tag(&tag).then_some(tag)
+}
+
+/// Leaves ends of zip lines, teleporters and ways solid that have no other end, or whose end is taken already.
 fn drop_incomplete_pairs(nodes: &[Node<DVec3>], meanings: &mut [Meaning], warnings: &mut Vec<Warning>) {
     let mut ends: HashMap<String, [Option<usize>; 2]> = HashMap::new();
     for (idx, (node, meaning)) in nodes.iter().zip(&mut *meanings).enumerate() {
-        let Some(Kind::Device(_, Some((end, pair)))) = &meaning.kind else { continue };
+        let Some(Kind::Device(_, Some((end, pair))) | Kind::Spot(_, Some((end, pair)))) = &meaning.kind else {
+            continue;
+        };
         let place = &mut ends.entry(pair.clone()).or_default()[*end as usize];
         if place.is_some() {
             warnings.push(Warning::SecondEnd { node: node.name.clone(), end: end.name() });
@@ -256,7 +287,9 @@ fn drop_incomplete_pairs(nodes: &[Node<DVec3>], meanings: &mut [Meaning], warnin
     single.sort_unstable();
     for idx in single {
         let name = nodes[idx].name.clone();
-        let Some(Kind::Device(_, Some((end, _)))) = &meanings[idx].kind else { continue };
+        let Some(Kind::Device(_, Some((end, _))) | Kind::Spot(_, Some((end, _)))) = &meanings[idx].kind else {
+            continue;
+        };
         warnings.push(Warning::NoOtherEnd { missing: end.name_of_other(&name), node: name });
         meanings[idx] = Meaning { reason: "it has no other end".to_owned(), ..Meaning::default() };
     }
@@ -274,7 +307,7 @@ pub(super) fn owners(
         if let Some(parent) = node.parent {
             let is_feature = matches!(
                 meanings[idx].kind,
-                Some(Kind::Pool(_) | Kind::Device(..) | Kind::Mover(_) | Kind::Ladder | Kind::Climb)
+                Some(Kind::Pool(_) | Kind::Device(..) | Kind::Spot(..) | Kind::Mover(_) | Kind::Ladder | Kind::Climb)
             );
             has_feature_below[parent] |= has_feature_below[idx] || is_feature;
         }

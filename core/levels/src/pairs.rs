@@ -1,11 +1,11 @@
-//! Pairs the nodes at the two ends of zip lines and teleporters by their names.
+//! Pairs the nodes at the two ends of zip lines, teleporters and ways by their names.
 
 use crate::scene::Node;
 use std::collections::HashMap;
 use surefoot_world::Vec3;
-use surefoot_world::map::{Device, DeviceKind};
+use surefoot_world::map::DeviceKind;
 
-/// An end of a zip line or teleporter.
+/// An end of a zip line, teleporter or way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
     From,
@@ -51,18 +51,26 @@ pub(super) fn split_end(name: &str) -> Option<(End, String)> {
     })
 }
 
-/// Pairs of ends of zip lines or teleporters, in the order in which each pair was first seen.
+/// Pairs of ends, in the order in which each pair was first seen.
 #[derive(Default)]
 pub(super) struct Pairs<'a> {
     pairs: Vec<[Option<Half<'a>>; 2]>,
     numbers: HashMap<String, usize>,
 }
 
+/// What has two ends.
+#[derive(Clone)]
+pub(super) enum Paired {
+    Device(DeviceKind),
+    /// A spot with this tag.
+    Spot(String),
+}
+
 /// A node at one end.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(super) struct Half<'a> {
     pub(super) node: &'a Node,
-    pub(super) kind: DeviceKind,
+    pub(super) kind: Paired,
     pub(super) at: Vec3,
     pub(super) two_way: bool,
 }
@@ -71,19 +79,19 @@ impl<'a> Pairs<'a> {
     /// Adds one end of a pair, of which there is only one.
     pub(super) fn add(&mut self, name: String, end: End, half: Half<'a>) {
         let idx = *self.numbers.entry(name).or_insert_with(|| {
-            self.pairs.push([None; 2]);
+            self.pairs.push([const { None }; 2]);
             self.pairs.len() - 1
         });
         self.pairs[idx][end as usize] = Some(half);
     }
 
-    /// The devices that the pairs are, each with its name for messages.
-    pub(super) fn finish(self) -> impl Iterator<Item = (String, Device)> {
+    /// The complete pairs, each with its name for messages: what it is, its two places, m, and whether both are
+    /// entrances.
+    pub(super) fn finish(self) -> impl Iterator<Item = (String, Paired, [Vec3; 2], bool)> {
         self.pairs.into_iter().filter_map(|[from, to]| {
             let (from, to) = from.zip(to)?;
             let name = format!("node `{}` or `{}`", from.node.name, to.node.name);
-            let two_way = from.two_way || to.two_way;
-            Some((name, Device { to: Some(to.at), two_way, ..Device::new(from.kind, from.at) }))
+            Some((name, from.kind, [from.at, to.at], from.two_way || to.two_way))
         })
     }
 }

@@ -23,6 +23,8 @@ pub enum Role {
     Teleporter,
     /// A jetpack.
     Jetpack,
+    /// A place for moves that bodies define.
+    Spot,
     /// A door.
     Door,
     /// A lift.

@@ -7,7 +7,8 @@ use crate::moving::MoverEntry;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use surefoot_world::Aabb;
-use surefoot_world::map::{Device, DeviceKind, LevelFrame, Liquid, MoverKind};
+use surefoot_world::map::spot::{ANCHOR, is_tag};
+use surefoot_world::map::{Device, DeviceKind, LevelFrame, Liquid, MoverKind, Spot};
 
 /// Content of `level.surefoot.json`: features in the level's own coordinates, and what of the level is solid.
 #[derive(Default, Deserialize)]
@@ -35,6 +36,10 @@ pub(super) struct Sidecar {
     #[serde(default)]
     jetpacks: Vec<JetpackEntry>,
     #[serde(default)]
+    anchors: Vec<AnchorEntry>,
+    #[serde(default)]
+    moves: Vec<MoveEntry>,
+    #[serde(default)]
     movers: Vec<MoverEntry>,
 }
 
@@ -56,6 +61,7 @@ pub(super) enum NodeAs {
     Crate,
     Ladder,
     Climb,
+    Anchor,
 }
 
 impl NodeAs {
@@ -75,6 +81,7 @@ impl NodeAs {
             Self::Crate => Kind::Mover(MoverKind::Crate),
             Self::Ladder => Kind::Ladder,
             Self::Climb => Kind::Climb,
+            Self::Anchor => Kind::Spot(ANCHOR.to_owned(), None),
         })
     }
 }
@@ -123,6 +130,23 @@ struct TeleporterEntry {
 struct JetpackEntry {
     at: [f64; 3],
     fuel: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AnchorEntry {
+    at: [f64; 3],
+}
+
+/// A spot for moves.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MoveEntry {
+    tag: String,
+    from: [f64; 3],
+    to: Option<[f64; 3]>,
+    #[serde(default)]
+    two_way: bool,
 }
 
 impl Sidecar {
@@ -180,6 +204,15 @@ impl Sidecar {
             let (from, to) = (metres(&name, from)?, to.map(|to| metres(&name, to)).transpose()?);
             let power = power(kind, |_| Ok(number), &name)?;
             found.devices.push((name, Device { to, two_way, power, ..Device::new(kind, from) }));
+        }
+        let anchors = labelled("anchors", self.anchors).map(|(name, it)| (name, ANCHOR.to_owned(), it.at, None, false));
+        let moves = labelled("moves", self.moves).map(|(name, it)| (name, it.tag, it.from, it.to, it.two_way));
+        for (name, tag, from, to, two_way) in anchors.chain(moves) {
+            if !is_tag(&tag) {
+                return Err(ImportError::Tag { of: name, tag });
+            }
+            let (from, to) = (metres(&name, from)?, to.map(|to| metres(&name, to)).transpose()?);
+            found.spots.push((name, Spot { tag, from, to, two_way }));
         }
         for (name, entry) in labelled("movers", self.movers) {
             found.movers.push(entry.mover(frame).ok_or(ImportError::NoVolume { of: name })?);

@@ -13,7 +13,7 @@ use surefoot_levels::{
     GeometryCounts, ImportError, ImportOptions, Imported, NoFiles, Role, UpAxis, Warning, role_counts,
 };
 use surefoot_world::map::mover::cuboid;
-use surefoot_world::map::{Jetpack, Liquid, MapSize, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
+use surefoot_world::map::{Jetpack, Liquid, MapSize, MoverKind, Outline, Pad, Placed, Pool, Spot, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, TaskConfig, Vec3, World};
 
@@ -30,6 +30,7 @@ fn small_map() -> Map {
     let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
     let at = |x: f32, z: f32| Vec3::new(x, 1.0, z);
     let rectangle = Outline::Rectangle { half_x: 2.0, half_z: 1.5 };
+    let spot = |tag: &str, from, to, two_way| Spot { tag: tag.to_owned(), from, to, two_way };
     let teleporter = |x: f32, two_way| Teleporter { from: at(x, 10.0), to: at(x, 14.0), two_way };
     let placed = Placed {
         pools: vec![
@@ -43,6 +44,11 @@ fn small_map() -> Map {
         ],
         teleporters: vec![teleporter(5.0, false), teleporter(10.0, true)],
         jetpacks: vec![Jetpack { centre: at(20.0, 20.0), fuel: 2.5 }, Jetpack { centre: at(25.0, 20.0), fuel: 4.25 }],
+        spots: vec![
+            spot("anchor", at(15.0, 25.0), None, false),
+            spot("rope_slide", at(15.0, 20.0), Some(at(18.0, 24.0)), true),
+            spot("vault", at(10.0, 26.0), Some(at(12.0, 26.0)), false),
+        ],
         ..Placed::default()
     };
     Map::from_parts(MapSize { width: 30, height: 25, depth: 30 }, triangles, placed)
@@ -146,13 +152,14 @@ fn maps_of_release_0_2_are_read() {
     let (header, payload) = bytes.split_at(8 + 4 + 8 + 32);
     let (mut header, mut payload) = (header.to_vec(), payload.to_vec());
     // The spec comes first in the description. Its last 26 bytes are the kind, the densities of movers and the choice
-    // of repair. The last bytes of the description are those of no movers and no pieces, and the frame.
+    // of repair. The last bytes of the description are those of no movers and no pieces, the frame,
+    // and no spots.
     let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len();
     let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap());
     let frame_len = postcard::to_stdvec(map.frame()).unwrap().len();
-    payload.drain(36 + description_len as usize - 2 - frame_len..36 + description_len as usize);
+    payload.drain(36 + description_len as usize - 3 - frame_len..36 + description_len as usize);
     payload.drain(36 + spec_len - 26..36 + spec_len);
-    payload[32..36].copy_from_slice(&(description_len - 28 - frame_len as u32).to_le_bytes());
+    payload[32..36].copy_from_slice(&(description_len - 29 - frame_len as u32).to_le_bytes());
     header[8..12].copy_from_slice(&1u32.to_le_bytes());
     header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
     header[20..].copy_from_slice(blake3::hash(&payload).as_bytes());
@@ -170,8 +177,8 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
     let endless = Pad { centre: Vec3::new(0.0, f32::INFINITY, 0.0), speed: 20.0 };
     let cases = [
         (Saved { magic: b"GIF89a\x1a\x0a", ..plain() }, "not a saved map"),
-        (Saved { version: 7, ..plain() }, "format 7, this program reads format 6"),
-        (Saved { version: 4, ..plain() }, "format 4, this program reads format 6"),
+        (Saved { version: 8, ..plain() }, "format 8, this program reads format 7"),
+        (Saved { version: 4, ..plain() }, "format 4, this program reads format 7"),
         (Saved { trailing: 7, ..plain() }, "followed by 7 bytes"),
         (Saved { description: vec![9; 3], ..plain() }, "description"),
         (Saved { vertex_count: u32::MAX, ..plain() }, "claims 51539607553 bytes of geometry"),
@@ -185,7 +192,7 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
         (Saved { corners: vec![0, 1, 1], ..plain() }, "no area"),
         (Saved { surfaces: vec![99], ..plain() }, "unknown surface 99"),
         (with_pads(vec![pad, endless]), "pad 1"),
-        (with_pads(vec![pad; 20_001]), "20001 pools and devices"),
+        (with_pads(vec![pad; 20_001]), "20001 pools, devices and spots"),
         (plain(), "was saved as 0000000000000000"),
     ];
     for (saved, expected) in cases {
@@ -845,6 +852,7 @@ fn an_exported_map_is_imported_as_it_was() {
         for (one, other) in one.teleporters.iter().zip(&other.teleporters) {
             assert!(near(one.from, other.from) && near(one.to, other.to) && one.two_way == other.two_way);
         }
+        assert_eq!(one.spots, other.spots);
         let jetpacks = one.jetpacks.iter().zip(&other.jetpacks);
         assert!(jetpacks.into_iter().all(|(one, other)| near(one.centre, other.centre) && one.fuel == other.fuel));
     }

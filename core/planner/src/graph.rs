@@ -6,9 +6,11 @@ use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
 use crate::search::connectivity::{Islands, flood};
 use serde::{Deserialize, Serialize};
-use surefoot_world::Vec3;
+use std::sync::Arc;
+use surefoot_world::character::{OwnMove, OwnMoveError};
 use surefoot_world::csr::Csr;
 use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
+use surefoot_world::{Ability, Vec3};
 
 /// Greatest coordinate of a vertex, m: room for a hundred of the largest maps side by side.
 pub const MAX_COORDINATE_M: f32 = 1.0e5;
@@ -36,11 +38,12 @@ pub struct NavGraph {
     /// Whether any edge leads to each vertex.
     has_entrance: Vec<bool>,
     legs: LegModel,
+    moves: Arc<[OwnMove]>,
     islands: Islands,
 }
 
 /// A graph as plain data for storage and export, not yet checked.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct GraphData {
     /// Positions of the vertices, m.
     pub vertices: Vec<Vec3>,
@@ -48,6 +51,9 @@ pub struct GraphData {
     pub edges: Vec<Edge>,
     /// Cost model of unproved legs.
     pub legs: LegModel,
+    /// Moves of the body's own, by which abilities have their names.
+    #[serde(default)]
+    pub moves: Arc<[OwnMove]>,
 }
 
 /// Why a graph is invalid.
@@ -74,6 +80,9 @@ pub enum GraphError {
     /// The cost model of unproved legs has a coefficient, range or share that is out of range.
     #[error("the cost model of unproved legs has a coefficient, range or share of deaths that is out of range")]
     BadLegs,
+    /// A move is not valid.
+    #[error(transparent)]
+    BadMoves(#[from] OwnMoveError),
 }
 
 impl NavGraph {
@@ -90,14 +99,15 @@ impl NavGraph {
             .map(|(&key, &evidence)| Edge { key, evidence })
             .collect();
         let legs = LegModel::fit(&vertices, candidates, evidence);
-        Self::check(GraphData { vertices, edges, legs }).expect("candidates join existing vertices")
+        let data = GraphData { vertices, edges, legs, ..GraphData::default() };
+        Self::check(data).expect("candidates join existing vertices")
     }
 
     /// Checks `data` and computes its islands.
     ///
     /// # Errors
     /// Returns the first invalid vertex or edge, or an invalid cost model.
-    pub fn check(GraphData { vertices, edges, legs }: GraphData) -> Result<Self, GraphError> {
+    pub fn check(GraphData { vertices, edges, legs, moves }: GraphData) -> Result<Self, GraphError> {
         if let Some(idx) = vertices.iter().position(|vertex| !is_place(*vertex)) {
             return Err(GraphError::BadVertex(idx));
         }
@@ -120,12 +130,13 @@ impl NavGraph {
         if !legs.is_sound() {
             return Err(GraphError::BadLegs);
         }
+        OwnMove::check(&moves)?;
         let keys: Vec<EdgeKey> = edges.iter().map(|edge| edge.key).collect();
         let leaving = Csr::group(vertices.len(), keys.iter().map(|key| key.from.idx()).zip(0..));
         let mut has_entrance = vec![false; vertices.len()];
         keys.iter().for_each(|key| has_entrance[key.to.idx()] = true);
         let islands = Islands::new(vertices.len(), &keys);
-        Ok(Self { vertices, edges, keys, leaving, has_entrance, legs, islands })
+        Ok(Self { vertices, edges, keys, leaving, has_entrance, legs, moves, islands })
     }
 
     /// Returns this graph with edges that cost their mean decisions, whatever the risk:
@@ -139,7 +150,34 @@ impl NavGraph {
 
     /// Returns the graph as plain data.
     pub fn to_data(&self) -> GraphData {
-        GraphData { vertices: self.vertices.clone(), edges: self.edges.clone(), legs: self.legs }
+        let (vertices, edges) = (self.vertices.clone(), self.edges.clone());
+        GraphData { vertices, edges, legs: self.legs, moves: self.moves.clone() }
+    }
+
+    /// Returns this graph for a body with these moves of its own.
+    #[must_use]
+    pub fn with_moves(self, moves: Arc<[OwnMove]>) -> Self {
+        Self { moves, ..self }
+    }
+
+    /// Returns the moves of the body's own.
+    pub fn moves(&self) -> &Arc<[OwnMove]> {
+        &self.moves
+    }
+
+    /// Returns the name of an ability of the body, in snake case.
+    pub fn name_of(&self, ability: Ability) -> &str {
+        OwnMove::name_in(&self.moves, ability)
+    }
+
+    /// Returns the ability of the body with this name.
+    pub fn ability_named(&self, name: &str) -> Option<Ability> {
+        OwnMove::named_in(&self.moves, name)
+    }
+
+    /// Iterates over all abilities that the body may have, with their names.
+    pub fn abilities(&self) -> impl Iterator<Item = (Ability, &str)> {
+        OwnMove::all_with(&self.moves)
     }
 
     /// Returns the cost model of unproved legs.

@@ -84,17 +84,10 @@ pub fn describe(graph: &NavGraph) -> Connection {
         })
         .collect();
     let connected = graph.connected_share();
-    let used: Vec<Ability> =
-        Ability::all().skip(1).filter(|&ability| graph.edges().any(|edge| edge.evidence.ability == ability)).collect();
-    let lost_without = used
-        .into_iter()
-        .map(|ability| {
-            (
-                ability.name().to_owned(),
-                connected - graph.connected_share_without(|edge| edge.evidence.ability == ability),
-            )
-        })
-        .collect();
+    let is_used = |ability: Ability| graph.edges().any(|edge| edge.evidence.ability == ability);
+    let used = graph.abilities().skip(1).filter(|(ability, _)| is_used(*ability));
+    let left = |ability: Ability| graph.connected_share_without(|edge| edge.evidence.ability == ability);
+    let lost_without = used.map(|(ability, name)| (name.to_owned(), connected - left(ability))).collect();
     Connection { vertices: graph.vertex_count(), edges: graph.edge_count(), connected, islands, lost_without }
 }
 
@@ -184,7 +177,6 @@ mod tests {
     use crate::evidence::{Evidence, TryEnd};
     use crate::graph::{Edge, GraphData};
     use crate::ids::EdgeKey;
-    use crate::legs::LegModel;
     use proptest::prelude::*;
 
     /// A graph of vertices on a plane and edges by abilities.
@@ -196,7 +188,7 @@ mod tests {
             evidence.note(TryEnd::Arrived, 9, *ability);
             Edge { key: EdgeKey::new(end(*from), end(*to)), evidence }
         });
-        NavGraph::check(GraphData { vertices, edges: edges.collect(), legs: LegModel::default() }).unwrap()
+        NavGraph::check(GraphData { vertices, edges: edges.collect(), ..GraphData::default() }).unwrap()
     }
 
     fn graphs() -> impl Strategy<Value = NavGraph> {

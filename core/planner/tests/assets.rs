@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use surefoot_planner::EdgeKey;
 use surefoot_planner::assets::{AssetFormat, Axes, Connected, Leap, Link, LinkSet, Passage};
 use surefoot_world::map::{LevelFrame, UpAxis};
@@ -42,6 +43,7 @@ fn tiny() -> LinkSet {
         speed: 10.0,
         connected: Connected { without: 0.25, with: 1.0 },
         frame: Some(LevelFrame { origin: DVec3::new(2.0, 1.0, 3.5), ..LevelFrame::default() }),
+        moves: Arc::default(),
     }
 }
 

@@ -7,7 +7,6 @@ use surefoot_planner::edits::{Edit, Layer, Terrain, UnappliedReason, apply_layer
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::{GraphData, MAX_COORDINATE_M, MAX_EDGE_M};
-use surefoot_planner::legs::LegModel;
 use surefoot_planner::{Edge, EdgeKey, NavGraph, Query, Router, Traffic};
 use surefoot_world::{Decisions, Vec3};
 
@@ -15,7 +14,7 @@ fn graph(vertices: Vec<Vec3>, edges: &[(u32, u32)]) -> NavGraph {
     let edge =
         |&(from, to): &(u32, u32)| Edge { key: EdgeKey::new(from, to), evidence: Evidence::forced(Decisions(9.0)) };
     let edges = edges.iter().map(edge).collect();
-    NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+    NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap()
 }
 
 /// A file of three vertices in a row with the value at a path replaced.

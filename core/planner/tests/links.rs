@@ -4,7 +4,6 @@ use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::graph::GraphData;
-use surefoot_planner::legs::LegModel;
 use surefoot_planner::links::{NavMesh, expected_seconds};
 use surefoot_planner::{Edge, EdgeKey, NavGraph, VertexId};
 use surefoot_world::{Ability, Vec3};
@@ -87,7 +86,7 @@ fn level() -> impl Strategy<Value = (NavGraph, Vec<Option<u32>>)> {
         let edges: BTreeMap<EdgeKey, Evidence> = edges.collect();
         let edges = edges.into_iter().map(|(key, evidence)| Edge { key, evidence }).collect();
         let (vertices, islands): (Vec<Vec3>, _) = vertices.into_iter().unzip();
-        (NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap(), islands)
+        (NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap(), islands)
     })
 }
 

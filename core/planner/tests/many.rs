@@ -3,7 +3,6 @@
 use crate::search::{edges_of, edges_strategy, scattered};
 use proptest::prelude::*;
 use surefoot_planner::graph::GraphData;
-use surefoot_planner::legs::LegModel;
 use surefoot_planner::price::{Caution, EdgeCost, EdgeCosts};
 use surefoot_planner::search::many::{Arrival, RankBy, SharedEnd, best};
 use surefoot_planner::zones::{Rule, Shape};
@@ -66,7 +65,7 @@ fn graph(tuples: Vec<(u32, u32, u32, u32, u32)>) -> NavGraph {
         needs.add(Need { mover: MoverId(0), stops: StopSet(1) });
         edge.evidence.needs = needs;
     }
-    NavGraph::check(GraphData { vertices: scattered(40), edges, legs: LegModel::default() }).unwrap()
+    NavGraph::check(GraphData { vertices: scattered(40), edges, ..GraphData::default() }).unwrap()
 }
 
 fn is_close(one: f64, other: f64) -> bool {

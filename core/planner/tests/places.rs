@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 use surefoot_planner::graph::GraphData;
-use surefoot_planner::legs::LegModel;
 use surefoot_planner::places::{Around, Sight};
 use surefoot_planner::{Edge, EdgeKey, NavGraph};
 use surefoot_world::map::mover::cuboid;
@@ -29,7 +28,7 @@ fn graph() -> NavGraph {
         key: EdgeKey::new(from, from + 1),
         evidence: surefoot_planner::evidence::Evidence::forced(Decisions(9.0)),
     };
-    NavGraph::check(GraphData { vertices, edges: (0..24).map(edge).collect(), legs: LegModel::default() }).unwrap()
+    NavGraph::check(GraphData { vertices, edges: (0..24).map(edge).collect(), ..GraphData::default() }).unwrap()
 }
 
 #[test]

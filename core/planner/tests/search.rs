@@ -5,7 +5,6 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use proptest::prelude::*;
 use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::graph::GraphData;
-use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::price::{Caution, EdgeCost, EdgeCosts};
 use surefoot_planner::{Attach, Edge, EdgeKey, Leg, LegKey, NavGraph, NoPath, Plan, Query, Router, Stop, VertexId};
@@ -20,7 +19,7 @@ fn edge(from: u32, to: u32, decisions: u32, successes: u32, tries: u32) -> Edge 
 }
 
 fn graph(vertices: Vec<Vec3>, edges: Vec<Edge>) -> NavGraph {
-    NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+    NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap()
 }
 
 fn row(count: u32) -> Vec<Vec3> {
@@ -409,14 +408,14 @@ fn islands_are_strongly_connected_components() {
 
 #[test]
 fn invalid_edges_and_positions_are_rejected() {
-    let check = |edges| NavGraph::check(GraphData { vertices: row(2), edges, legs: LegModel::default() });
+    let check = |edges| NavGraph::check(GraphData { vertices: row(2), edges, ..GraphData::default() });
     assert!(check(vec![edge(0, 2, 5, 1, 1)]).is_err());
     assert!(check(vec![edge(1, 1, 5, 1, 1)]).is_err());
     assert!(
         NavGraph::check(GraphData {
             vertices: vec![Vec3::new(f32::NAN, 0.0, 0.0)],
             edges: Vec::new(),
-            legs: LegModel::default()
+            ..GraphData::default()
         })
         .is_err()
     );

@@ -16,8 +16,7 @@ use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
 use surefoot_world::character::Body;
-use surefoot_world::crossings::climb_between;
-use surefoot_world::mesh::ClimbSpot;
+use surefoot_world::crossings::{Approach, approach_between};
 use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Trajectory, Vec3, around, arrival};
 
 /// Rehearsals that end in harm, with other noise each time, before the NPC takes another way.
@@ -258,8 +257,8 @@ impl<F: Fn(Vec3, Vec3) -> bool> Ground for OnMap<'_, F> {
         arrival::rims(self.map, self.profile, [from, to]).filter(|rims| leap::is_possible(*rims, to, self.profile))
     }
 
-    fn climb(&self, from: Vec3, to: Vec3) -> Option<ClimbSpot> {
-        climb_between(self.map, self.profile, [from, to])
+    fn approach(&self, ends: [Vec3; 2], by: Ability) -> Option<Approach> {
+        approach_between(self.map, self.profile, ends, Some(by))
     }
 
     fn with_room(&self, at: Vec3, margin: f32) -> Vec3 {

@@ -171,9 +171,16 @@ impl<'p> Driver<'p> {
             Motion::Walk => return body.is_grounded() && self.blocked >= BLOCKED_TICKS,
             // Jumps in the air may add height to a pad's throw.
             Motion::Throw => 1 + u32::from(profile.extra_jumps),
-            Motion::Ride | Motion::Teleport | Motion::Surface | Motion::Pull | Motion::Swim | Motion::Crouch => {
-                return false;
-            }
+            Motion::WallRun => 1,
+            Motion::Ride
+            | Motion::Teleport
+            | Motion::Surface
+            | Motion::Pull
+            | Motion::Swim
+            | Motion::Dive
+            | Motion::Crouch
+            | Motion::Slide
+            | Motion::Own => return false,
         };
         let to = target - body.feet;
         if by.motion() == Motion::Throw {

@@ -50,7 +50,7 @@ impl Leap {
         let gap = Gap::of([self.take_off, self.landing], self.course.to);
         let at = gap.along(body.feet);
         let is_beyond = at > gap.width - TOE_M && body.feet.y > self.landing.y - BELOW_M;
-        if is_beyond && body.is_grounded() || body.ride.is_some() {
+        if is_beyond && body.is_grounded() || body.is_carried() {
             return self.course.action(body, profile);
         }
         if body.is_grounded() {

@@ -12,7 +12,7 @@
 
 pub mod attempt;
 pub mod attempts;
-pub mod climb;
+pub mod cross;
 pub mod crowd;
 pub mod decision;
 pub mod drive;

@@ -111,7 +111,7 @@ impl Sample {
             yaw: body.yaw,
             velocity: body.velocity,
             in_air: !body.is_grounded(),
-            is_carried: body.ride.is_some(),
+            is_carried: body.is_carried(),
             used: npc.used_abilities,
         }
     }

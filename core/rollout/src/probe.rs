@@ -3,7 +3,7 @@
 //! Every episode draws its heading and noise from its own random stream, which its trial names. Its result therefore
 //! does not depend on the other episodes, on their order or on the number of threads.
 
-use crate::climb::Climb;
+use crate::cross::Cross;
 use crate::decision::{DEFAULT_NOISE_SHARE, DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::goals::{Goal, random_yaw};
 use crate::leap::Leap;
@@ -20,7 +20,7 @@ use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
 use surefoot_policy::noise::fill_gaussian;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::crossings::climb_between;
+use surefoot_world::crossings::approach_between;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
     Ability, Arrival, CharacterProfile, DecisionOutcome, End, Map, MoverAt, MoverOrder, NpcSlot, StopSet,
@@ -313,17 +313,19 @@ impl<'a> Probes<'a> {
 
 /// The style in which the body of a trial moves.
 fn style_of(trial: &Trial, world: &World) -> Style {
-    let spot = || climb_between(world.map(), &world.config().profiles[0], [trial.start, trial.goal]);
-    let rims = || arrival::rims(world.map(), &world.config().profiles[0], [trial.start, trial.goal]);
+    let (map, profile, ends) = (world.map(), &world.config().profiles[0], [trial.start, trial.goal]);
     let course = Course::straight(trial.goal);
     match trial.manner {
         Manner::Free => Style::Free,
         Manner::OnFoot => Style::for_leg(Ability::WALK),
-        Manner::Steered => match (spot(), rims()) {
-            (Some(spot), _) => Style::Climb(Climb { spot, course }),
-            (None, Some([take_off, landing])) => Style::Leap(Leap { take_off, landing, course }),
-            (None, None) => Style::Walk(course),
-        },
+        Manner::Steered => {
+            let cross = || Some(Style::Cross(Cross { approach: approach_between(map, profile, ends, None)?, course }));
+            let leap = || {
+                let [take_off, landing] = arrival::rims(map, profile, ends)?;
+                Some(Style::Leap(Leap { take_off, landing, course }))
+            };
+            cross().or_else(leap).unwrap_or(Style::Walk(course))
+        }
     }
 }
 

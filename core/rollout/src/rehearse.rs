@@ -116,7 +116,7 @@ impl Forecast {
     /// When a body leaves the ground next by `ability`.
     fn take_off(&self, body: &Body, ability: Ability) -> Option<TakeOff> {
         let leaves = |(before, after): (&Body, &Body)| {
-            before.is_grounded() && !after.is_grounded() && (after.velocity.y > 0.0 || after.ride.is_some())
+            before.is_grounded() && !after.is_grounded() && (after.velocity.y > 0.0 || after.is_carried())
         };
         let decisions = std::iter::once(body).chain(&self.ahead).zip(&self.ahead);
         let mut starts = decisions.zip((0..POSE_TICKS[2]).step_by(TICKS_PER_DECISION as usize));

@@ -6,7 +6,7 @@
 //! [rehearsal](crate::rehearse) of a leg shows whether a composed NPC still arrives; otherwise it moves freely.
 //! docs/adr/0026-composed-motion.md and docs/adr/0061-taut-ways-and-leaps.md have measurements.
 
-use crate::climb::Climb;
+use crate::cross::Cross;
 use crate::leap::Leap;
 use crate::steer::Course;
 use std::f32::consts::{PI, TAU};
@@ -48,8 +48,8 @@ pub enum Style {
     Walk(Course),
     /// Steered over a gap, without the policy.
     Leap(Leap),
-    /// Steered up what bodies climb, without the policy.
-    Climb(Climb),
+    /// Steered along a crossing, without the policy.
+    Cross(Cross),
     /// Standing still at a place and ignoring the policy, while the NPC waits for a mover or rides on it.
     Stay {
         /// The place, m.
@@ -73,7 +73,7 @@ impl Style {
 
     /// Whether the NPC is steered.
     pub fn is_steered(self) -> bool {
-        matches!(self, Self::Walk(_) | Self::Leap(_) | Self::Climb(_))
+        matches!(self, Self::Walk(_) | Self::Leap(_) | Self::Cross(_))
     }
 
     /// Share of the noise that an NPC keeps, 0 or 1.
@@ -87,14 +87,14 @@ impl Style {
             Self::Free => return action,
             Self::Walk(course) => return course.action(&npc.body, profile),
             Self::Leap(leap) => return leap.action(&npc.body, profile),
-            Self::Climb(climb) => return climb.action(&npc.body, profile),
+            Self::Cross(cross) => return cross.action(&npc.body, profile),
             Self::Stay { at, within } => return stay(at, within, &npc.body, profile),
             Self::Composed { jumps } => jumps,
         };
         let body = &npc.body;
         let jump = if jumps { action.jump } else { action.jump.min(0.0) };
         let (x, z) = wish(action, body, profile);
-        if body.is_grounded() && hypot(x, z) < REST || body.ride.is_some() {
+        if body.is_grounded() && hypot(x, z) < REST || body.is_carried() {
             return Action { jump, ..action };
         }
         let way = npc.episode.map_or(Vec3::ZERO, |episode| episode.goal - body.feet);

@@ -1,15 +1,19 @@
 //! Graphs with ladders, ledges, water, vents and gaps: their edges, and NPCs that follow them.
 
 use super::stage::{of_boxes, of_surfaces, router, router_of};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use surefoot_planner::{Edge, Query, Router};
 use surefoot_policy::Policy;
 use surefoot_rollout::{Goal, Rollout};
 use surefoot_world::character::bodies::NamedBody;
+use surefoot_world::character::{OwnMotion, OwnMove};
 use surefoot_world::map::mover::cuboid;
-use surefoot_world::map::{Liquid, MapSize, Outline, Placed, Pool};
+use surefoot_world::map::{Liquid, MapKind, MapSize, Outline, Placed, Pool, Spot};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Ability, Arrival, CharacterProfile, End, Map, TaskConfig, Vec3};
+use surefoot_world::navigable::sample_many;
+use surefoot_world::{Ability, Arrival, CharacterProfile, End, Map, MapSpec, TaskConfig, Vec3};
 
 const FLOOR: f32 = 2.0;
 /// Higher than two jumps.
@@ -154,5 +158,99 @@ fn dashers_cross_gaps_that_agile_npcs_cannot() {
         .collect();
     for (goal, played) in goals.iter().zip(rollout.play(&Policy::shipped().unwrap(), Some(&router), &goals)) {
         assert_eq!(played.attempt.end, End::Reached, "{goal:?}: {:?}", played.attempt);
+    }
+}
+
+/// Two decks with a gap of so many metres between them, along x.
+fn decks(gap: f32) -> Vec<([Vec3; 2], Surface)> {
+    let deck = |from: f32, to: f32| ([Vec3::new(from, 0.0, 0.0), Vec3::new(to, HIGH, 40.0)], Surface::Ground);
+    vec![deck(0.0, 16.0), deck(16.0 + gap, 48.0)]
+}
+
+/// Higher than anything gets up again.
+const HIGH: f32 = 12.0;
+
+/// NPCs with this body go from one deck to the other and, if `both_ways`, back; the graph has edges by `ability` there.
+fn cross(map: &Arc<Map>, body: &CharacterProfile, ability: Ability, both_ways: bool) {
+    let router = router_of(map, body.clone(), 60);
+    let is_left = |vertex| router.graph().position(vertex).x < 16.0;
+    let crossing = router.graph().edges().filter(|edge| is_left(edge.key.from) != is_left(edge.key.to));
+    let abilities: Vec<Ability> = crossing.map(|edge| edge.evidence.ability).collect();
+    assert!(!abilities.is_empty() && abilities.iter().all(|it| *it == ability), "{abilities:?}");
+    let mut rollout = Rollout::new(map.clone(), body.clone(), TaskConfig::default());
+    rollout.follow.arrival = Arrival::Stand;
+    let at = |x: f32, z: f32| Vec3::new(x, HIGH, z);
+    let ways = [(4.0, 8.0, 44.0, 30.0), (8.0, 30.0, 40.0, 10.0), (12.0, 20.0, 36.0, 20.0)];
+    let goals = ways.iter().flat_map(|&(x, z, to_x, to_z)| {
+        let back = both_ways.then_some([at(to_x, to_z), at(x, z)]);
+        std::iter::once([at(x, z), at(to_x, to_z)]).chain(back)
+    });
+    let goals: Vec<Goal> = goals.map(|[start, goal]| Goal { start, yaw: 0.0, goal }).collect();
+    for (goal, played) in goals.iter().zip(rollout.play(&Policy::shipped().unwrap(), Some(&router), &goals)) {
+        assert_eq!(played.attempt.end, End::Reached, "{goal:?}: {:?}", played.attempt);
+    }
+}
+
+#[test]
+fn acrobats_run_along_walls_over_gaps() {
+    let acrobat = NamedBody::find("acrobat").unwrap().profile();
+    // Nobody stands on top of it.
+    let wall = ([Vec3::new(2.0, HIGH, 36.0), Vec3::new(46.0, 30.0, 38.0)], Surface::Ground);
+    let map = of_surfaces(MapSize { width: 48, height: 30, depth: 40 }, [decks(8.0), vec![wall]].concat());
+    cross(&map, &acrobat, Ability::WALL_RUN, true);
+}
+
+/// The same decks with spots.
+fn with_spots(gap: f32, spots: Vec<Spot>) -> Arc<Map> {
+    let triangles = decks(gap).into_iter().flat_map(|([low, high], surface)| {
+        let faces = cuboid(low, high).into_iter();
+        faces.filter_map(move |corners| Triangle::new(corners, surface)).collect::<Vec<_>>()
+    });
+    let size = MapSize { width: 48, height: 30, depth: 40 };
+    Arc::new(Map::from_parts(size, triangles.collect(), Placed { spots, ..Placed::default() }))
+}
+
+#[test]
+fn acrobats_pull_themselves_to_anchors() {
+    let acrobat = NamedBody::find("acrobat").unwrap().profile();
+    let anchor = |z: f32| {
+        let from = Vec3::new(22.0, HIGH + 6.0, z);
+        Spot { tag: "anchor".to_owned(), from, to: None, two_way: false }
+    };
+    let map = with_spots(12.0, vec![anchor(12.0), anchor(28.0)]);
+    cross(&map, &acrobat, acrobat.move_named("grapple").unwrap(), true);
+}
+
+#[test]
+fn npcs_make_moves_that_only_their_game_has() {
+    let vault = OwnMove { rise: 3.0, speed: 8.0, ..OwnMove::new("vault", OwnMotion::Curve) };
+    let body = CharacterProfile::default().with(|it| (it.extra_jumps, it.moves) = (0, [vault].into())).unwrap();
+    let (from, to) = (Vec3::new(15.0, HIGH, 20.0), Some(Vec3::new(33.0, HIGH, 20.0)));
+    let spot = |two_way| vec![Spot { tag: "vault".to_owned(), from, to, two_way }];
+    let ability = body.move_named("vault").unwrap();
+    cross(&with_spots(16.0, spot(true)), &body, ability, true);
+    cross(&with_spots(16.0, spot(false)), &body, ability, false);
+    let one_way = router_of(&with_spots(16.0, spot(false)), body, 60);
+    assert_eq!(one_way.graph().name_of(ability), "vault");
+    let back = Query::new(Vec3::new(40.0, HIGH, 20.0), Vec3::new(8.0, HIGH, 20.0));
+    assert!(one_way.find_path(&back).no_path.is_some());
+}
+
+#[test]
+fn acrobats_get_anywhere_on_courses() {
+    let acrobat = NamedBody::find("acrobat").unwrap().profile();
+    for kind in MapKind::COURSES {
+        let spec = MapSpec::with_side(4, 80).unwrap().with(|it| it.kind = kind).unwrap();
+        let map = Arc::new(surefoot_generate::generate(&spec));
+        let router = router_of(&map, acrobat.clone(), 200);
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let places = sample_many(&map, &acrobat, 40, &mut rng).unwrap();
+        let (pairs, _) = places.as_chunks::<2>();
+        let goals: Vec<Goal> = pairs.iter().map(|&[start, goal]| Goal { start, yaw: 0.0, goal }).collect();
+        let mut rollout = Rollout::new(map, acrobat.clone(), TaskConfig::default());
+        rollout.follow.arrival = Arrival::Stand;
+        for (goal, played) in goals.iter().zip(rollout.play(&Policy::shipped().unwrap(), Some(&router), &goals)) {
+            assert_eq!(played.attempt.end, End::Reached, "{}, {goal:?}: {:?}", kind.name(), played.attempt);
+        }
     }
 }

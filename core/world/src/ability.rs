@@ -2,11 +2,12 @@
 
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::cmp::Ordering;
 
-/// A move of [`MOVES`], by its place there. Legs need the most demanding one; moves are ordered from the least
-/// demanding to the most demanding.
+/// A move of [`MOVES`], by its place there, or a move of the body's own. Legs need the most demanding one, and the more
+/// demanding of two is the greater one.
 /// Text formats have its name in camel case, binary ones its number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Ability(u8);
 
 /// A move that bodies can make.
@@ -45,14 +46,47 @@ pub enum Motion {
     Crouch,
     /// The body flies straight ahead for a moment.
     Dash,
+    /// The body runs along an upright face in the air.
+    WallRun,
+    /// The body keeps its speed while it is low.
+    Slide,
+    /// The body swims below what reaches into the water.
+    Dive,
+    /// What the body's profile says.
+    Own,
+}
+
+impl Motion {
+    /// How demanding a motion is. Moves that begin at certain places are more demanding than those that a body makes
+    /// anywhere.
+    fn demand(self) -> u8 {
+        match self {
+            Self::Walk => 0,
+            Self::Crouch => 1,
+            Self::Slide => 2,
+            Self::Jump => 3,
+            Self::AirJump => 4,
+            Self::Throw => 5,
+            Self::Ride => 6,
+            Self::Teleport => 7,
+            Self::Thrust => 8,
+            Self::Pull => 9,
+            Self::Swim => 10,
+            Self::Dive => 11,
+            Self::Surface => 12,
+            Self::Dash => 13,
+            Self::WallRun => 14,
+            Self::Own => 15,
+        }
+    }
 }
 
 const fn made(id: &'static str, motion: Motion) -> Move {
     Move { id, motion }
 }
 
-/// All moves. There may be as many as an [`AbilitySet`] has bits.
-pub const MOVES: [Move; 12] = [
+/// All moves that every body may have.
+pub const MOVES: [Move; 15] = [
     made("walk", Motion::Walk),
     made("jump", Motion::Jump),
     made("double_jump", Motion::AirJump),
@@ -65,6 +99,19 @@ pub const MOVES: [Move; 12] = [
     made("swim", Motion::Swim),
     made("crouch", Motion::Crouch),
     made("dash", Motion::Dash),
+    made("wall_run", Motion::WallRun),
+    made("slide", Motion::Slide),
+    made("dive", Motion::Dive),
+];
+
+/// Place of the first move of a body's own.
+const OWN_BEGIN: u8 = 16;
+/// Most moves of a body's own.
+pub const MAX_OWN_MOVES: usize = 16;
+/// Names of the moves of a body's own where its profile is not known.
+const OWN_NAMES: [&str; MAX_OWN_MOVES] = [
+    "own_1", "own_2", "own_3", "own_4", "own_5", "own_6", "own_7", "own_8", "own_9", "own_10", "own_11", "own_12",
+    "own_13", "own_14", "own_15", "own_16",
 ];
 
 impl Ability {
@@ -92,20 +139,37 @@ impl Ability {
     pub const CROUCH: Self = Self(10);
     /// A dash in the air.
     pub const DASH: Self = Self(11);
+    /// Running along a wall.
+    pub const WALL_RUN: Self = Self(12);
+    /// Sliding under what is lower than the body.
+    pub const SLIDE: Self = Self(13);
+    /// Swimming below what reaches into the water.
+    pub const DIVE: Self = Self(14);
     /// Jumps, from the ground and in the air.
     pub const JUMPS: [Self; 2] = [Self::JUMP, Self::DOUBLE_JUMP];
 
-    /// All abilities, the least demanding first.
+    /// The abilities of [`MOVES`].
     pub fn all() -> impl DoubleEndedIterator<Item = Self> + ExactSizeIterator {
         (0..MOVES.len() as u8).map(Self)
     }
 
-    /// The ability at a place of the table.
+    /// The ability at a place of the table, or of the bodies' own moves after it.
     pub fn at(idx: usize) -> Option<Self> {
-        Self::all().nth(idx)
+        let ability = Self(u8::try_from(idx).ok()?);
+        (idx < MOVES.len() || ability.own_idx().is_some_and(|own| own < MAX_OWN_MOVES)).then_some(ability)
     }
 
-    /// The ability with this name.
+    /// The move of a body's own with this place in its profile, below [`MAX_OWN_MOVES`].
+    pub fn own(idx: usize) -> Self {
+        Self(OWN_BEGIN + idx.min(MAX_OWN_MOVES - 1) as u8)
+    }
+
+    /// Place of a move of the body's own in its profile; `None` for the moves of [`MOVES`].
+    pub fn own_idx(self) -> Option<usize> {
+        self.0.checked_sub(OWN_BEGIN).map(usize::from)
+    }
+
+    /// The ability of [`MOVES`] with this name.
     pub fn named(name: &str) -> Option<Self> {
         Self::all().find(|ability| ability.name() == name)
     }
@@ -115,14 +179,28 @@ impl Ability {
         usize::from(self.0)
     }
 
-    /// Name in snake case, as used in reports and exports.
+    /// Name in snake case, as used in reports and exports; [`CharacterProfile::move_name`] knows those of own moves.
+    ///
+    /// [`CharacterProfile::move_name`]: crate::CharacterProfile::move_name
     pub fn name(self) -> &'static str {
-        MOVES[self.idx()].id
+        self.own_idx().map_or_else(|| MOVES[self.idx()].id, |idx| OWN_NAMES[idx])
     }
 
     /// What it does to a body.
     pub fn motion(self) -> Motion {
-        MOVES[self.idx()].motion
+        if self.own_idx().is_some() { Motion::Own } else { MOVES[self.idx()].motion }
+    }
+}
+
+impl Ord for Ability {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.motion().demand().cmp(&other.motion().demand()).then(self.0.cmp(&other.0))
+    }
+}
+
+impl PartialOrd for Ability {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
     }
 }
 
@@ -142,7 +220,8 @@ impl<'de> Deserialize<'de> for Ability {
             return Self::try_from(u8::deserialize(deserializer)?).map_err(D::Error::custom);
         }
         let name = String::deserialize(deserializer)?;
-        let found = Self::all().find(|ability| in_camel_case(ability.name()) == name);
+        let own = (0..MAX_OWN_MOVES).map(Self::own);
+        let found = Self::all().chain(own).find(|ability| in_camel_case(ability.name()) == name);
         found.ok_or_else(|| D::Error::custom(format!("`{name}` is no ability")))
     }
 }
@@ -211,14 +290,19 @@ impl AbilitySet {
         Self(self.0 & !other.0)
     }
 
-    /// The abilities of the set, the least demanding first.
+    /// The abilities of the set, in the order of the table.
     pub fn iter(self) -> impl Iterator<Item = Ability> {
-        Ability::all().filter(move |ability| self.contains(*ability))
+        let mut left = self.0;
+        std::iter::from_fn(move || {
+            let idx = left.trailing_zeros();
+            left &= left.wrapping_sub(1);
+            Ability::at(idx as usize)
+        })
     }
 
     /// The most demanding ability of the set; [`Ability::WALK`] if it is empty.
     pub fn most_demanding(self) -> Ability {
-        self.iter().last().unwrap_or_default()
+        self.iter().max().unwrap_or_default()
     }
 
     /// Whether `ability` is impossible without the abilities of this set. Double jumps begin with a jump.

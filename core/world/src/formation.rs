@@ -155,7 +155,7 @@ impl Formation {
 
     /// Whether the leader can come to rest: on the ground, not on a mover, and not at a rim.
     fn can_brake(&self, world: &World, leader: NpcSlot) -> bool {
-        let body = world.npc(leader).map(|npc| npc.body).filter(|body| body.is_grounded() && body.ride.is_none());
+        let body = world.npc(leader).map(|npc| npc.body).filter(|body| body.is_grounded() && !body.is_carried());
         body.is_some_and(|body| world.place_beside(leader, body.feet, body.velocity.with_y(0.0) * BRAKING_S).is_some())
     }
 
@@ -174,7 +174,7 @@ impl Formation {
     fn follow(&mut self, world: &World, leader: NpcSlot, followers: usize) {
         let Some(npc) = world.npc(leader) else { return };
         let moved = self.trail.front().is_none_or(|latest| latest.distance(npc.body.feet) >= STRIDE_M);
-        if moved && npc.body.is_grounded() && npc.body.ride.is_none() {
+        if moved && npc.body.is_grounded() && !npc.body.is_carried() {
             self.trail.push_front(npc.body.feet);
         }
         let longest = ((followers + 1) as f32 * self.spacing + DIRECTION_M) / STRIDE_M;

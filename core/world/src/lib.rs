@@ -49,7 +49,7 @@ mod units;
 mod world;
 
 pub use aabb::Aabb;
-pub use ability::{Ability, AbilitySet, MOVES, Motion, Move};
+pub use ability::{Ability, AbilitySet, MAX_OWN_MOVES, MOVES, Motion, Move};
 pub use arrival::Arrival;
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use crates::CrateState;

@@ -108,7 +108,7 @@ impl Locomotion {
         }
         self.ticks = self.ticks.saturating_add(1);
         // A teleporter does not throw bodies, nor does a ceiling.
-        let throws = |ability: &Ability| !matches!(ability.motion(), Motion::Teleport | Motion::Crouch);
+        let throws = |ability: &Ability| !matches!(ability.motion(), Motion::Teleport | Motion::Crouch | Motion::Slide);
         if let Some(ability) = used.iter().filter(throws).last() {
             (self.ability, self.was_thrown) = (ability, true);
         }

@@ -301,7 +301,7 @@ impl Movers {
                 scratch.add_obstacles(&posed.triangles);
             }
         }
-        if !body.is_grounded() || body.ride.is_some() {
+        if !body.is_grounded() || body.is_carried() {
             return Vec3::ZERO;
         }
         let Some(shift) = near.iter().find_map(|idx| self.shift_of(map, idx.idx(), body.feet)) else {

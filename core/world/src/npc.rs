@@ -55,12 +55,12 @@ pub struct Npc {
 }
 
 /// Version of [`Npc::to_bytes`]; changes whenever the meaning of the bytes changes.
-pub const NPC_STATE_VERSION: u32 = 3;
+pub const NPC_STATE_VERSION: u32 = 4;
 
 impl Npc {
     /// Whether other bodies can touch it: not while it rides a zip line, and not once it is harmed.
     pub(crate) fn is_solid(&self) -> bool {
-        self.harm.is_none() && self.body.ride.is_none()
+        self.harm.is_none() && !self.body.is_carried()
     }
 
     /// Encodes the state for a process with the same map.

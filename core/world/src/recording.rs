@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// First bytes of a recording's file.
 const MAGIC: &[u8; 8] = b"SFREPLAY";
 /// Changes whenever older recordings cannot be read or would replay differently.
-pub const REPLAY_VERSION: u32 = 8;
+pub const REPLAY_VERSION: u32 = 9;
 /// Ticks between two hashes of the state.
 pub const CHECK_EVERY_TICKS: u64 = 600;
 

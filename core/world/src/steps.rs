@@ -35,7 +35,7 @@ impl Steps {
         let rise = if self.was_grounded && is_grounded { body.feet.y - self.feet_m } else { 0.0 };
         let way = horizontal(body.velocity) * TICK_SECONDS;
         let farthest = most + STEEPEST * way;
-        if is_carried || body.ride.is_some() || rise.abs() > farthest {
+        if is_carried || body.is_carried() || rise.abs() > farthest {
             *self = Self { offset_m: 0.0, feet_m: body.feet.y, rise_m: 0.0, was_grounded: is_grounded };
             return;
         }

@@ -363,7 +363,7 @@ impl World {
 
     /// Bodies that push crates: walking NPCs and solid players.
     fn pushers(&self) -> Vec<Pusher> {
-        let walking = self.npcs.iter().flatten().filter(|npc| npc.harm.is_none() && npc.body.ride.is_none());
+        let walking = self.npcs.iter().flatten().filter(|npc| npc.harm.is_none() && !npc.body.is_carried());
         let npcs = walking.map(|npc| {
             let profile = &self.config.profiles[usize::from(npc.profile.0)];
             let wish = npc.body.wish(profile, &npc.action);
@@ -494,6 +494,7 @@ fn hazard_end(npc: &mut Npc, Place { map, profile, .. }: Place<'_>, task: &TaskC
             npc.last.ticks_in_water += 1;
             (npc.last.ticks_in_water >= task.drown_ticks).then_some(End::Drowned)
         }
+        Some(Liquid::Water) if npc.body.is_out_of_breath(profile) => Some(End::Drowned),
         Some(Liquid::Water) | None => {
             npc.last.ticks_in_water = npc.last.ticks_in_water.saturating_sub(1);
             None

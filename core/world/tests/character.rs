@@ -526,7 +526,7 @@ fn characters_of_several_profiles_share_a_world() {
 
 #[test]
 fn profiles_out_of_range_are_refused_by_the_name_of_the_field() {
-    let field = |change: fn(&mut RawCharacterProfile)| CharacterProfile::default().with(change).unwrap_err().field;
+    let field = |change: fn(&mut RawCharacterProfile)| CharacterProfile::default().with(change).unwrap_err().field();
     assert!(CharacterProfile::try_from(RawCharacterProfile::default()).is_ok());
     assert_eq!(field(|profile| profile.radius = f32::NAN), "radius");
     assert_eq!(field(|profile| profile.height = 0.3), "height");

@@ -1,5 +1,6 @@
 //! Tests of the crate through its public interface, in one program.
 
+mod acrobatics;
 mod around;
 mod arrivals;
 mod character;

@@ -116,7 +116,15 @@ enum {
     /* Crouching under what is lower than the character. */
     SF_CROUCH = 10,
     /* A dash in the air. */
-    SF_DASH = 11
+    SF_DASH = 11,
+    /* A run along a wall in the air. */
+    SF_WALL_RUN = 12,
+    /* A slide under what is lower than the character. */
+    SF_SLIDE = 13,
+    /* Swimming below what reaches into the water. */
+    SF_DIVE = 14,
+    /* The first of the body's own moves, of which there are at most 16: sf_graph_ability names them. */
+    SF_OWN_MOVE = 16
 };
 
 /* Sets of abilities, as bits. A set with jumps has double jumps as well. */
@@ -131,7 +139,11 @@ enum {
     SF_MANTLE_BIT = 1 << SF_MANTLE,
     SF_SWIM_BIT = 1 << SF_SWIM,
     SF_CROUCH_BIT = 1 << SF_CROUCH,
-    SF_DASH_BIT = 1 << SF_DASH
+    SF_DASH_BIT = 1 << SF_DASH,
+    SF_WALL_RUN_BIT = 1 << SF_WALL_RUN,
+    SF_SLIDE_BIT = 1 << SF_SLIDE,
+    SF_DIVE_BIT = 1 << SF_DIVE
+    /* An own move has the bit 1u << ability. */
 };
 
 /* Coordinates of places. */
@@ -281,6 +293,12 @@ typedef struct sf_body {
     /* Speed of the dash that the character makes when it jumps in the air and has no jump left, m/s (0 to 40); 0 if it
      * makes none. Only worlds use this. */
     float dash_speed;
+    /* How long the character runs along a wall in the air, s: 0 (it cannot) to 10. */
+    float wall_run_seconds;
+    /* How long the character keeps its speed under what is lower than it, s: 0 to 10; needs a crouch_height. */
+    float slide_seconds;
+    /* How long the character can be under water, s: 0 (it cannot dive) to 600; needs a swim_speed. */
+    float dive_seconds;
 } sf_body;
 
 /* Flags of a state. */
@@ -468,6 +486,15 @@ typedef struct sf_graph_info {
     /* Number of strongly connected components. */
     uint32_t island_count;
 } sf_graph_info;
+
+/* An ability of the body of a graph. */
+typedef struct sf_ability_info {
+    uint32_t struct_size;
+    /* Name in snake case, as queries and links have it: `jump`, or that of one of the body's own moves. */
+    char name[36];
+    /* What the game plays meanwhile, from the file of the move; otherwise the name. */
+    char animation[132];
+} sf_ability_info;
 
 typedef int32_t sf_edit_kind;
 enum {
@@ -669,6 +696,9 @@ sf_status sf_graph_vertices(const sf_graph* graph, sf_vec3* vertices, size_t cap
 sf_status sf_graph_edges(const sf_graph* graph, sf_edge* edges, size_t capacity, size_t* count, sf_error* error);
 /* How the coordinates of the level relate to the map's. SF_NOT_FOUND if the file does not say. */
 sf_status sf_graph_frame(const sf_graph* graph, sf_frame* frame, sf_error* error);
+/* What an ability of the body is called, own moves included. `graph` may be NULL: then there are no own moves.
+ * SF_NOT_FOUND for an own move that the body does not have. */
+sf_status sf_graph_ability(const sf_graph* graph, int32_t ability, sf_ability_info* info, sf_error* error);
 /* Sets the coordinates of all places that the graph takes and gives: in queries, plans, vertices and edits. Initially
  * SF_COORDINATES_MAP. SF_NOT_FOUND for SF_COORDINATES_LEVEL if the file does not say where the level lies. */
 sf_status sf_graph_set_coordinates(sf_graph* graph, int32_t coordinates, sf_error* error);

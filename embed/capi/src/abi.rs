@@ -135,6 +135,9 @@ pub struct Body {
     pub swim_speed: f32,
     pub crouch_height: f32,
     pub dash_speed: f32,
+    pub wall_run_seconds: f32,
+    pub slide_seconds: f32,
+    pub dive_seconds: f32,
 }
 
 /// `sf_state`: where a body is and how it moves.
@@ -258,6 +261,19 @@ pub struct GraphInfo {
     pub island_count: u32,
 }
 
+/// Lengths of the texts of an `sf_ability_info`, their zeros included.
+pub const ABILITY_NAME_LEN: usize = 36;
+pub const ANIMATION_LEN: usize = 132;
+
+/// `sf_ability_info`: an ability of the body of a graph.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AbilityInfo {
+    pub struct_size: u32,
+    pub name: [c_char; ABILITY_NAME_LEN],
+    pub animation: [c_char; ANIMATION_LEN],
+}
+
 /// `sf_edit`: a designer's change.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -323,6 +339,7 @@ growing! {
     Progress "sf_progress" size_of::<Progress>();
     Query "sf_query" size_of::<Query>();
     GraphInfo "sf_graph_info" size_of::<GraphInfo>();
+    AbilityInfo "sf_ability_info" size_of::<AbilityInfo>();
     Step "sf_step" size_of::<Step>();
     Locomotion "sf_locomotion" offset_of!(Locomotion, step_offset);
 }
@@ -384,6 +401,9 @@ impl Body {
             swim_speed: raw.swim_speed,
             crouch_height: raw.crouch_height,
             dash_speed: raw.dash_speed,
+            wall_run_seconds: raw.wall_run_seconds,
+            slide_seconds: raw.slide_seconds,
+            dive_seconds: raw.dive_seconds,
         }
     }
 }

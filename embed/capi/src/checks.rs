@@ -76,7 +76,7 @@ pub fn surface(number: i32) -> Result<Option<Surface>, Fault> {
 /// The ability with this number.
 pub fn ability(number: i32) -> Result<Ability, Fault> {
     let found = usize::try_from(number).ok().and_then(Ability::at);
-    found.ok_or_else(|| Fault::argument(format!("ability is {number}: it must be one of sf_ability, 0 to 7")))
+    found.ok_or_else(|| Fault::argument(format!("ability is {number}: it must be one of sf_ability, or an own move")))
 }
 
 impl Body {
@@ -106,6 +106,10 @@ impl Body {
             swim_speed: self.swim_speed,
             crouch_height: self.crouch_height,
             dash_speed: self.dash_speed,
+            wall_run_seconds: self.wall_run_seconds,
+            slide_seconds: self.slide_seconds,
+            dive_seconds: self.dive_seconds,
+            moves: Default::default(),
             coyote_ticks: count("coyote_ticks", self.coyote_ticks, u8::MAX - 1)?,
             uses_zip_lines: self.uses_zip_lines != 0,
             zip_line_speed: self.zip_line_speed,

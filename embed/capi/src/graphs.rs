@@ -6,6 +6,7 @@
 use crate::abi::{self, COORDINATES_LEVEL, COORDINATES_MAP, STOP_GOAL, STOP_START};
 use crate::error::{Fault, Status};
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::c_char;
 use std::sync::OnceLock;
 use surefoot_planner::candidates::Candidate;
 use surefoot_planner::edits::{Edit, FACTORS, Layer, Terrain, apply_layers};
@@ -17,6 +18,7 @@ use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{
     AbilitySet, Caution, EdgeKey, Leg, LegKey, NavGraph, NoPath, Plan, Query, Router, Stop, VertexId,
 };
+use surefoot_world::character::OwnMove;
 use surefoot_world::map::LevelFrame;
 use surefoot_world::{Ability, Decisions, Vec3};
 
@@ -305,15 +307,38 @@ fn stop_number(stop: Stop) -> u32 {
     }
 }
 
+/// The name of an ability of a body with these moves, and what a game plays meanwhile.
+pub fn describe_ability(moves: &[OwnMove], ability: Ability) -> Result<abi::AbilityInfo, Fault> {
+    let own = ability.own_idx().map(|idx| moves.get(idx));
+    let (name, animation) = match own {
+        None => (ability.name(), ability.name()),
+        Some(Some(own)) => (own.id.as_str(), own.animation()),
+        Some(None) => {
+            let message = format!("the body has {} moves of its own: ability {} is none", moves.len(), ability.idx());
+            return Err(Fault::new(Status::NotFound, message));
+        }
+    };
+    Ok(abi::AbilityInfo { struct_size: 0, name: text(name), animation: text(animation) })
+}
+
+/// A text that ends with a zero.
+fn text<const LEN: usize>(text: &str) -> [c_char; LEN] {
+    let mut chars = [0; LEN];
+    // The last one stays zero.
+    chars.iter_mut().zip(text.bytes()).take(LEN - 1).for_each(|(to, byte)| *to = byte as c_char);
+    chars
+}
+
 /// The abilities in a sum of bits.
 pub fn abilities(bits: u32) -> Result<AbilitySet, Fault> {
-    let known = (1 << Ability::all().len()) - 1 - (1 << Ability::WALK.idx());
+    let all = (0..u32::BITS as usize).filter_map(Ability::at);
+    let known = all.clone().skip(1).fold(0, |known, ability| known | 1 << ability.idx());
     if bits & !known != 0 {
         let message =
             format!("without is {bits}: it has bits that are not an sf_ability_bit; walking cannot be excluded");
         return Err(Fault::argument(message));
     }
-    Ok(Ability::all().filter(|ability| bits & 1 << ability.idx() != 0).collect())
+    Ok(all.filter(|ability| bits & 1 << ability.idx() != 0).collect())
 }
 
 /// The caution with this number.

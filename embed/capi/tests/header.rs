@@ -191,7 +191,10 @@ fn structs_and_constants_are_those_of_the_source() {
             mantle_height,
             swim_speed,
             crouch_height,
-            dash_speed
+            dash_speed,
+            wall_run_seconds,
+            slide_seconds,
+            dive_seconds
         }
     );
     compare!(
@@ -228,6 +231,7 @@ fn structs_and_constants_are_those_of_the_source() {
     );
     compare!(program, "sf_edge", Edge { key, ability, is_open, seconds, chance, death_chance, cost });
     compare!(program, "sf_graph_info", GraphInfo { struct_size, vertex_count, edge_count, island_count });
+    compare!(program, "sf_ability_info", AbilityInfo { struct_size, name, animation });
     compare!(program, "sf_edit", Edit { kind, value, from, to });
     compare!(program, "sf_traversal", Traversal { key, decisions, end });
     compare!(program, "sf_step", Step { struct_size, kind, waypoint, leg, leg_count, plans });
@@ -252,6 +256,10 @@ fn structs_and_constants_are_those_of_the_source() {
         ("SF_SWIM", surefoot_world::Ability::SWIM.idx()),
         ("SF_CROUCH", surefoot_world::Ability::CROUCH.idx()),
         ("SF_DASH", surefoot_world::Ability::DASH.idx()),
+        ("SF_WALL_RUN", surefoot_world::Ability::WALL_RUN.idx()),
+        ("SF_SLIDE", surefoot_world::Ability::SLIDE.idx()),
+        ("SF_DIVE", surefoot_world::Ability::DIVE.idx()),
+        ("SF_OWN_MOVE", surefoot_world::Ability::own(0).idx()),
         ("SF_PACE_STOP", surefoot_world::Pace::Stop as usize),
         ("SF_ARRIVAL_RAY_COUNT", surefoot_world::arrival::LINE_COUNT),
         ("SF_RAY_RANGE", surefoot_world::sense::RAY_RANGE_M as usize),

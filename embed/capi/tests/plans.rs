@@ -1,13 +1,14 @@
 //! Plans and followers through the C functions, on a graph with two ways.
 #![expect(unsafe_code, reason = "calls C functions")]
 
-use crate::stage::{at, fails, graph, graph_text, graph_text_of, handle, load_graph, ok, query, step};
+use crate::stage::{at, fails, graph, graph_text, graph_text_of, graph_text_with, handle, load_graph, ok, query, step};
 use std::ptr::{null, null_mut};
 use surefoot::abi::{self, Leg, LegKey, Plan, Query, STOP_GOAL, STOP_START, Vec3};
 use surefoot::exports::*;
 use surefoot::{Follower, Graph};
-use surefoot_world::DVec3;
+use surefoot_world::character::{OwnMotion, OwnMove};
 use surefoot_world::map::{LevelFrame, UpAxis};
+use surefoot_world::{Ability, DVec3};
 
 /// The plan, and the vertices that it passes.
 fn find(graph: *const Shared<Graph>, query: &Query) -> (Plan, Vec<u32>) {
@@ -55,6 +56,30 @@ fn a_plan_changes_at_once_with_what_is_closed_priced_and_met() {
     assert_eq!(find(graph, &across()).1, LONG);
     unsafe { sf_graph_destroy(graph) };
 }
+
+#[test]
+fn abilities_have_names_and_animations() {
+    let rope = OwnMove { animation: "Climb_Rope".to_owned(), ..OwnMove::new("rope", OwnMotion::Curve) };
+    let graph = load_graph(&graph_text_with(None, &[rope]));
+    let describe = |graph, ability: Ability| {
+        let mut info = abi::AbilityInfo { struct_size: size_of::<abi::AbilityInfo>() as u32, ..EMPTY };
+        ok(|error| unsafe { sf_graph_ability(graph, ability.idx() as i32, &mut info, error) });
+        [&info.name[..], &info.animation[..]].map(|text| {
+            let bytes = text.iter().take_while(|byte| **byte != 0).map(|byte| *byte as u8);
+            String::from_utf8(bytes.collect()).expect("UTF-8")
+        })
+    };
+    assert_eq!(describe(graph, Ability::own(0)), ["rope", "Climb_Rope"]);
+    assert_eq!(describe(graph, Ability::ZIP_LINE), ["zip_line", "zip_line"]);
+    assert_eq!(describe(std::ptr::null_mut(), Ability::DIVE), ["dive", "dive"]);
+    let mut info = abi::AbilityInfo { struct_size: size_of::<abi::AbilityInfo>() as u32, ..EMPTY };
+    fails(3, "the body has 1 moves of its own", |error| unsafe { sf_graph_ability(graph, 17, &mut info, error) });
+    fails(1, "ability is 99", |error| unsafe { sf_graph_ability(graph, 99, &mut info, error) });
+    unsafe { sf_graph_destroy(graph) };
+}
+
+const EMPTY: abi::AbilityInfo =
+    abi::AbilityInfo { struct_size: 0, name: [0; abi::ABILITY_NAME_LEN], animation: [0; abi::ANIMATION_LEN] };
 
 #[test]
 fn a_plan_without_a_path_says_why_and_leads_near() {

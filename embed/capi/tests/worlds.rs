@@ -76,8 +76,8 @@ fn a_character_that_jumps_flies_and_lands() {
     fails(1, "locomotion.pace is 9", |error| unsafe {
         sf_locomotion_advance(&mut damaged, null(), &state, &action, 0, error)
     });
-    fails(1, "ability is 12", |error| unsafe {
-        sf_locomotion_advance(&mut locomotion, null(), &state, &action, 12, error)
+    fails(1, "ability is 15", |error| unsafe {
+        sf_locomotion_advance(&mut locomotion, null(), &state, &action, 15, error)
     });
     unsafe { sf_world_destroy(world) };
 }

@@ -97,10 +97,10 @@ fn on_map(name: &str, at: [f64; 3], frame: Option<LevelFrame>) -> PyResult<Vec3>
     place(name, frame.map_or(at.as_vec3(), |frame| frame.to_map(at)).to_array())
 }
 
-fn query([start, goal]: [Vec3; 2], without: &[String], caution: f32) -> PyResult<Query> {
+fn query(graph: &NavGraph, [start, goal]: [Vec3; 2], without: &[String], caution: f32) -> PyResult<Query> {
     let ability = |name: &String| {
-        Ability::named(name).filter(|ability| *ability != Ability::WALK).ok_or_else(|| {
-            let names: Vec<&str> = Ability::all().skip(1).map(Ability::name).collect();
+        graph.ability_named(name).filter(|ability| *ability != Ability::WALK).ok_or_else(|| {
+            let names: Vec<&str> = graph.abilities().skip(1).map(|(_, name)| name).collect();
             value(format!("there is no ability {name} to rule out: there are {}", names.join(", ")))
         })
     };
@@ -183,9 +183,9 @@ impl Graph {
         let query = Query {
             zones: zone::read(py, &zones, frame)?,
             tags: zone::read_tags(tags)?,
-            ..query(ends, &without, caution)?
+            ..query(self.graph(), ends, &without, caution)?
         };
-        Ok(Plan::of(&py.detach(|| self.router.find_path(&query)), frame))
+        Ok(Plan::of(&py.detach(|| self.router.find_path(&query)), self.graph(), frame))
     }
 
     #[pyo3(signature = (
@@ -211,7 +211,7 @@ impl Graph {
             (None, Some(goal)) => (SharedEnd::Goal, on_map("goal", goal, frame)?),
             _ => return Err(value("either start or goal must be given")),
         };
-        let query = query([end; 2], &without, caution)?;
+        let query = query(self.graph(), [end; 2], &without, caution)?;
         let by: RankBy = by.parse().map_err(|_| value(format!("by is {by}, but must be cost or seconds")))?;
         let places =
             places.into_iter().map(|place| on_map("a place", place, frame)).collect::<PyResult<Vec<Vec3>>>()?;
@@ -231,7 +231,7 @@ impl Graph {
         coordinates: &str,
     ) -> PyResult<VertexTimes<'py>> {
         let start = on_map("start", start, self.frame_of(coordinates)?)?;
-        let query = query([start; 2], &without, caution)?;
+        let query = query(self.graph(), [start; 2], &without, caution)?;
         let reached = py.detach(|| self.router.reachable(&query, Seconds(seconds), &EdgeCosts::new()));
         let vertices = reached.iter().map(|reached| reached.vertex.0).collect();
         let times = reached.iter().map(|reached| reached.seconds.0).collect();
@@ -271,7 +271,7 @@ impl Graph {
         for edge in graph.edges() {
             let about = PyDict::new(py);
             let evidence = &edge.evidence;
-            about.set_item("ability", evidence.ability.name())?;
+            about.set_item("ability", graph.name_of(evidence.ability))?;
             about.set_item("chance", evidence.chance().get())?;
             about.set_item("death_chance", evidence.death_chance())?;
             about.set_item("seconds", evidence.decisions_mean().0 * f64::from(DECISION_SECONDS))?;

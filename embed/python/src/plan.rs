@@ -3,7 +3,7 @@
 use crate::arrays::rows;
 use pyo3::prelude::*;
 use surefoot_planner::search::many;
-use surefoot_planner::{NoPath, Plan as Inner, Stop};
+use surefoot_planner::{NavGraph, NoPath, Plan as Inner, Stop};
 use surefoot_world::Vec3;
 use surefoot_world::map::LevelFrame;
 
@@ -16,7 +16,7 @@ pub struct Leg {
     /// Vertex where the leg ends; `None` for the goal.
     to_vertex: Option<u32>,
     /// The most demanding ability that the leg needs.
-    ability: &'static str,
+    ability: String,
     seconds: f64,
     chance: f64,
     death_chance: f64,
@@ -53,7 +53,7 @@ pub struct Plan {
 
 impl Plan {
     /// A plan for a query in the coordinates of a level with this frame, or in those of the map.
-    pub fn of(plan: &Inner, frame: Option<LevelFrame>) -> Self {
+    pub fn of(plan: &Inner, graph: &NavGraph, frame: Option<LevelFrame>) -> Self {
         let vertex = |stop: Stop| match stop {
             Stop::Vertex(vertex) => Some(vertex.0),
             Stop::Start | Stop::Goal => None,
@@ -61,7 +61,7 @@ impl Plan {
         let leg = |leg: &surefoot_planner::Leg| Leg {
             from_vertex: vertex(leg.key.from),
             to_vertex: vertex(leg.key.to),
-            ability: leg.ability.name(),
+            ability: graph.name_of(leg.ability).to_owned(),
             seconds: leg.seconds.0.into(),
             chance: leg.chance.get(),
             death_chance: leg.death_chance.into(),

@@ -170,17 +170,24 @@ fn rules(follow: &FollowConfig) -> String {
 /// it.
 const SETTINGS_HAVE_ARRIVAL: u32 = 13;
 /// First version of the builder whose bodies climb and mantle, and get no jumps from walls. Units of older tables have
-/// names without these fields, and the version before.
+/// names without what they can do since then, and the version before.
 const BODIES_CLIMB: u32 = 16;
 
 /// The text of a body without the fields that say what it climbs.
 fn without_climbing(body: &str) -> String {
-    let fields = body.split(", ").filter(|field| {
-        !["climb_speed: ", "mantle_height: ", "swim_speed: ", "crouch_height: ", "dash_speed: "]
-            .iter()
-            .any(|it| field.starts_with(it))
-    });
-    fields.collect::<Vec<_>>().join(", ")
+    const NEW: [&str; 9] = [
+        "climb_speed",
+        "mantle_height",
+        "swim_speed",
+        "crouch_height",
+        "dash_speed",
+        "wall_run_seconds",
+        "slide_seconds",
+        "dive_seconds",
+        "moves",
+    ];
+    let is_new = |field: &str| field.split_once(": ").is_some_and(|(name, _)| NEW.contains(&name));
+    body.split(", ").filter(|field| !is_new(field)).collect::<Vec<_>>().join(", ")
 }
 
 /// File name of a unit, which depends on everything that determines its result, the version of the builder included.

@@ -51,6 +51,7 @@ fn role(role: Role) -> wire::NodeRole {
         Role::Conveyor => wire::NodeRole::Conveyor,
         Role::Crate => wire::NodeRole::Crate,
         Role::Ladder => wire::NodeRole::Ladder,
+        Role::Spot => wire::NodeRole::Spot,
         Role::Climb => wire::NodeRole::Climb,
         Role::Path => wire::NodeRole::Path,
         Role::Helper => wire::NodeRole::Helper,

@@ -5,7 +5,7 @@ use crate::worlds::maps::Survey;
 use surefoot_proto::convert::{self, WireEnum};
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::Map;
-use surefoot_world::map::{Liquid, Outline};
+use surefoot_world::map::{Liquid, Outline, Spot};
 
 /// Most bodies in one survey.
 pub const MAX_SURVEYED: f64 = 8.0;
@@ -64,5 +64,15 @@ pub fn features_to_wire(map: &Map) -> wire::GetFeaturesResponse {
         zip_lines: placed.zip_lines.iter().map(|it| line(it.from, it.to, false)).collect(),
         teleporters: placed.teleporters.iter().map(|it| line(it.from, it.to, it.two_way)).collect(),
         jetpacks: placed.jetpacks.iter().map(|it| convert::to_wire(it.centre)).collect(),
+        spots: placed.spots.iter().map(spot_to_wire).collect(),
+    }
+}
+
+fn spot_to_wire(spot: &Spot) -> wire::SpotFeature {
+    wire::SpotFeature {
+        tag: spot.tag.clone(),
+        from: Some(convert::to_wire(spot.from)),
+        to: spot.to.map(convert::to_wire),
+        two_way: spot.two_way,
     }
 }

@@ -26,17 +26,18 @@ use surefoot_server::messages::{Answer, Decision, Hello, ToWorker};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_server::{NpcId, WorldId, worker};
-use surefoot_world::map::{MapSize, Outline, Placed, Pool};
+use surefoot_world::character::MoveScratch;
+use surefoot_world::map::{MapSize, Outline, Placed, Pool, Spot};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
-use surefoot_world::{Decisions, Map, MapSpec, Seconds, Vec3};
+use surefoot_world::{Action, Body, CharacterProfile, Decisions, Map, MapSpec, Seconds, TICKS_PER_DECISION, Vec3};
 use tokio::sync::mpsc;
 
 /// A trial of one decoder.
 pub type Trial = fn(&[u8]);
 
 /// All trials by name. The corpus of each is in `tools/fuzz/corpus/NAME`.
-pub const TRIALS: [(&str, Trial); 12] = [
+pub const TRIALS: [(&str, Trial); 13] = [
     ("world_messages", world_messages),
     ("planner_messages", planner_messages),
     ("map_file", map_file),
@@ -49,6 +50,7 @@ pub const TRIALS: [(&str, Trial); 12] = [
     ("cache_entry", cache_entry),
     ("graph_json", graph_json),
     ("saved_world", saved_world),
+    ("body", body),
 ];
 
 /// Largest volume of a map that is tried, m3: larger ones are allowed but only slow the trial down.
@@ -480,5 +482,38 @@ fn graph_answers(graph: NavGraph) {
             assert_eq!(around.no_path, plan.no_path);
             assert!(around.seconds().0.is_finite() && (0.0..=1.0).contains(&around.death_chance()), "{around:?}");
         }
+    }
+}
+
+/// Longest run of a body, in ticks.
+const BODY_TICKS: u32 = 240;
+
+/// Files of bodies with their own moves. A body that is accepted runs and jumps on a floor with spots for its moves. It
+/// stays within bounds.
+pub fn body(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let Some(profile) = accepted(toml::from_str::<CharacterProfile>(text)) else { return };
+    let json = serde_json::to_string(&profile).expect("plain data");
+    assert_eq!(serde_json::from_str::<CharacterProfile>(&json).expect("just written"), profile);
+    assert_eq!(convert::body(Some(&convert::body_to_wire(&profile))).expect("just written"), profile);
+    let (triangles, placed) = FLOOR.without_pieces();
+    let place = |x: f32, y: f32| Vec3::new(x, y, 10.0);
+    let spots = profile.moves.iter().flat_map(|own| {
+        let spot = |from, to| Spot { tag: own.tag().to_owned(), from, to, two_way: true };
+        [spot(place(9.0, 1.0), Some(place(15.0, 4.0))), spot(place(16.0, 8.0), None)]
+    });
+    let placed = Placed { spots: spots.collect(), ..placed };
+    let map =
+        Map::from_parts(FLOOR.size(), triangles.iter().filter(|it| it.surface().is_solid()).copied().collect(), placed);
+    let mut scratch = MoveScratch::default();
+    let mut body = Body::at(place(6.0, 1.0), std::f32::consts::FRAC_PI_2);
+    for tick in 0..BODY_TICKS {
+        let jump = if tick / 60 % 2 == 1 { 1.0 } else { -1.0 };
+        let action = Action { forward: 1.0, jump, ..Action::default() };
+        if tick % TICKS_PER_DECISION == 0 {
+            body.begin_decision(&action);
+        }
+        body.tick(&map, &profile, &action, &mut scratch);
+        assert!(body.feet.is_finite() && body.feet.abs().max_element() < 1.0e4, "{body:?}");
     }
 }

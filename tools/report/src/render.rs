@@ -238,6 +238,10 @@ fn ability_colour(ability: Ability) -> Colour {
         Motion::Swim => [60, 160, 230],
         Motion::Crouch => [150, 170, 150],
         Motion::Dash => [255, 90, 90],
+        Motion::WallRun => [255, 150, 120],
+        Motion::Slide => [180, 200, 120],
+        Motion::Dive => [30, 110, 190],
+        Motion::Own => [255, 120, 255],
     }
 }
 

@@ -63,10 +63,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
     let Loaded { id, graph, stats, cached, unapplied, retried, .. } = loaded;
     let by_ability = |ability: Ability| graph.edges().filter(|edge| edge.evidence.ability == ability).count();
-    let abilities: Vec<Ability> = Ability::all().filter(|&ability| by_ability(ability) > 0).collect();
+    let counts = graph.abilities().map(|(ability, name)| (name, by_ability(ability))).filter(|(_, count)| *count > 0);
     if args.json {
-        let counts: serde_json::Map<_, _> =
-            abilities.iter().map(|&ability| (ability.name().to_owned(), by_ability(ability).into())).collect();
+        let counts: serde_json::Map<_, _> = counts.map(|(name, count)| (name.to_owned(), count.into())).collect();
         return print_json(&serde_json::json!({
             "graph_id": id.as_ref().map(ToString::to_string),
             "map": args.target.source.map,
@@ -95,7 +94,7 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
         graph.island_count(),
         100.0 * graph.connected_share()
     );
-    let counts: Vec<String> = abilities.iter().map(|&a| format!("{} {}", a.name(), by_ability(a))).collect();
+    let counts: Vec<String> = counts.map(|(name, count)| format!("{name} {count}")).collect();
     println!("edges by ability: {}", counts.join(", "));
     println!(
         "{} probes of {} candidates ({} from devices and ledges) in {:.1} s",

@@ -163,6 +163,7 @@ fn names(role: Role) -> [&'static str; 2] {
         Role::Conveyor => ["conveyor", "conveyors"],
         Role::Crate => ["crate", "crates"],
         Role::Ladder => ["ladder", "ladders"],
+        Role::Spot => ["spot for moves", "spots for moves"],
         Role::Climb => ["wall to climb", "walls to climb"],
         Role::Path => ["stop of a mover", "stops of movers"],
         Role::Helper => ["helper", "helpers"],

@@ -107,7 +107,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// Numbers of the parts of a map that stand still.
-fn device_counts(map: &Map) -> [(&'static str, usize); 9] {
+fn device_counts(map: &Map) -> [(&'static str, usize); 10] {
     let placed = map.placed();
     [
         ("plateaus", placed.plateaus.len()),
@@ -119,6 +119,7 @@ fn device_counts(map: &Map) -> [(&'static str, usize); 9] {
         ("caves", placed.caves.len()),
         ("teleporters", placed.teleporters.len()),
         ("jetpacks", placed.jetpacks.len()),
+        ("spots", placed.spots.len()),
     ]
 }
 

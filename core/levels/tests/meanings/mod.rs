@@ -50,6 +50,8 @@ fn a_name_means_something_only_as_a_whole_word_at_the_start() {
         ("Door_Wall_A", Role::Solid),
         ("Water_Tower", Role::Solid),
         ("rainwater", Role::Solid),
+        ("move_rope:from", Role::Solid),
+        ("Moved_Crate", Role::Solid),
         ("lift_1", Role::Solid),
         ("conveyor", Role::Solid),
     ] {
@@ -59,7 +61,7 @@ fn a_name_means_something_only_as_a_whole_word_at_the_start() {
         let holds = [Role::Solid, Role::Ladder, Role::Climb].contains(&expected);
         assert_eq!(is_solid, holds, "{name}");
         let reason = &imported.nodes[1].reason;
-        let lacks = ["lift_1", "conveyor"].contains(&name);
+        let lacks = ["lift_1", "conveyor", "move_rope:from"].contains(&name);
         assert_eq!(reason.is_empty(), expected == Role::Solid && !lacks, "{name}: {reason}");
         let is_near = imported.warnings.iter().any(|warning| matches!(warning, Warning::NearMiss { .. }));
         let is_expected =

@@ -117,7 +117,8 @@ impl Findings {
             Some(Edge { key, evidence: Evidence::expected(chance as f32, legs.decisions(start, end)) })
         };
         let edges = candidates.iter().enumerate().filter_map(edge).collect();
-        NavGraph::check(GraphData { vertices, edges, legs }).expect("candidates join existing vertices")
+        let data = GraphData { vertices, edges, legs, ..GraphData::default() };
+        NavGraph::check(data).expect("candidates join existing vertices")
     }
 }
 

@@ -185,7 +185,8 @@ impl<'a> Probed<'a> {
     /// The graph that is proved so far.
     pub fn graph(&self) -> NavGraph {
         let threshold = self.builder.settings.threshold;
-        NavGraph::prove(self.vertices().to_vec(), &self.candidates, &self.evidence, threshold)
+        let graph = NavGraph::prove(self.vertices().to_vec(), &self.candidates, &self.evidence, threshold);
+        graph.with_moves(self.builder.site.profile.moves.clone())
     }
 
     /// Probes each listed candidate once per listing.

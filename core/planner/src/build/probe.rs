@@ -37,17 +37,30 @@ pub enum Manner {
     Free,
     /// In the style of legs that can be walked, without jumps.
     OnFoot,
-    /// Steered: up what it can climb on its way, over a gap, or straight through water.
+    /// Steered: by a crossing on its way, over a gap, or straight through water.
     Steered,
 }
 
 impl Manner {
     /// How the body of a run along a proved edge moves that needs `ability`.
     pub fn of_edge(ability: Ability) -> Self {
-        if matches!(ability.motion(), Motion::Surface | Motion::Swim | Motion::Crouch | Motion::Dash) {
-            Self::Steered
-        } else {
-            Self::Free
+        match ability.motion() {
+            Motion::Surface
+            | Motion::Swim
+            | Motion::Dive
+            | Motion::Crouch
+            | Motion::Slide
+            | Motion::Dash
+            | Motion::WallRun
+            | Motion::Own => Self::Steered,
+            Motion::Walk
+            | Motion::Jump
+            | Motion::AirJump
+            | Motion::Throw
+            | Motion::Ride
+            | Motion::Teleport
+            | Motion::Thrust
+            | Motion::Pull => Self::Free,
         }
     }
 }

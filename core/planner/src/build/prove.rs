@@ -28,7 +28,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
 use surefoot_world::arrival::rims;
-use surefoot_world::crossings::{climb_between, swims_between};
+use surefoot_world::crossings::{approach_between, swims_between};
 use surefoot_world::csr::Csr;
 use surefoot_world::parallel::with_threads;
 use surefoot_world::{Ability, Chance, MoverAt, Vec3};
@@ -66,6 +66,9 @@ const DEATHS_ELSEWHERE: f64 = 0.02;
 const RUNS: u32 = 4;
 /// Least success rate of an edge that is still probed on the run.
 const MIN_RATE_ON_RUN: f64 = 0.5;
+/// Least expected chance of an edge along which a steered body has got through: it does not act by chance. The geometry
+/// of other edges says little about it.
+const PRIOR_OF_STEERED: f64 = 0.9;
 
 impl Prover<'_> {
     /// Probes the candidates and returns the evidence of each, in order.
@@ -204,7 +207,11 @@ impl Prover<'_> {
         }
         self.prove_on_the_run(&all.collect::<Vec<u32>>(), evidence)?;
         let predictor = fit(evidence);
-        let priors: Vec<f64> = (0..evidence.len()).map(|idx| predictor.chance(idx, evidence)).collect();
+        let prior = |(idx, own): (usize, &Evidence)| {
+            let is_steered = own.successes > 0 && Manner::of_edge(own.ability) == Manner::Steered;
+            predictor.chance(idx, evidence).max(if is_steered { PRIOR_OF_STEERED } else { 0.0 })
+        };
+        let priors: Vec<f64> = evidence.iter().enumerate().map(prior).collect();
         evidence.iter_mut().zip(priors).for_each(|(evidence, prior)| evidence.prior = prior as f32);
         self.expect_deaths(evidence)
     }
@@ -307,16 +314,16 @@ impl Prover<'_> {
         edges.iter().copied().filter(|&idx| succeeds(idx)).map(run_up).collect()
     }
 
-    /// Whether a body could climb, swim or dash along a candidate.
+    /// Whether a body could make a crossing or dash along a candidate.
     fn is_steered(&self, idx: u32) -> bool {
         let EdgeKey { from, to } = self.candidates[idx as usize];
         let ends = [from, to].map(|vertex| self.position(vertex));
         let Site { map, profile } = self.builder.site;
         let dashes = || profile.dash_speed > 0.0 && rims(map, profile, ends).is_some();
-        climb_between(map, profile, ends).is_some() || swims_between(map, profile, ends) || dashes()
+        approach_between(map, profile, ends, None).is_some() || swims_between(map, profile, ends) || dashes()
     }
 
-    /// How the body of a probe moves: where it could climb, swim or dash, it is steered first, and its policy second.
+    /// How the body of a probe moves. Where it could make a crossing or dash, it is steered first.
     fn manner(&self, idx: u32, attempt: u32, own: &Evidence) -> Manner {
         let is_first = attempt % 2 == 1 && own.successes == 0 && self.is_steered(idx);
         if is_first { Manner::Steered } else { Manner::of_edge(own.ability) }

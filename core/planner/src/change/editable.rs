@@ -6,7 +6,9 @@ use crate::grid::PointGrid;
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use surefoot_world::Vec3;
+use surefoot_world::character::OwnMove;
 
 /// A square of the horizontal plane.
 type Square = (i32, i32);
@@ -29,12 +31,13 @@ pub(crate) struct Editable {
     /// For each vertex, the indices of the edges that begin or end there, in ascending order; some may be removed.
     edges_at: Vec<Vec<u32>>,
     legs: LegModel,
+    moves: Arc<[OwnMove]>,
 }
 
 impl Editable {
     /// A copy of `graph` that finds vertices within `within_m` metres of a place.
     pub fn of(graph: &NavGraph, within_m: f32) -> Self {
-        let GraphData { vertices, edges, legs } = graph.to_data();
+        let GraphData { vertices, edges, legs, moves } = graph.to_data();
         let mut editable = Self {
             removed: BTreeSet::new(),
             squares: BTreeMap::new(),
@@ -43,6 +46,7 @@ impl Editable {
             edges_at: Vec::with_capacity(vertices.len()),
             vertices: Vec::with_capacity(vertices.len()),
             legs,
+            moves,
         };
         vertices.into_iter().for_each(|at| _ = editable.add_vertex(at));
         edges.into_iter().for_each(|edge| editable.add_edge(edge));
@@ -52,7 +56,7 @@ impl Editable {
     /// The changed graph.
     pub fn into_data(self) -> (GraphData, BTreeSet<VertexId>) {
         let edges = self.edges.into_iter().flatten().collect();
-        (GraphData { vertices: self.vertices, edges, legs: self.legs }, self.removed)
+        (GraphData { vertices: self.vertices, edges, legs: self.legs, moves: self.moves }, self.removed)
     }
 
     /// Positions of all vertices, removed ones included, m.
@@ -181,7 +185,7 @@ mod tests {
     }
 
     fn graph(vertices: Vec<Vec3>, edges: Vec<Edge>) -> NavGraph {
-        NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+        NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap()
     }
 
     /// What [`Editable`] does, in lists that are walked for each change.

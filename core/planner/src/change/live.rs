@@ -281,7 +281,7 @@ mod tests {
         };
         let vertices = (0..4_u8).map(|idx| surefoot_world::Vec3::new(30.0 * f32::from(idx), 0.0, 0.0)).collect();
         let edges = vec![edge(0, 1), edge(1, 8), edge(2, 40)];
-        NavGraph::check(crate::graph::GraphData { vertices, edges, legs: crate::legs::LegModel::default() }).unwrap()
+        NavGraph::check(crate::graph::GraphData { vertices, edges, ..crate::graph::GraphData::default() }).unwrap()
     }
 
     /// Reports as (reporter, whether it is trusted, edge, end, decisions); the last edge is none of the graph.

@@ -18,8 +18,9 @@ use crate::ride_stops::RideStops;
 use crate::settings::Site;
 use crate::settings::{BuildError, BuildSettings};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use surefoot_world::character::MoveScratch;
+use surefoot_world::character::{MoveScratch, OwnMove};
 use surefoot_world::map::{Device, Piece};
 use surefoot_world::{Aabb, Map, Vec3, navigable};
 
@@ -178,6 +179,7 @@ pub struct Update {
     edges: Vec<Edge>,
     known: HashMap<Candidate, Evidence>,
     legs: LegModel,
+    moves: Arc<[OwnMove]>,
 }
 
 impl Update {
@@ -190,12 +192,17 @@ impl Update {
         add_vertices(&mut vertices, &lost, old_map, site);
         let edges: Vec<Edge> = graph.edges().copied().collect();
         let known = edges.iter().map(|edge| (edge.key, edge.evidence)).collect();
-        Self { change, vertices, known_count, lost, edges, known, legs: *graph.legs() }
+        Self { change, vertices, known_count, lost, edges, known, legs: *graph.legs(), moves: graph.moves().clone() }
     }
 
     /// The graph without the edges that the change affects. Plans can use it until these have been probed.
     pub fn without_affected_edges(&self) -> NavGraph {
-        let data = GraphData { vertices: self.vertices.clone(), edges: self.kept(), legs: self.legs };
+        let data = GraphData {
+            vertices: self.vertices.clone(),
+            edges: self.kept(),
+            legs: self.legs,
+            moves: self.moves.clone(),
+        };
         NavGraph::check(data).expect("known edges join vertices")
     }
 
@@ -274,8 +281,8 @@ impl Builder<'_> {
             probing_s: seconds,
             seconds,
         };
-        let Update { change, vertices, lost, legs, .. } = update;
-        let data = GraphData { vertices, edges, legs };
+        let Update { change, vertices, lost, legs, moves, .. } = update;
+        let data = GraphData { vertices, edges, legs, moves };
         let graph = NavGraph::check(data).expect("candidates join vertices");
         Ok(Updated { built: Built { graph, stats }, change, retried: affected.len() as u64, lost })
     }

@@ -10,7 +10,9 @@ use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Write};
+use std::sync::Arc;
 use strum::VariantArray;
+use surefoot_world::character::OwnMove;
 use surefoot_world::map::{LevelFrame, UpAxis};
 use surefoot_world::{CharacterProfile, DECISION_SECONDS, DVec3, Vec3};
 
@@ -89,6 +91,7 @@ pub fn import_json(text: &str) -> Result<NavGraph, ImportError> {
             .map(|link| Edge { key: EdgeKey::new(link.source, link.target), evidence: link.evidence })
             .collect(),
         legs: file.graph.legs,
+        moves: file.graph.moves,
     })?)
 }
 
@@ -165,9 +168,16 @@ struct GraphFields {
     #[serde(flatten)]
     frame: FrameFields,
     legs: LegModel,
+    /// Moves of the body's own.
+    #[serde(default, skip_serializing_if = "is_empty")]
+    moves: Arc<[OwnMove]>,
     /// The body for which the graph was proved.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     body: Option<CharacterProfile>,
+}
+
+fn is_empty(moves: &Arc<[OwnMove]>) -> bool {
+    moves.is_empty()
 }
 
 #[derive(Serialize, Deserialize)]
@@ -203,7 +213,7 @@ impl NodeLink {
             weight: edge.evidence.cost(),
             seconds: seconds(&edge.evidence),
             chance: edge.evidence.chance().get(),
-            ability: edge.evidence.ability.name().to_owned(),
+            ability: graph.name_of(edge.evidence.ability).to_owned(),
             evidence: edge.evidence,
         };
         Self {
@@ -213,6 +223,7 @@ impl NodeLink {
                 units: "metres, seconds, y up, right-handed".to_owned(),
                 frame: FrameFields::of(about.frame, |origin| origin.to_array()),
                 legs: *graph.legs(),
+                moves: graph.moves().clone(),
                 body: about.body,
             },
             nodes: (0..).zip(graph.islands()).map(node).collect(),
@@ -259,7 +270,7 @@ fn graphml(graph: &NavGraph) -> String {
             ("weight", &evidence.cost()),
             ("seconds", &seconds(evidence)),
             ("chance", &evidence.chance().get()),
-            ("ability", &evidence.ability.name()),
+            ("ability", &graph.name_of(evidence.ability)),
             ("tries", &evidence.tries),
             ("successes", &evidence.successes),
         ]);

@@ -142,7 +142,6 @@ mod tests {
     use crate::evidence::{Evidence, TryEnd};
     use crate::graph::{Edge, GraphData, NavGraph};
     use crate::ids::EdgeKey;
-    use crate::legs::LegModel;
     use crate::needs::{Need, Needs};
     use crate::price::EdgeCosts;
     use proptest::prelude::*;
@@ -166,7 +165,7 @@ mod tests {
             Edge { key: EdgeKey::new(from, to), evidence }
         });
         let (vertices, edges) = ((0..COUNT).map(place).collect(), edges.collect());
-        NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+        NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap()
     }
 
     fn ability() -> impl Strategy<Value = Ability> {

@@ -216,12 +216,11 @@ mod tests {
     use crate::evidence::{Evidence, TryEnd};
     use crate::graph::GraphData;
     use crate::ids::EdgeKey;
-    use crate::legs::LegModel;
     use crate::price::Caution;
     use proptest::prelude::*;
 
     fn graph(vertices: Vec<Vec3>, edges: Vec<Edge>) -> NavGraph {
-        NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+        NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap()
     }
 
     fn place() -> impl Strategy<Value = Vec3> {

@@ -160,7 +160,6 @@ mod tests {
     use crate::evidence::{Evidence, TryEnd};
     use crate::graph::{Edge, GraphData, NavGraph};
     use crate::ids::EdgeKey;
-    use crate::legs::LegModel;
     use crate::zones::{Rule, Shape, Tags, Zone, Zones};
     use proptest::prelude::*;
     use std::collections::BTreeSet;
@@ -179,7 +178,7 @@ mod tests {
             Edge { key: EdgeKey::new(from, to), evidence }
         });
         let (vertices, edges) = ((0..COUNT).map(place).collect(), edges.collect());
-        Router::new(NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap(), 0, 1)
+        Router::new(NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap(), 0, 1)
     }
 
     fn ability() -> impl Strategy<Value = Ability> {
@@ -279,7 +278,7 @@ mod tests {
             key: EdgeKey::new(from, to),
             evidence: Evidence::forced(surefoot_world::Decisions(9.0)),
         });
-        let graph = NavGraph::check(GraphData { vertices, edges: edges.to_vec(), legs: LegModel::default() }).unwrap();
+        let graph = NavGraph::check(GraphData { vertices, edges: edges.to_vec(), ..GraphData::default() }).unwrap();
         let router = Router::new(graph, 0, 1);
         let (query, limit) = (Query::new(Vec3::ZERO, Vec3::ZERO), Seconds(600.0));
         let reached = router.reachable(&query, limit, &EdgeCosts::new());

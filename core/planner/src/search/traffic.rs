@@ -190,7 +190,6 @@ mod tests {
     use crate::evidence::Evidence;
     use crate::graph::{Edge, GraphData};
     use crate::ids::EdgeKey;
-    use crate::legs::LegModel;
     use crate::plan::Query;
     use crate::search::Router;
     use proptest::prelude::*;
@@ -200,7 +199,7 @@ mod tests {
             key: EdgeKey::new(from, to),
             evidence: Evidence::forced(Decisions(decisions)),
         });
-        NavGraph::check(GraphData { vertices, edges: edges.collect(), legs: LegModel::default() }).unwrap()
+        NavGraph::check(GraphData { vertices, edges: edges.collect(), ..GraphData::default() }).unwrap()
     }
 
     fn place() -> impl Strategy<Value = Vec3> {

@@ -261,7 +261,6 @@ mod tests {
     use crate::evidence::{Evidence, TryEnd};
     use crate::graph::{Edge, GraphData};
     use crate::ids::{EdgeKey, VertexId};
-    use crate::legs::LegModel;
     use crate::price::EdgeCost;
     use crate::search::Router;
     use crate::search::attach::{ATTACHMENTS, Attachment};
@@ -304,7 +303,7 @@ mod tests {
             evidence.note(TryEnd::Arrived, decisions, ability);
             Edge { key: EdgeKey::new(from, to), evidence }
         });
-        NavGraph::check(GraphData { vertices: vertices.collect(), edges: edges.collect(), legs: LegModel::default() })
+        NavGraph::check(GraphData { vertices: vertices.collect(), edges: edges.collect(), ..GraphData::default() })
             .unwrap()
     }
 

@@ -1,7 +1,7 @@
 //! What a follower asks about the ground of its map.
 
-use surefoot_world::Vec3;
-use surefoot_world::mesh::ClimbSpot;
+use surefoot_world::crossings::Approach;
+use surefoot_world::{Ability, Vec3};
 
 /// The ground between two places, as far as it matters to a body that walks there straight.
 pub trait Ground {
@@ -19,8 +19,8 @@ pub trait Ground {
     /// The rims of the only gap, or ledge, on the straight way from one place to another, m: where the body leaves the
     /// ground from which it comes, and where it can walk on.
     fn rims(&self, from: Vec3, to: Vec3) -> Option<[Vec3; 2]>;
-    /// The spot at which the body climbs from one place up to another, m.
-    fn climb(&self, from: Vec3, to: Vec3) -> Option<ClimbSpot>;
+    /// The crossing by which the body gets from one place to another, m.
+    fn approach(&self, ends: [Vec3; 2], by: Ability) -> Option<Approach>;
     /// The place near `at`, m, where it has `margin` metres of room besides its radius, or as much as there is.
     fn with_room(&self, at: Vec3, margin: f32) -> Vec3;
 }

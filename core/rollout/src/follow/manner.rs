@@ -3,7 +3,7 @@
 use super::Follower;
 use super::moves::SteeredMove;
 use super::scene::MoverResponse;
-use crate::climb::Climb;
+use crate::cross::Cross;
 use crate::leap::Leap;
 use crate::steer::Course;
 use crate::style::Style;
@@ -20,7 +20,7 @@ impl Follower {
         let Some(course) = self.course() else { return Style::for_leg(ability) };
         match self.steered_move(self.leg) {
             Some(SteeredMove::Leap([take_off, landing])) => Style::Leap(Leap { take_off, landing, course }),
-            Some(SteeredMove::Climb(spot)) => Style::Climb(Climb { spot, course }),
+            Some(SteeredMove::Cross(approach)) => Style::Cross(Cross { approach, course }),
             None => Style::Walk(course),
         }
     }
@@ -53,8 +53,10 @@ impl Follower {
     /// Whether the NPC is steered on a leg of its plan: one on which it goes straight ahead, or that has a controller.
     fn steers(&self, leg: usize) -> bool {
         let motion = self.plan.as_ref().map(|plan| plan.legs[leg].ability.motion());
-        let goes_ahead = matches!(motion, Some(Motion::Walk | Motion::Pull | Motion::Swim | Motion::Crouch))
-            || self.steered_move(leg).is_some();
+        let goes_ahead = matches!(
+            motion,
+            Some(Motion::Walk | Motion::Pull | Motion::Swim | Motion::Dive | Motion::Crouch | Motion::Slide)
+        ) || self.steered_move(leg).is_some();
         self.composes(leg) && leg >= self.unsteered_until && goes_ahead
     }
 

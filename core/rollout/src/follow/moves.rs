@@ -1,11 +1,11 @@
 //! Legs on which an NPC is steered by a controller of its own: leaps over a single gap or ledge on their straight way,
-//! and climbs.
+//! and crossings.
 //!
 //! Their rehearsals show whether the NPC arrives so. Where it does not, its policy moves it.
 
 use super::ground::Ground;
 use surefoot_planner::{LegKey, Plan};
-use surefoot_world::mesh::ClimbSpot;
+use surefoot_world::crossings::Approach;
 use surefoot_world::{Motion, Vec3};
 
 /// How an NPC is steered on a leg that cannot be walked.
@@ -13,8 +13,8 @@ use surefoot_world::{Motion, Vec3};
 pub(super) enum SteeredMove {
     /// Over a gap between two rims, m.
     Leap([Vec3; 2]),
-    /// Up from a spot.
-    Climb(ClimbSpot),
+    /// By a move.
+    Cross(Approach),
 }
 
 /// The legs of a plan on which the NPC is steered so.
@@ -29,7 +29,9 @@ impl SteeredMoves {
         let moves = legs.filter_map(|(leg, (start, end))| {
             let by = match leg.ability.motion() {
                 Motion::Jump | Motion::AirJump | Motion::Dash => SteeredMove::Leap(ground.rims(*start, *end)?),
-                Motion::Surface => SteeredMove::Climb(ground.climb(*start, *end)?),
+                Motion::Surface | Motion::WallRun | Motion::Own => {
+                    SteeredMove::Cross(ground.approach([*start, *end], leg.ability)?)
+                }
                 _ => return None,
             };
             Some((leg.key, by))

@@ -1,6 +1,8 @@
 //! Named bodies: Surefoot's own, those of common engines, and a few unusual ones.
 
+use super::own::{OwnMotion, OwnMove};
 use super::profile::{CharacterProfile, RawCharacterProfile};
+use crate::map::spot::ANCHOR;
 
 /// A body with a name.
 #[derive(Debug, Clone, Copy)]
@@ -13,7 +15,7 @@ pub struct NamedBody {
 }
 
 /// All named bodies.
-pub const BODIES: [NamedBody; 10] = [
+pub const BODIES: [NamedBody; 11] = [
     NamedBody {
         name: "surefoot",
         about: "the default: the paper's body, with steps as high as stairs have",
@@ -110,6 +112,17 @@ pub const BODIES: [NamedBody; 10] = [
         change: |it| {
             let agile = NamedBody::find("agile").expect("a named body").profile();
             *it = RawCharacterProfile { dash_speed: 16.0, ..(*agile).clone() };
+        },
+    },
+    NamedBody {
+        name: "acrobat",
+        about: "like `agile`; also runs along walls, slides, dives, and pulls itself to anchors (`grapple`)",
+        change: |it| {
+            let agile = NamedBody::find("agile").expect("a named body").profile();
+            *it = (*agile).clone();
+            (it.wall_run_seconds, it.slide_seconds, it.dive_seconds) = (1.5, 1.0, 15.0);
+            let grapple = OwnMove::new("grapple", OwnMotion::Tether);
+            it.moves = [OwnMove { spot: ANCHOR.to_owned(), speed: 16.0, ..grapple }].into();
         },
     },
 ];

@@ -2,8 +2,8 @@
 
 use super::action::Action;
 use super::profile::CharacterProfile;
-use crate::Vec3;
 use crate::map::Liquid;
+use crate::{TICK_SECONDS, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Limits on the position, m, and the speed, m/s, of a stored body. No pad can throw a body beyond them.
@@ -57,6 +57,16 @@ pub struct Body {
     pub swims: bool,
     /// Whether the body crouches.
     pub crouches: bool,
+    /// Ticks that the body has run along walls since it last stood.
+    pub wall_ticks: u16,
+    /// Ticks that are left of a slide.
+    pub slide_ticks: u16,
+    /// Whether the body swims below what reaches into the water.
+    pub dives: bool,
+    /// Ticks that the body has been under water.
+    pub dive_ticks: u16,
+    /// A move of its own that the body is making.
+    pub own: Option<OwnRun>,
     /// What the body touched in the last tick and can move up along.
     pub(super) hold: Option<Hold>,
     /// Height of the ledge to which the body is pulling itself up, m.
@@ -81,6 +91,21 @@ pub struct Ride {
     pub distance: f32,
 }
 
+/// A move of the body's own, under way.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct OwnRun {
+    /// Its place in the profile.
+    pub idx: u8,
+    /// Where it began, m.
+    pub from: Vec3,
+    /// Where it leads, m.
+    pub to: Vec3,
+    /// Ticks since it began.
+    pub ticks: u16,
+    /// Ticks in which something has held the body up.
+    pub held_ticks: u8,
+}
+
 impl Body {
     /// A body at rest; `feet` is in m, `yaw` in rad.
     pub fn at(feet: Vec3, yaw: f32) -> Self {
@@ -95,6 +120,7 @@ impl Body {
             && is_within(self.steep_out, 1.0)
             && self.hold.is_none_or(|hold| is_within(hold.out, 1.0))
             && self.pulls_to.is_none_or(f32::is_finite)
+            && self.own.is_none_or(|run| is_within(run.from, FARTHEST_M) && is_within(run.to, FARTHEST_M))
             && self.yaw.is_finite()
             && self.ride.is_none_or(|ride| (ride.line_idx as usize) < zip_line_count && ride.distance.is_finite())
     }
@@ -102,6 +128,16 @@ impl Body {
     /// Whether the body stands on walkable ground.
     pub fn is_grounded(&self) -> bool {
         self.support == Support::Ground
+    }
+
+    /// Whether a zip line or a move of its own takes the body along.
+    pub fn is_carried(&self) -> bool {
+        self.ride.is_some() || self.own.is_some()
+    }
+
+    /// Whether the body has been under water for longer than it can.
+    pub fn is_out_of_breath(&self, profile: &CharacterProfile) -> bool {
+        profile.dive_seconds > 0.0 && f32::from(self.dive_ticks) * TICK_SECONDS > profile.dive_seconds
     }
 
     /// Whether the body stands on walkable ground and hardly moves.
@@ -117,6 +153,7 @@ impl Body {
             || self.ticks_in_air <= profile.coyote_ticks
             || self.air_jumps_left > 0
             || self.can_dash(profile)
+            || self.wall_ticks > 0 && self.hold.is_some()
     }
 
     /// Whether a jump in the air would be a dash.

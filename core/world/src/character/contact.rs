@@ -85,6 +85,7 @@ impl Body {
             self.ticks_in_air = 0;
             self.air_jumps_left = profile.extra_jumps;
             self.has_dashed = false;
+            self.wall_ticks = 0;
         } else {
             self.ticks_in_air = self.ticks_in_air.saturating_add(1);
         }
@@ -104,9 +105,8 @@ impl Body {
             let sideways = Vec3::new(n.x, 0.0, n.z);
             let sideways_length = sideways.length();
             let is_climbed = contact.surface == Surface::Climb && profile.climb_speed > 0.0;
-            if (is_climbed || profile.mantle_height > 0.0 || self.swims || self.pulls_to.is_some())
-                && sideways_length > LEAST_SIDEWAYS
-            {
+            let holds = profile.mantle_height > 0.0 || profile.wall_run_seconds > 0.0;
+            if (is_climbed || holds || self.swims || self.pulls_to.is_some()) && sideways_length > LEAST_SIDEWAYS {
                 self.hold = Some(Hold { out: sideways / sideways_length, is_climbed });
             }
             if n.y > 0.0 && sideways_length > 1.0e-3 {
@@ -180,20 +180,31 @@ impl Body {
     /// Whether something above the body, or ahead where it wants to go, is too low to stand under, so that a body that
     /// can crouch does.
     pub(super) fn is_under_ceiling(&self, mesh: &Mesh, profile: &CharacterProfile, wish: Vec3) -> bool {
-        if profile.crouch_height <= 0.0 {
-            return false;
-        }
+        let low = profile.crouch_height - profile.radius;
+        profile.crouch_height > 0.0 && self.ceiling(mesh, profile, wish, low, profile.height).is_some()
+    }
+
+    /// Height above its feet of the lowest ceiling above the body, or ahead where it wants to go, m: one between two
+    /// heights above its feet.
+    pub(super) fn ceiling(
+        &self,
+        mesh: &Mesh,
+        profile: &CharacterProfile,
+        wish: Vec3,
+        low: f32,
+        high: f32,
+    ) -> Option<f32> {
         let ahead = wish.normalize_or_zero();
         let (far, aside) = (profile.radius + DUCK_M, Vec3::new(-ahead.z, 0.0, ahead.x) * RIM_SHARE);
         let around = [Vec3::ZERO, Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].map(|it| it * RIM_SHARE * profile.radius);
         let before = [-aside, Vec3::ZERO, aside].map(|it| ahead * far + it * profile.radius);
-        let low = profile.crouch_height - profile.radius;
-        around.into_iter().chain(before).any(|offset| {
-            let hit = mesh.cast_ray(self.feet + offset + Vec3::Y * low, Vec3::Y, profile.height - low);
-            hit.is_some_and(|hit| {
-                hit.surface.is_solid() && mesh.triangles()[hit.triangle_idx as usize].normal().y < -CEILING
-            })
-        })
+        let heights = around.into_iter().chain(before).filter_map(|offset| {
+            let hit = mesh.cast_ray(self.feet + offset + Vec3::Y * low, Vec3::Y, high - low)?;
+            let is_ceiling =
+                hit.surface.is_solid() && mesh.triangles()[hit.triangle_idx as usize].normal().y < -CEILING;
+            is_ceiling.then_some(low + hit.distance)
+        });
+        heights.reduce(f32::min)
     }
 
     /// Height of the top of the face that the body touches, m, if it is within its reach, with room for the body on it.

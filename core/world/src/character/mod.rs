@@ -12,13 +12,16 @@ pub mod bodies;
 mod body;
 mod contact;
 mod devices;
+mod own;
 mod profile;
+mod spots;
 mod surroundings;
 mod tick;
 
 pub use action::{ACTION_LEN, Action, ActionError};
 pub use body::{Body, Ride, Support};
 pub use contact::is_clear;
+pub use own::{OwnMotion, OwnMove, OwnMoveError};
 pub use profile::{CharacterProfile, ProfileError, RawCharacterProfile};
 pub use surroundings::MoveScratch;
 pub use tick::DASH_TICKS;

@@ -1,8 +1,11 @@
 //! Character profiles: the size and the motion of a kind of character.
 
+use super::own::{OwnMotion, OwnMove, OwnMoveError};
+use crate::Ability;
 use crate::map::{Device, DeviceKind, Liquid};
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
+use std::sync::Arc;
 
 /// Largest `coyote_ticks`. After a jump, a body counts as 255 ticks in the air, which must exceed any `coyote_ticks`.
 const MAX_COYOTE_TICKS: u8 = u8::MAX - 1;
@@ -60,6 +63,14 @@ pub struct RawCharacterProfile {
     /// Speed of the dash that the character makes when it jumps in the air and has no jump left, m/s; 0 if it makes
     /// none.
     pub dash_speed: f32,
+    /// How long the character runs along a wall in the air, s; 0 if it cannot.
+    pub wall_run_seconds: f32,
+    /// How long the character keeps its speed under what is lower than it, s, before it crouches; 0 if it does not.
+    pub slide_seconds: f32,
+    /// How long the character can be under water, s; 0 if it cannot dive.
+    pub dive_seconds: f32,
+    /// Moves of its own, at most [`MAX_OWN_MOVES`](crate::MAX_OWN_MOVES).
+    pub moves: Arc<[OwnMove]>,
     /// Whether the character can use zip lines.
     pub uses_zip_lines: bool,
     /// Speed along a zip line, m/s.
@@ -94,6 +105,10 @@ impl RawCharacterProfile {
             swim_speed: 0.0,
             crouch_height: 0.0,
             dash_speed: 0.0,
+            wall_run_seconds: 0.0,
+            slide_seconds: 0.0,
+            dive_seconds: 0.0,
+            moves: Arc::default(),
             uses_zip_lines: true,
             zip_line_speed: 14.0,
             uses_jetpacks: true,
@@ -114,18 +129,42 @@ impl Default for RawCharacterProfile {
     }
 }
 
-/// A field of a [`RawCharacterProfile`] is outside its range.
+/// Why a [`RawCharacterProfile`] is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("body.{field} is {value}, but must be {min} to {max}")]
-pub struct ProfileError {
-    /// Name of the field.
-    pub field: &'static str,
-    /// The rejected value.
-    pub value: f32,
-    /// Smallest allowed value.
-    pub min: f32,
-    /// Largest allowed value.
-    pub max: f32,
+pub enum ProfileError {
+    /// A field is outside its range.
+    #[error("body.{field} is {value}, but must be {min} to {max}")]
+    Range {
+        /// Name of the field.
+        field: &'static str,
+        /// The rejected value.
+        value: f32,
+        /// Smallest allowed value.
+        min: f32,
+        /// Largest allowed value.
+        max: f32,
+    },
+    /// A move lacks another one.
+    #[error("body.{field} needs body.{other}, which is 0")]
+    Needs {
+        /// Name of the field.
+        field: &'static str,
+        /// Name of the field that it needs.
+        other: &'static str,
+    },
+    /// A move of its own is not valid.
+    #[error(transparent)]
+    Moves(#[from] OwnMoveError),
+}
+
+impl ProfileError {
+    /// Name of the field that is wrong.
+    pub fn field(&self) -> &'static str {
+        match self {
+            Self::Range { field, .. } | Self::Needs { field, .. } => field,
+            Self::Moves(_) => "moves",
+        }
+    }
 }
 
 impl CharacterProfile {
@@ -161,6 +200,31 @@ impl CharacterProfile {
     /// This profile with the height of the character when it crouches, or as it is.
     pub fn crouched(&self) -> Self {
         Self(RawCharacterProfile { height: self.least_height(), ..self.0.clone() })
+    }
+
+    /// Name of one of the character's moves, in snake case.
+    pub fn move_name(&self, ability: Ability) -> &str {
+        OwnMove::name_in(&self.moves, ability)
+    }
+
+    /// The move with this name: one of all bodies, or one of the character's own.
+    pub fn move_named(&self, name: &str) -> Option<Ability> {
+        OwnMove::named_in(&self.moves, name)
+    }
+
+    /// The character's own moves, with the abilities that they are.
+    pub fn own_moves(&self) -> impl Iterator<Item = (Ability, &OwnMove)> {
+        self.moves.iter().enumerate().map(|(idx, own)| (Ability::own(idx), own))
+    }
+
+    /// The move of the character's own that an ability is.
+    pub fn own_move(&self, ability: Ability) -> Option<&OwnMove> {
+        ability.own_idx().and_then(|idx| self.moves.get(idx))
+    }
+
+    /// The character's own moves with a motion.
+    pub(crate) fn own_with(&self, motion: OwnMotion) -> impl Iterator<Item = (Ability, &OwnMove)> {
+        self.own_moves().filter(move |(_, own)| own.motion == motion)
     }
 
     /// Whether a liquid harms the character.
@@ -215,15 +279,27 @@ impl RawCharacterProfile {
             ("swim_speed", self.swim_speed, 0.0, 10.0),
             ("crouch_height", self.crouch_height, least_crouch, self.height),
             ("dash_speed", self.dash_speed, 0.0, 40.0),
+            ("wall_run_seconds", self.wall_run_seconds, 0.0, 10.0),
+            ("slide_seconds", self.slide_seconds, 0.0, 10.0),
+            ("dive_seconds", self.dive_seconds, 0.0, 600.0),
             ("zip_line_speed", self.zip_line_speed, 1.0, 40.0),
             ("jetpack_acceleration", self.jetpack_acceleration, 0.0, 200.0),
             ("jetpack_climb_speed", self.jetpack_climb_speed, 0.0, 40.0),
         ];
         for (field, value, min, max) in ranges {
             if !(min..=max).contains(&value) {
-                return Err(ProfileError { field, value, min, max });
+                return Err(ProfileError::Range { field, value, min, max });
             }
         }
-        Ok(())
+        let needs = [
+            ("slide_seconds", self.slide_seconds, "crouch_height", self.crouch_height),
+            ("dive_seconds", self.dive_seconds, "swim_speed", self.swim_speed),
+        ];
+        if let Some((field, _, other, _)) =
+            needs.into_iter().find(|(_, value, _, needed)| *value > 0.0 && *needed <= 0.0)
+        {
+            return Err(ProfileError::Needs { field, other });
+        }
+        Ok(OwnMove::check(&self.moves)?)
     }
 }

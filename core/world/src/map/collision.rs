@@ -7,6 +7,7 @@ use super::hash::MapHash;
 use super::mover::Mover;
 use super::piece::Piece;
 use super::spec::{MapSize, MapSpec};
+use super::spot::Spot;
 use super::surfaces;
 use super::zones::Zones;
 use crate::Vec3;
@@ -148,6 +149,11 @@ impl CollisionMap {
             let covered = offset.y < -depth && offset.y > -(pool.depth + 1.0);
             (covered && pool.outline.contains(offset.x, offset.z)).then_some(pool.liquid)
         })
+    }
+
+    /// The ways of spots that begin near a place, m, each with its spot.
+    pub fn ways_at(&self, feet: Vec3) -> impl Iterator<Item = (&Spot, [Vec3; 2])> {
+        self.zones.ways.at(feet).iter().map(|(idx, way)| (&self.placed.spots[*idx as usize], *way))
     }
 
     /// The device that catches a character with its feet at `feet`; `from` is the end that they are at.

@@ -1,5 +1,6 @@
 //! Features: what stands on a map besides its bare ground.
 
+use super::spot::Spot;
 use crate::Vec3;
 use crate::float::{hypot, turned};
 use serde::{Deserialize, Serialize};
@@ -213,6 +214,10 @@ pub struct Placed {
     pub ravines: Vec<Ravine>,
     /// Caves; cut into the ground's triangles.
     pub caves: Vec<Cave>,
+    /// Places for moves that bodies define. Maps are hashed and saved with them after everything else, since maps
+    /// without any keep their hashes.
+    #[serde(skip)]
+    pub spots: Vec<Spot>,
 }
 
 /// Gravity for which pad speeds are computed, m/s2.

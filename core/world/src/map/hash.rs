@@ -45,6 +45,9 @@ impl MapHash {
             hasher.update(&record);
         }
         hasher.update(&postcard::to_stdvec(&(size, placed)).expect("plain data"));
+        if !placed.spots.is_empty() {
+            hasher.update(&postcard::to_stdvec(&placed.spots).expect("plain data"));
+        }
         Self(*hasher.finalize().as_bytes())
     }
 

@@ -66,12 +66,30 @@ pub enum MapKind {
     Tower,
     /// Terrain whose borders and holes drop into nothing.
     Open,
+    /// Towers in moats, whose storeys are joined by ladders through hatches.
+    Keep,
+    /// Caves whose passages lie under water.
+    Flooded,
+    /// Rooms joined by vents that are lower than a person.
+    Vents,
+    /// Roofs with gaps that are too wide to jump, and walls along them.
+    Rooftops,
+    /// Rocks that are too far from one another to jump, with anchors between them.
+    Canyon,
 }
 
 impl MapKind {
-    /// All kinds.
-    pub const ALL: [MapKind; 6] =
+    /// The kinds that the default body gets about on.
+    pub const USUAL: [MapKind; 6] =
         [MapKind::Terrain, MapKind::Islands, MapKind::Interior, MapKind::Arena, MapKind::Tower, MapKind::Open];
+    /// The kinds that need moves: those of the body `acrobat`.
+    pub const COURSES: [MapKind; 5] =
+        [MapKind::Keep, MapKind::Flooded, MapKind::Vents, MapKind::Rooftops, MapKind::Canyon];
+
+    /// All kinds.
+    pub fn all() -> impl Iterator<Item = MapKind> {
+        Self::USUAL.into_iter().chain(Self::COURSES)
+    }
 
     /// Lower-case name, as in commands and files.
     pub fn name(self) -> &'static str {
@@ -83,11 +101,8 @@ impl FromStr for MapKind {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let names = || Self::ALL.map(Self::name).join(", ");
-        Self::ALL
-            .into_iter()
-            .find(|kind| kind.name() == text)
-            .ok_or_else(|| format!("no kind `{text}`; there are {}", names()))
+        let names = || Self::all().map(Self::name).collect::<Vec<_>>().join(", ");
+        Self::all().find(|kind| kind.name() == text).ok_or_else(|| format!("no kind `{text}`; there are {}", names()))
     }
 }
 

@@ -14,6 +14,8 @@ pub(super) struct Zones {
     /// Indices of pools.
     pub(super) pools: CellLists<u32>,
     pub(super) entrances: CellLists<Device>,
+    /// Ways of spots by where they begin, with the indices of the spots.
+    pub(super) ways: CellLists<(u32, [Vec3; 2])>,
 }
 
 impl Zones {
@@ -26,6 +28,12 @@ impl Zones {
         let pools = placed.pools.iter().map(|pool| around(pool.centre, pool.outline.half_extents())).zip(0..);
         let entrances = placed.devices().flat_map(Device::entrances);
         let entrances = entrances.map(|it| (around(it.from, (DISC_RADIUS_M, DISC_RADIUS_M)), it));
-        Self { pools: CellLists::new(cells, pools), entrances: CellLists::new(cells, entrances) }
+        let ways = (0..).zip(&placed.spots).flat_map(|(idx, spot)| spot.ways().map(move |way| (idx, way)));
+        let ways = ways.map(|it| (around(it.1[0], (DISC_RADIUS_M, DISC_RADIUS_M)), it));
+        Self {
+            pools: CellLists::new(cells, pools),
+            entrances: CellLists::new(cells, entrances),
+            ways: CellLists::new(cells, ways),
+        }
     }
 }

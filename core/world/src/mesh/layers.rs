@@ -1,7 +1,7 @@
 //! All triangles of a map: the built ones, whose index edited maps share, and the added ones.
 
 use super::added::Added;
-use super::climbed::{self, ClimbSpot};
+use super::climbed::{self, ClimbSpot, WallFace};
 use super::grid::Grid;
 use super::ray::RayHit;
 use super::triangle::Triangle;
@@ -9,6 +9,9 @@ use crate::Vec3;
 use std::ops::Index;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
+
+/// Least share of a wall that is solid.
+const LEAST_DENSITY: f32 = 0.3;
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 
@@ -94,6 +97,14 @@ impl Mesh {
     /// The spots at the upright faces that bodies climb, in a fixed order.
     pub fn climb_spots(&self) -> &[ClimbSpot] {
         self.climb_spots.get_or_init(|| climbed::spots(self.triangles()))
+    }
+
+    /// The solid upright faces of at least this height and length, m, in a fixed order. Planes in which little is solid
+    /// are left out, as those of rock.
+    pub fn wall_faces(&self, height: f32, length: f32) -> impl Iterator<Item = WallFace> {
+        let solid = self.triangles().iter().filter(|triangle| triangle.surface().is_solid());
+        climbed::faces(solid)
+            .filter(move |face| face.height >= height && face.length() >= length && face.density() >= LEAST_DENSITY)
     }
 
     /// The triangles that the mesh was built from.

@@ -18,7 +18,7 @@ mod layers;
 mod ray;
 mod triangle;
 
-pub use climbed::ClimbSpot;
+pub use climbed::{ClimbSpot, WallFace};
 pub use cones::Cones;
 pub use fan::{ConeHit, ConeHits, Elevations};
 pub use lanes::LANES;

@@ -81,6 +81,11 @@ impl Triangle {
         self.surface
     }
 
+    /// Its area, m2.
+    pub fn area(&self) -> f32 {
+        0.5 * self.ab.cross(self.ac).length()
+    }
+
     /// Height of the triangle at (`x`, `z`), m; `None` if it does not cover that point.
     pub fn height_at(&self, x: f32, z: f32) -> Option<f32> {
         const HIGH: f32 = 20_000.0;

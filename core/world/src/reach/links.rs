@@ -4,11 +4,12 @@ use super::ground::{Cell, Ground, NEIGHBOURS, SPACING_M};
 use super::leap::{self, Leap};
 use super::limits::JumpLimits;
 use super::{Link, Means};
+use crate::ability::Motion;
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::crossings::crossings;
 use crate::float::horizontal;
 use crate::map::{CollisionMap, Device, DeviceKind};
-use crate::{Ability, Vec3, navigable};
+use crate::{Vec3, navigable};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -263,7 +264,12 @@ fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground,
 /// Links by crossings, which a body has made.
 fn crossing_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
     for crossing in crossings(map, profile) {
-        let means = if crossing.by == Ability::SWIM { Means::Swim } else { Means::Climb };
+        let means = match crossing.by.motion() {
+            Motion::Swim | Motion::Dive => Means::Swim,
+            Motion::WallRun => Means::WallRun,
+            Motion::Own => Means::OwnMove,
+            _ => Means::Climb,
+        };
         let takeoffs = cells_beside(ground, crossing.from);
         let landings = cells_beside(ground, crossing.to);
         links.extend(landings.iter().flat_map(|&to| between(ground, &takeoffs, to, means)));

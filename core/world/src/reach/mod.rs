@@ -49,10 +49,14 @@ pub enum Means {
     Jetpack,
     /// A ladder, a net, or a wall that can be climbed.
     Climb,
-    /// Swimming.
+    /// Swimming, also below what reaches into the water.
     Swim,
     /// A dash in the air.
     Dash,
+    /// A run along a wall.
+    WallRun,
+    /// A move of the body's own.
+    OwnMove,
     /// A ride on a lift or platform, or a walk over a floor or conveyor.
     Mover,
 }

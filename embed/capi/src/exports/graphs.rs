@@ -2,6 +2,7 @@
 
 use super::{destroy, export, read};
 use crate::abi;
+use crate::checks;
 use crate::error::{Fault, Status};
 use crate::graphs::{self, Graph, MAX_PLANS};
 use crate::memory::{self, fill, growing, hand_out, reference, slice, slice_mut, write, write_growing};
@@ -45,6 +46,12 @@ export! {
 
     fn sf_graph_frame(graph: *const Shared<Graph>, frame: *mut abi::Frame) {
         write(frame, "frame", view(graph)?.frame()?.into())
+    }
+
+    fn sf_graph_ability(graph: *const Shared<Graph>, ability: i32, info: *mut abi::AbilityInfo) {
+        let ability = checks::ability(ability)?;
+        let moves = if graph.is_null() { Default::default() } else { view(graph)?.graph().moves().clone() };
+        write_growing(info, "info", graphs::describe_ability(&moves, ability)?)
     }
 
     fn sf_graph_set_coordinates(graph: *mut Shared<Graph>, coordinates: i32) {

@@ -10,8 +10,8 @@ use surefoot_levels::encode;
 use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{About, Format, export_about};
 use surefoot_planner::graph::GraphData;
-use surefoot_planner::legs::LegModel;
 use surefoot_planner::{Edge, EdgeKey, NavGraph};
+use surefoot_world::character::OwnMove;
 use surefoot_world::map::{LevelFrame, MapSize};
 use surefoot_world::{Ability, Map, MapSpec, RawMapSpec};
 
@@ -109,6 +109,11 @@ pub fn graph_text() -> String {
 
 /// This graph, for a level with this frame.
 pub fn graph_text_of(frame: Option<LevelFrame>) -> String {
+    graph_text_with(frame, &[])
+}
+
+/// This graph, for a body with these moves of its own.
+pub fn graph_text_with(frame: Option<LevelFrame>, moves: &[OwnMove]) -> String {
     let place = |idx: u32| surefoot_world::Vec3::new((idx % 4) as f32 * 30.0, 0.0, (idx / 4) as f32 * 40.0);
     let mut edges = Vec::new();
     let ways = [(0, 1), (1, 2), (2, 3), (0, 4), (4, 5), (5, 6), (6, 7), (7, 3)];
@@ -121,8 +126,8 @@ pub fn graph_text_of(frame: Option<LevelFrame>) -> String {
             edges.push(Edge { key: EdgeKey::new(from, to), evidence });
         }
     }
-    let data = GraphData { vertices: (0..8).map(place).collect(), edges, legs: LegModel::default() };
-    let graph = NavGraph::check(data).expect("a sound graph");
+    let data = GraphData { vertices: (0..8).map(place).collect(), edges, ..GraphData::default() };
+    let graph = NavGraph::check(data).expect("a sound graph").with_moves(moves.into());
     export_about(&graph, Format::Json, About { frame, body: None })
 }
 

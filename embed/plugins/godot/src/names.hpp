@@ -7,27 +7,17 @@
 
 namespace surefoot {
 
-inline const char* name_of(sf_ability ability) {
-    switch (ability) {
-        case SF_WALK: return "walk";
-        case SF_JUMP: return "jump";
-        case SF_DOUBLE_JUMP: return "double_jump";
-        case SF_PAD: return "pad";
-        case SF_ZIP_LINE: return "zip_line";
-        case SF_TELEPORTER: return "teleporter";
-        case SF_JETPACK: return "jetpack";
-        case SF_CLIMB: return "climb";
-        case SF_MANTLE: return "mantle";
-        case SF_SWIM: return "swim";
-        case SF_CROUCH: return "crouch";
-        case SF_DASH: return "dash";
-        default: return "unknown";
-    }
+// The name of an ability of the body of a graph; without one, there are no moves of the body's own.
+inline std::string name_of(sf_ability ability, const sf_graph* graph = nullptr) {
+    sf_ability_info info{};
+    info.struct_size = sizeof(info);
+    sf_error error;
+    return sf_graph_ability(graph, ability, &info, &error) == SF_OK ? info.name : "unknown";
 }
 
 // The ability with a name; SF_WALK if there is none.
 inline sf_ability ability_of(const std::string& name) {
-    for (sf_ability ability = SF_JUMP; ability <= SF_DASH; ability++) {
+    for (sf_ability ability = SF_JUMP; ability < SF_OWN_MOVE; ability++) {
         if (name == name_of(ability)) {
             return ability;
         }

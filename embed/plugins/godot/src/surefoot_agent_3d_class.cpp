@@ -53,7 +53,8 @@ void SurefootAgent3D::register_properties(engine::ClassBuilder& builder) {
         .group("Plans")
         .property<&A::get_caution, &A::set_caution>(value("caution", "0,1,0.05"))
         .property<&A::get_without, &A::set_without>(
-            {"without", integer, hint_flags, "Jump:2,Double jump:4,Pad:8,Zip line:16,Teleporter:32,Jetpack:64,Climb:128,Mantle:256,Swim:512,Crouch:1024,Dash:2048", ""})
+            {"without", integer, hint_flags, "Jump:2,Double jump:4,Pad:8,Zip line:16,Teleporter:32,Jetpack:64,Climb:128,Mantle:256,Swim:512,"
+             "Crouch:1024,Dash:2048,Wall run:4096,Slide:8192,Dive:16384", ""})
         .group("Rays")
         .property<&A::get_ray_mask, &A::set_ray_mask>({"ray_mask", integer, hint_layers, "", ""})
         .property<&A::get_sees_areas, &A::set_sees_areas>({"sees_areas", boolean, 0, "", ""})

@@ -60,7 +60,7 @@ Dictionary SurefootAgent3D::get_locomotion() const {
     Dictionary described;
     described.set("pace", name_of_pace(motion.pace));
     described.set("phase", name_of_phase(motion.phase));
-    described.set("ability", name_of(motion.ability));
+    described.set("ability", name_of(motion.ability).c_str());
     described.set("stride", static_cast<double>(motion.stride));
     described.set("stride_phase", static_cast<double>(motion.stride_phase));
     described.set("step_offset", static_cast<double>(motion.step_offset));

@@ -113,7 +113,7 @@ Dictionary SurefootGraph::describe(const sf_leg& leg) const {
     described.set("waypoint", from_map(leg.waypoint));
     described.set("from", vertex_of(leg.key.from));
     described.set("to", vertex_of(leg.key.to));
-    described.set("ability", name_of(leg.ability));
+    described.set("ability", name_of(leg.ability, graph_).c_str());
     described.set("seconds", static_cast<double>(leg.seconds));
     described.set("chance", static_cast<double>(leg.chance));
     described.set("death_chance", static_cast<double>(leg.death_chance));

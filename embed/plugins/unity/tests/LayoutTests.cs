@@ -30,6 +30,7 @@ namespace Surefoot.Tests
             ["sf_plan"] = "Plan",
             ["sf_edge"] = "Edge",
             ["sf_graph_info"] = "GraphInfo",
+            ["sf_ability_info"] = "NativeAbilityInfo",
             ["sf_edit"] = "Edit",
             ["sf_traversal"] = "Traversal",
             ["sf_step"] = "FollowStep",

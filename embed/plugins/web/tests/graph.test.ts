@@ -86,6 +86,16 @@ test('what is wrong with a file is said by the path of the value', () => {
   expect(() => Graph.read({ nodes: [] })).toThrow('edges is missing')
 })
 
+test('plans name the moves that a body brings along, and do without them', () => {
+  const file = toyFile([place(0), place(40)], [[0, 1, { ability: 'rope' }]])
+  const graph = Graph.read({ ...file, graph: { ...file.graph, moves: [{ id: 'rope' }] } })
+  const query = { start: place(0), goal: place(40) }
+  expect(graph.findPath(query).legs.map(({ ability }) => ability)).toContain('rope')
+  const other = graph.findPath({ ...query, without: ['rope'] })
+  expect(other.legs.map(({ ability }) => ability)).not.toContain('rope')
+  expect(() => graph.findPath({ ...query, without: ['fly'] })).toThrow('query.without has fly')
+})
+
 const folder = new Folder()
 let service: Service
 let surefoot: Surefoot

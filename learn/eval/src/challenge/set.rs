@@ -130,7 +130,7 @@ impl GoalSet {
             "kinds" => {
                 let of = |kind| terrain(5000..5004).into_iter().map(move |spec| (kind, spec));
                 let with = |(kind, spec): (MapKind, MapSpec)| spec.with(|it| it.kind = kind).expect("any kind will do");
-                MapKind::ALL.into_iter().flat_map(of).map(with).collect()
+                MapKind::USUAL.into_iter().flat_map(of).map(with).collect()
             }
             _ => return Err(SetError::Unknown(name.to_owned())),
         };

@@ -1,75 +1,22 @@
 // Names and order of abilities, outcomes and what else the contracts number.
 
 import { NoPath, Placement } from '../gen/surefoot/planner/v1/planner_pb'
-import { Ability } from '../gen/surefoot/world/v1/map_pb'
+import type { Ability } from '../gen/surefoot/world/v1/map_pb'
 import { RouteKind } from '../gen/surefoot/world/v1/route_pb'
 import { Outcome, Standing } from '../gen/surefoot/world/v1/world_pb'
+import { LOOKS, lookOf } from '../view/abilities'
 import type { NpcState } from '../view/viewport.types'
 
 /** All abilities, the least demanding first. */
-export const ABILITIES: readonly Ability[] = [
-  Ability.WALK,
-  Ability.JUMP,
-  Ability.DOUBLE_JUMP,
-  Ability.PAD,
-  Ability.ZIP_LINE,
-  Ability.TELEPORTER,
-  Ability.JETPACK,
-  Ability.CLIMB,
-  Ability.MANTLE,
-  Ability.SWIM,
-  Ability.CROUCH,
-  Ability.DASH,
-]
-
-const ABILITY_NAMES: Record<Ability, string> = {
-  [Ability.UNSPECIFIED]: 'Walk',
-  [Ability.WALK]: 'Walk',
-  [Ability.JUMP]: 'Jump',
-  [Ability.DOUBLE_JUMP]: 'Double jump',
-  [Ability.PAD]: 'Jump pad',
-  [Ability.ZIP_LINE]: 'Zip line',
-  [Ability.TELEPORTER]: 'Teleporter',
-  [Ability.JETPACK]: 'Jetpack',
-  [Ability.CLIMB]: 'Climb',
-  [Ability.MANTLE]: 'Mantle',
-  [Ability.SWIM]: 'Swim',
-  [Ability.CROUCH]: 'Crouch',
-  [Ability.DASH]: 'Dash',
-}
+export const ABILITIES: readonly Ability[] = LOOKS.map(({ ability }) => ability)
 
 export function abilityName(ability: Ability): string {
-  return ABILITY_NAMES[ability] ?? 'Unknown'
+  return lookOf(ability).name
 }
 
-/** How something was done: "walking", "by jump pad". */
+/** How something was done: "jumped", "took a jump pad". */
 export function abilityDone(ability: Ability): string {
-  switch (ability) {
-    case Ability.JUMP:
-      return 'jumped'
-    case Ability.DOUBLE_JUMP:
-      return 'double-jumped'
-    case Ability.PAD:
-      return 'took a jump pad'
-    case Ability.ZIP_LINE:
-      return 'took a zip line'
-    case Ability.TELEPORTER:
-      return 'took a teleporter'
-    case Ability.JETPACK:
-      return 'used a jetpack'
-    case Ability.CLIMB:
-      return 'climbed'
-    case Ability.MANTLE:
-      return 'pulled itself up'
-    case Ability.SWIM:
-      return 'swam'
-    case Ability.CROUCH:
-      return 'crouched'
-    case Ability.DASH:
-      return 'dashed'
-    default:
-      return 'walked'
-  }
+  return lookOf(ability).done
 }
 
 const OUTCOME_NAMES: Record<Outcome, string> = {

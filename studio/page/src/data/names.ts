@@ -4,7 +4,8 @@ import { type Mover, MoverKind, type MoverState } from '../gen/surefoot/world/v1
 import { Ability } from '../gen/surefoot/world/v1/map_pb'
 import type { Piece } from '../gen/surefoot/world/v1/piece_pb'
 import { Surface } from '../gen/surefoot/world/v1/world_pb'
-import { ABILITY_COLOURS, MARK_COLOURS, STATE_COLOURS, SURFACE_COLOURS } from '../view/colours'
+import { lookOf } from '../view/abilities'
+import { MARK_COLOURS, STATE_COLOURS, SURFACE_COLOURS } from '../view/colours'
 import { arc, pointAlong } from '../view/edge-shape'
 import type { Features, Label, Place } from '../view/viewport.types'
 import { abilityName } from './abilities'
@@ -45,6 +46,12 @@ export function placeNames(features: Features, pieces: readonly Piece[]): Label[
       named(twoWay ? 'Teleporter' : 'Teleporter exit', to, DEVICE_M, Surface.TELEPORTER),
     ]),
     ...features.jetpacks.map((at) => named('Jetpack', at, DEVICE_M, Surface.JETPACK)),
+    ...features.spots.map(({ tag, from }) => ({
+      text: tag,
+      at: raised(from, DEVICE_M),
+      rank: USUAL,
+      colour: lookOf(Ability.OWN_1).colour,
+    })),
     ...features.pools.map(({ centre, lava }) =>
       lava ? named('Lava', centre, POOL_M, Surface.LAVA) : named('Water', centre, POOL_M, Surface.WATER),
     ),
@@ -108,7 +115,7 @@ export function npcNames({ id, npc, plan, waypointIdx }: Followed): Label[] {
     // The leg that it is on is named at its end: the NPC itself is where it begins.
     const at = ahead === 0 || from === undefined ? to : pointAlong(arc(from, to, ability, 'smooth'), 0.5).at
     const rank = ahead === 0 ? CHOSEN : ability === Ability.WALK ? USUAL : ABLE
-    labels.push({ text: abilityName(ability), at: raised(at, 0.6), rank, colour: ABILITY_COLOURS[ability] })
+    labels.push({ text: abilityName(ability), at: raised(at, 0.6), rank, colour: lookOf(ability).colour })
   })
   return labels
 }

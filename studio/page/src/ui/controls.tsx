@@ -5,7 +5,8 @@ import { useId, useState } from 'preact/hooks'
 import { abilityName } from '../data/abilities'
 import { percent } from '../data/format'
 import type { Ability } from '../gen/surefoot/world/v1/map_pb'
-import { ABILITY_COLOURS, chanceColour, formatColour, type Rgb } from '../view/colours'
+import { lookOf } from '../view/abilities'
+import { chanceColour, formatColour, type Rgb } from '../view/colours'
 import { Icon, type IconName } from './icons'
 
 interface ButtonProps {
@@ -219,7 +220,7 @@ export function Choice<T extends string>({ label, value, options, onChange }: Se
 }
 
 export function AbilityDot({ ability }: { ability: Ability }) {
-  return <i class="dot" style={{ background: ABILITY_COLOURS[ability] }} />
+  return <i class="dot" style={{ background: lookOf(ability).colour }} />
 }
 
 export function AbilityName({ ability }: { ability: Ability }) {

@@ -51,6 +51,7 @@ function markHint({ marks }: Studio): string {
     zipLine: ['Click the start of the zip line', 'Click its end'],
     teleporter: ['Click where to put the teleporter', 'Click its destination'],
     jetpack: ['Click where to put the jetpack', ''],
+    anchor: ['Click where to put the anchor', ''],
   }
   return hints[marks.kind.value][marks.begun.value === undefined ? 0 : 1]
 }

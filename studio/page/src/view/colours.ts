@@ -2,27 +2,13 @@
 
 import { Ability } from '../gen/surefoot/world/v1/map_pb'
 import { Surface } from '../gen/surefoot/world/v1/world_pb'
+import { abilityKind, LOOKS, lookOf } from './abilities'
 import type { NpcState } from './viewport.types'
 
 /** Red, green and blue as the screen takes them, 0 to 1. */
 export type Rgb = readonly [number, number, number]
 
-/** By the ability that a leg or an edge needs. */
-export const ABILITY_COLOURS: Readonly<Record<Ability, string>> = {
-  [Ability.UNSPECIFIED]: '#9aa4b2',
-  [Ability.WALK]: '#6cbcff',
-  [Ability.JUMP]: '#ffa23a',
-  [Ability.DOUBLE_JUMP]: '#ff6238',
-  [Ability.PAD]: '#ffe23a',
-  [Ability.ZIP_LINE]: '#ff5cc8',
-  [Ability.TELEPORTER]: '#b487ff',
-  [Ability.JETPACK]: '#3af0d8',
-  [Ability.CLIMB]: '#c79a4b',
-  [Ability.MANTLE]: '#f08a4b',
-  [Ability.SWIM]: '#4ba0f0',
-  [Ability.CROUCH]: '#a3b899',
-  [Ability.DASH]: '#ff6a6a',
-}
+const ability = (of: Ability): string => lookOf(of).colour
 
 /** By what a ray hit. */
 export const SURFACE_COLOURS: Readonly<Record<Surface, string>> = {
@@ -30,12 +16,12 @@ export const SURFACE_COLOURS: Readonly<Record<Surface, string>> = {
   [Surface.GROUND]: '#e8d9b5',
   [Surface.WATER]: '#3f8cff',
   [Surface.LAVA]: '#ff6a1f',
-  [Surface.PAD]: ABILITY_COLOURS[Ability.PAD],
-  [Surface.ZIP_LINE]: ABILITY_COLOURS[Ability.ZIP_LINE],
-  [Surface.TELEPORTER]: ABILITY_COLOURS[Ability.TELEPORTER],
-  [Surface.JETPACK]: ABILITY_COLOURS[Ability.JETPACK],
+  [Surface.PAD]: ability(Ability.PAD),
+  [Surface.ZIP_LINE]: ability(Ability.ZIP_LINE),
+  [Surface.TELEPORTER]: ability(Ability.TELEPORTER),
+  [Surface.JETPACK]: ability(Ability.JETPACK),
   [Surface.BODY]: '#f6f8fb',
-  [Surface.CLIMB]: ABILITY_COLOURS[Ability.CLIMB],
+  [Surface.CLIMB]: ability(Ability.CLIMB),
 }
 
 /** By what an NPC is doing. */
@@ -129,8 +115,9 @@ export function islandColour(island: number): Rgb {
   return islands[(Math.imul(island, 0x9e3779b1) >>> 8) % islands.length]!
 }
 
-const abilityRgb = new Map(Object.entries(ABILITY_COLOURS).map(([key, colour]) => [Number(key), parseColour(colour)]))
+const UNKNOWN_ABILITY = parseColour('#9aa4b2')
+const abilityRgb = new Map(LOOKS.map(({ ability, colour }) => [ability, parseColour(colour)]))
 
 export function abilityColour(ability: Ability): Rgb {
-  return abilityRgb.get(ability) ?? abilityRgb.get(Ability.UNSPECIFIED)!
+  return abilityRgb.get(abilityKind(ability)) ?? UNKNOWN_ABILITY
 }

@@ -1,6 +1,7 @@
 // What of a graph is shown, how its edges run through the air, and what colours they have. No renderer here.
 
 import { Ability } from '../gen/surefoot/world/v1/map_pb'
+import { abilityKind, lookOf } from './abilities'
 import {
   abilityColour,
   BUSY_NPCS,
@@ -21,23 +22,6 @@ const SIDE_M = 0.3
 /** Edges end so far from their vertices, m. */
 const GAP_M = 0.45
 
-/** Height of an arc over its chord: a share of its length, and no more than so many metres. */
-const ARCS: Readonly<Record<Ability, { share: number; most: number; pieces: number }>> = {
-  [Ability.UNSPECIFIED]: { share: 0, most: 0, pieces: 1 },
-  [Ability.WALK]: { share: 0.02, most: 0.6, pieces: 2 },
-  [Ability.JUMP]: { share: 0.16, most: 2.2, pieces: 4 },
-  [Ability.DOUBLE_JUMP]: { share: 0.24, most: 3.6, pieces: 5 },
-  [Ability.PAD]: { share: 0.4, most: 12, pieces: 7 },
-  [Ability.ZIP_LINE]: { share: 0.08, most: 2.5, pieces: 4 },
-  [Ability.TELEPORTER]: { share: 0.25, most: 14, pieces: 8 },
-  [Ability.JETPACK]: { share: 0.3, most: 10, pieces: 7 },
-  [Ability.CLIMB]: { share: 0.02, most: 0.6, pieces: 2 },
-  [Ability.MANTLE]: { share: 0.02, most: 0.6, pieces: 2 },
-  [Ability.SWIM]: { share: 0.02, most: 0.6, pieces: 2 },
-  [Ability.CROUCH]: { share: 0.02, most: 0.6, pieces: 2 },
-  [Ability.DASH]: { share: 0.1, most: 3, pieces: 5 },
-}
-
 /** Shorter ways that are walked are straight, m. */
 const STRAIGHT_M = 8
 
@@ -53,7 +37,7 @@ export function isEdited(edge: GraphEdge): boolean {
 export function isShown(edge: GraphEdge, filter: GraphFilter): boolean {
   return (
     filter.presence !== 'off' &&
-    filter.abilities.has(edge.ability) &&
+    filter.abilities.has(abilityKind(edge.ability)) &&
     edge.chance >= filter.minChance &&
     edge.chance <= filter.maxChance &&
     (!filter.onlyOneWay || edge.oneWay) &&
@@ -100,7 +84,7 @@ export type ArcDetail = 'straight' | 'usual' | 'smooth'
 /** Points of an edge or a leg, from start to end, three numbers each. */
 export function arc(from: Place, to: Place, ability: Ability, detail: ArcDetail = 'usual'): Float32Array {
   const length = Math.hypot(to.x - from.x, to.y - from.y, to.z - from.z)
-  const { share, most, pieces } = ARCS[ability] ?? ARCS[Ability.UNSPECIFIED]
+  const { share, most, pieces } = lookOf(ability).arc
   const walked = ability === Ability.WALK && (detail === 'straight' || length < STRAIGHT_M)
   const count = walked || length < 3 ? 1 : pieces * (detail === 'smooth' ? 2 : 1)
   const height = count > 1 ? Math.min(most, length * share) : 0

@@ -1,4 +1,4 @@
-// What stands on a map besides rock: pools, pads, zip lines, teleporters, jetpacks.
+// What stands on a map besides rock: pools, pads, zip lines, teleporters, jetpacks, spots.
 
 import {
   BufferGeometry,
@@ -9,6 +9,7 @@ import {
   Group,
   Matrix4,
   Mesh,
+  OctahedronGeometry,
   PlaneGeometry,
   TorusGeometry,
 } from 'three'
@@ -28,6 +29,7 @@ const PAD = abilityColour(Ability.PAD)
 const ZIP = abilityColour(Ability.ZIP_LINE)
 const TELEPORTER = abilityColour(Ability.TELEPORTER)
 const JETPACK = abilityColour(Ability.JETPACK)
+const SPOT = abilityColour(Ability.OWN_1)
 
 type Pool = Features['pools'][number]
 
@@ -120,6 +122,20 @@ function addTeleporter(
   arrows.arrow(place(middle), place(middle + 1), TELEPORTER)
 }
 
+/** A diamond at a place for moves, or at both ends of a way, with a line between them. */
+function addSpot(solids: Solids, dashes: LineBatch, arrows: ArrowBatch, spot: Features['spots'][number]): void {
+  const ends = spot.to === undefined ? [spot.from] : [spot.from, spot.to]
+  ends.forEach((at) => solids.at(new OctahedronGeometry(0.3), SPOT, at, 0.3))
+  if (spot.to === undefined) return
+  dashes.polyline(arc(spot.from, spot.to, Ability.OWN_1, 'smooth'), { colour: SPOT, width: 1.6, dash: 3, opacity: 0.8 })
+  const at = (share: number): Place => ({
+    x: spot.from.x + (spot.to!.x - spot.from.x) * share,
+    y: spot.from.y + (spot.to!.y - spot.from.y) * share,
+    z: spot.from.z + (spot.to!.z - spot.from.z) * share,
+  })
+  arrows.arrow(at(0.5), at(0.52), SPOT)
+}
+
 /** Two tanks with nozzles over a disc. */
 function addJetpack(solids: Solids, at: Place, metal: Rgb): void {
   addDisc(solids, at, JETPACK, metal)
@@ -189,6 +205,7 @@ export class FeatureView extends Group {
     )
     this.features?.teleporters.forEach((line) => addTeleporter(devices, this.dashes, this.arrows, line, palette.metal))
     this.features?.jetpacks.forEach((at) => addJetpack(devices, at, palette.metal))
+    this.features?.spots.forEach((spot) => addSpot(devices, this.dashes, this.arrows, spot))
     this.lines.commit()
     this.dashes.commit()
     this.arrows.commit()

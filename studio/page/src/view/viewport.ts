@@ -42,7 +42,6 @@ import type {
 } from './viewport.types'
 
 export {
-  ABILITY_COLOURS,
   chanceColour,
   formatColour,
   islandColour,

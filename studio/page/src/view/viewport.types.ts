@@ -36,6 +36,8 @@ export interface Features {
   zipLines: { from: Place; to: Place }[]
   teleporters: { from: Place; to: Place; twoWay: boolean }[]
   jetpacks: Place[]
+  /** Places for moves that characters bring along. */
+  spots: { tag: string; from: Place; to: Place | undefined; twoWay: boolean }[]
 }
 
 export type NpcState = 'idle' | 'seeking' | 'down'

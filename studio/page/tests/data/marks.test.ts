@@ -67,6 +67,7 @@ describe('marks', () => {
       zipLines: [],
       teleporters: [],
       jetpacks: [],
+      spots: [],
     }
     const drawn = featuresWith(none, [
       { kind: 'water', at: at(2, 1, 2), to: at(6, 1, 4) },

@@ -22,6 +22,7 @@ describe('names', () => {
         { from: at(0, 0, 0), to: at(9, 0, 9), twoWay: true },
       ],
       jetpacks: [at(5, 5, 5)],
+      spots: [],
     }
     const piece = pieceBetween('block', 'block 1', at(4, 1, 4), at(4, 1, 4), { width: 2, height: 3 })
     expect(texts(placeNames(features, [piece]))).toEqual([

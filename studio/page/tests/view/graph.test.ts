@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest'
 import { Ability } from '../../src/gen/surefoot/world/v1/map_pb'
+import { LOOKS } from '../../src/view/abilities'
 import {
-  ABILITY_COLOURS,
   abilityColour,
   chanceColour,
   formatColour,
@@ -60,7 +60,7 @@ describe('colours', () => {
     ['hopeless', 'chance', edge({ chance: 0 }), '#e5383b'],
     ['quickest', 'seconds', edge({ seconds: 2 }), '#fde725'],
     ['slower than all but a few', 'seconds', edge({ seconds: 99 }), '#5b2a86'],
-    ['by ability', 'ability', edge({ ability: Ability.PAD }), ABILITY_COLOURS[Ability.PAD]],
+    ['by ability', 'ability', edge({ ability: Ability.PAD }), '#ffe23a'],
     ['half as busy as can be', 'traffic', edge(), '#f8961e'],
     ['between islands', 'island', edge({ to: 2 }), '#f4f6f8'],
   ])('%s', (_, colour, it, expected) => {
@@ -68,7 +68,7 @@ describe('colours', () => {
   })
 
   it('tells abilities and the first islands apart', () => {
-    const abilities = Object.keys(ABILITY_COLOURS).map((key) => formatColour(abilityColour(Number(key))))
+    const abilities = LOOKS.map(({ ability }) => formatColour(abilityColour(ability)))
     expect(new Set(abilities).size).toBe(abilities.length)
     const islands = Array.from({ length: 12 }, (_, island) => formatColour(islandColour(island)))
     expect(new Set(islands).size).toBe(12)

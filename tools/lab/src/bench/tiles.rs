@@ -14,9 +14,9 @@ const LEG_DECISIONS: [f64; 2] = [3.0, 0.7];
 
 /// A grid of `side` x `side` copies of a graph whose map is `width` metres wide.
 pub fn tiled(graph: &NavGraph, width: f32, side: u32) -> anyhow::Result<NavGraph> {
-    let GraphData { vertices: tile, edges, legs } = graph.to_data();
+    let GraphData { vertices: tile, edges, legs, .. } = graph.to_data();
     let count = tile.len() as u32;
-    let mut all = GraphData { vertices: Vec::new(), edges: Vec::new(), legs };
+    let mut all = GraphData { legs, ..GraphData::default() };
     for idx in 0..side * side {
         let offset = Vec3::new((idx % side) as f32 * width, 0.0, (idx / side) as f32 * width);
         all.vertices.extend(tile.iter().map(|at| *at + offset));

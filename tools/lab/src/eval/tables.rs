@@ -100,7 +100,7 @@ pub fn kinds(args: &Args, base: &EvalConfig) -> anyhow::Result<Results> {
         profile: profile.clone(),
     };
     let mut conditions = Vec::new();
-    for kind in MapKind::ALL {
+    for kind in MapKind::USUAL {
         conditions.push(row(kind.name().to_owned(), changed(&specs, |it| it.kind = kind)?, own));
     }
     for kind in [MapKind::Terrain, MapKind::Open] {

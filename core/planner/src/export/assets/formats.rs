@@ -3,15 +3,18 @@
 use super::{Axes, Connected, Leap, Link, LinkSet};
 use crate::export::FrameFields;
 use serde::Serialize;
+use surefoot_world::character::OwnMove;
 use surefoot_world::float::hypot;
-use surefoot_world::{Ability, Vec3};
+use surefoot_world::{Ability, MOVES, Vec3};
 
 /// Version of the JSON formats: grows when a field changes its meaning or is removed.
 const VERSION: u32 = 1;
 /// Area of drops in Recast, which reserves 0 and 63; the other abilities follow.
 const FIRST_DETOUR_AREA: u8 = 1;
-/// Area of drops in Unity, whose own areas are 0 to 2; the other abilities follow. The last area is 31.
+/// Area of drops in Unity, whose own areas are 0 to 2; the other abilities follow, the last ones
+/// in the last area.
 const FIRST_UNITY_AREA: u8 = 3;
+const LAST_UNITY_AREA: u8 = 31;
 /// Length of the edges of a link in landmass, m: the distance that a NavMesh keeps from ledges.
 const LANDMASS_EDGE_M: f32 = 0.75;
 
@@ -57,20 +60,23 @@ fn json(document: &impl Serialize) -> String {
     serde_json::to_string_pretty(document).expect("links are plain data") + "\n"
 }
 
-/// Name of the ability of a link; a walk without ground underneath is a drop.
-fn name_of(ability: Ability) -> &'static str {
-    if ability == Ability::WALK { "drop" } else { ability.name() }
+/// The name of an ability in the links of a set; a walk without ground underneath is a drop.
+fn name_of(set: &LinkSet, ability: Ability) -> &str {
+    if ability == Ability::WALK { "drop" } else { OwnMove::name_in(&set.moves, ability) }
 }
 
-/// A number of each ability that engines can filter by, from 0 for drops.
+/// A number of an ability that engines can filter by, from 0 for drops; the body's own moves come last.
 fn kind_of(ability: Ability) -> u8 {
-    ability.into()
+    ability.own_idx().map_or(ability.into(), |idx| (MOVES.len() + idx) as u8)
 }
 
 /// A leap as hints for an animation, on the axes of a format.
 #[derive(Serialize)]
-pub(super) struct Hint {
-    pub ability: &'static str,
+pub(super) struct Hint<'a> {
+    pub ability: &'a str,
+    /// What a game plays meanwhile, for a move of the body's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub animation: Option<&'a str>,
     pub take_off: [f32; 3],
     pub apex: [f32; 3],
     pub landing: [f32; 3],
@@ -85,10 +91,10 @@ pub(super) struct Hint {
 
 /// The fields of a link besides its ends that all JSON formats have, on the axes of a format.
 #[derive(Serialize)]
-pub(super) struct About {
+pub(super) struct About<'a> {
     /// Index of the edge in the graph's JSON export.
     pub edge: u32,
-    pub ability: &'static str,
+    pub ability: &'a str,
     /// Estimated chance that an NPC with the policy gets through, 0 to 1.
     pub chance: f32,
     /// Share of the tries of a plain scripted controller that got through, 0 to 1.
@@ -98,13 +104,15 @@ pub(super) struct About {
     /// The cost that a search should minimise, s.
     cost_seconds: f32,
     /// The leaps, in order.
-    pub leaps: Vec<Hint>,
+    pub leaps: Vec<Hint<'a>>,
 }
 
-impl About {
-    pub fn of(link: &Link, axes: Axes) -> Self {
+impl<'a> About<'a> {
+    pub fn of(set: &'a LinkSet, link: &Link, axes: Axes) -> Self {
+        let own = |ability: Ability| ability.own_idx().and_then(|idx| set.moves.get(idx));
         let hint = |leap: &Leap| Hint {
-            ability: name_of(leap.ability),
+            ability: name_of(set, leap.ability),
+            animation: own(leap.ability).map(OwnMove::animation),
             take_off: axes.point(leap.take_off),
             apex: axes.point(leap.apex),
             landing: axes.point(leap.landing),
@@ -114,7 +122,7 @@ impl About {
         };
         Self {
             edge: link.edge_idx,
-            ability: name_of(link.ability),
+            ability: name_of(set, link.ability),
             chance: link.chance as f32,
             driven: link.passage.driven,
             seconds: link.passage.seconds,
@@ -126,14 +134,19 @@ impl About {
 
 /// An ability and its number.
 #[derive(Serialize)]
-struct Kind {
-    ability: &'static str,
+struct Kind<'a> {
+    ability: &'a str,
     kind: u8,
 }
 
-/// The numbers of all abilities, from `first`.
-fn kinds(first: u8) -> Vec<Kind> {
-    Ability::all().map(|it| Kind { ability: name_of(it), kind: first + kind_of(it) }).collect()
+/// All abilities of the body, from the least demanding to its own.
+fn abilities(set: &LinkSet) -> impl Iterator<Item = Ability> {
+    OwnMove::all_with(&set.moves).map(|(ability, _)| ability)
+}
+
+/// The numbers of all abilities of the body, from `first` to at most `last`.
+fn kinds(set: &LinkSet, first: u8, last: u8) -> Vec<Kind<'_>> {
+    abilities(set).map(|it| Kind { ability: name_of(set, it), kind: (first + kind_of(it)).min(last) }).collect()
 }
 
 /// All fields of the links: docs/guides/links.md has the schema.
@@ -151,12 +164,12 @@ pub(super) fn plain(set: &LinkSet) -> String {
         connected: Connected,
     }
     #[derive(Serialize)]
-    struct PlainLink {
+    struct PlainLink<'a> {
         start: [Number; 3],
         end: [Number; 3],
         bidirectional: bool,
         #[serde(flatten)]
-        about: About,
+        about: About<'a>,
     }
     let head = Head { agent: Agent { radius: set.radius, speed: set.speed }, connected: set.connected };
     document(
@@ -168,7 +181,7 @@ pub(super) fn plain(set: &LinkSet) -> String {
             start: at(link.passage.start),
             end: at(link.passage.end),
             bidirectional: false,
-            about: About::of(link, Axes::Ours),
+            about: About::of(set, link, Axes::Ours),
         },
     )
 }
@@ -184,12 +197,12 @@ pub(super) fn unity(set: &LinkSet) -> String {
         z: Number,
     }
     #[derive(Serialize)]
-    struct Head {
-        areas: Vec<Kind>,
+    struct Head<'a> {
+        areas: Vec<Kind<'a>>,
     }
     #[derive(Serialize)]
     #[serde(rename_all = "camelCase")]
-    struct UnityLink {
+    struct UnityLink<'a> {
         start_point: Vector3,
         end_point: Vector3,
         /// 0: only the line itself was proved.
@@ -198,9 +211,9 @@ pub(super) fn unity(set: &LinkSet) -> String {
         /// Cost of a metre of the link against a metre of walking.
         cost_modifier: f32,
         area: u8,
-        about: About,
+        about: About<'a>,
     }
-    let head = Head { areas: kinds(FIRST_UNITY_AREA) };
+    let head = Head { areas: kinds(set, FIRST_UNITY_AREA, LAST_UNITY_AREA) };
     document(
         set,
         Axes::Unity,
@@ -212,8 +225,8 @@ pub(super) fn unity(set: &LinkSet) -> String {
             width: 0.0,
             bidirectional: false,
             cost_modifier: link.cost_ratio(set.speed),
-            area: FIRST_UNITY_AREA + kind_of(link.ability),
-            about: About::of(link, Axes::Unity),
+            area: (FIRST_UNITY_AREA + kind_of(link.ability)).min(LAST_UNITY_AREA),
+            about: About::of(set, link, Axes::Unity),
         },
     )
 }
@@ -231,7 +244,7 @@ pub(super) fn unreal(set: &LinkSet) -> String {
     struct Head {}
     #[derive(Serialize)]
     #[serde(rename_all = "PascalCase")]
-    struct UnrealLink {
+    struct UnrealLink<'a> {
         left: Vector,
         right: Vector,
         /// A value of `ENavLinkDirection`.
@@ -239,10 +252,10 @@ pub(super) fn unreal(set: &LinkSet) -> String {
         /// Distance from its ends within which a link joins the NavMesh, cm.
         snap_radius: f32,
         /// Ability: the importer maps it to a class of `UNavArea`.
-        area: &'static str,
+        area: &'a str,
         /// `FixedAreaEnteringCost` for a link of its own area class, cm of walking.
         entering_cost: f32,
-        about: About,
+        about: About<'a>,
     }
     let centimetres = Axes::Unreal.units_per_metre();
     document(
@@ -255,9 +268,9 @@ pub(super) fn unreal(set: &LinkSet) -> String {
             right: at(link.passage.end),
             direction: "LeftToRight",
             snap_radius: set.radius * centimetres,
-            area: name_of(link.ability),
+            area: name_of(set, link.ability),
             entering_cost: link.cost_metres(set.speed) * centimetres,
-            about: About::of(link, Axes::Unreal),
+            about: About::of(set, link, Axes::Unreal),
         },
     )
 }
@@ -265,25 +278,25 @@ pub(super) fn unreal(set: &LinkSet) -> String {
 /// Links in the fields of `AnimationLink` of the crate landmass (0.9), and further ones. Its axes, Bevy's, are ours.
 pub(super) fn landmass(set: &LinkSet) -> String {
     #[derive(Serialize)]
-    struct Head {
+    struct Head<'a> {
         /// Number of each ability, by which agents permit links.
-        kinds: Vec<Kind>,
+        kinds: Vec<Kind<'a>>,
     }
     #[derive(Serialize)]
-    struct LandmassLink {
+    struct LandmassLink<'a> {
         start_edge: [[Number; 3]; 2],
         end_edge: [[Number; 3]; 2],
         kind: u8,
         /// Cost as the length of a walk, m.
         cost: f32,
         bidirectional: bool,
-        about: About,
+        about: About<'a>,
     }
     document(
         set,
         Axes::Ours,
         |point| point,
-        Head { kinds: kinds(0) },
+        Head { kinds: kinds(set, 0, u8::MAX) },
         |link, at| {
             let (start, end) = (link.passage.start, link.passage.end);
             let way = end - start;
@@ -297,7 +310,7 @@ pub(super) fn landmass(set: &LinkSet) -> String {
                 kind: kind_of(link.ability),
                 cost: link.cost_metres(set.speed),
                 bidirectional: false,
-                about: About::of(link, Axes::Ours),
+                about: About::of(set, link, Axes::Ours),
             }
         },
     )
@@ -305,15 +318,15 @@ pub(super) fn landmass(set: &LinkSet) -> String {
 
 /// Area and flag of an ability: one bit for each, from bit 0; bit 6 for drops.
 #[derive(Serialize)]
-struct AbilityKey {
-    ability: &'static str,
+struct AbilityKey<'a> {
+    ability: &'a str,
     area: u8,
     flag: u16,
 }
 
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
-struct OffMeshLinks {
+struct OffMeshLinks<'a> {
     #[serde(flatten)]
     frame: FrameFields,
     off_mesh_con_count: usize,
@@ -332,25 +345,26 @@ struct OffMeshLinks {
     off_mesh_con_seconds: Vec<f32>,
     off_mesh_con_chance: Vec<f32>,
     off_mesh_con_driven: Vec<f32>,
-    off_mesh_con_leaps: Vec<Vec<Hint>>,
-    legend: Vec<AbilityKey>,
+    off_mesh_con_leaps: Vec<Vec<Hint<'a>>>,
+    legend: Vec<AbilityKey<'a>>,
 }
 
 /// Off-mesh connections in the fields of Detour's `dtNavMeshCreateParams`.
 pub(super) fn detour(set: &LinkSet) -> String {
     let key = |ability: Ability| AbilityKey {
-        ability: name_of(ability),
+        ability: name_of(set, ability),
         area: FIRST_DETOUR_AREA + kind_of(ability),
         // Drops have the flag after jetpacks, as they always had.
         flag: match ability.idx() {
             0 => 1 << 6,
             idx @ 1..=6 => 1 << (idx - 1),
-            idx => 1 << idx,
+            // The body's own moves share the last one.
+            idx => 1 << idx.min(15),
         },
     };
     let links = &set.links;
-    let abouts: Vec<About> = links.iter().map(|link| About::of(link, Axes::Ours)).collect();
-    let keys: Vec<AbilityKey> = links.iter().map(|link| key(link.ability)).collect();
+    let abouts: Vec<About<'_>> = links.iter().map(|link| About::of(set, link, Axes::Ours)).collect();
+    let keys: Vec<AbilityKey<'_>> = links.iter().map(|link| key(link.ability)).collect();
     let ends = links.iter().flat_map(|link| [link.passage.start, link.passage.end]);
     json(&OffMeshLinks {
         frame: FrameFields::of(set.frame, |origin| origin.to_array()),
@@ -365,6 +379,6 @@ pub(super) fn detour(set: &LinkSet) -> String {
         off_mesh_con_chance: abouts.iter().map(|about| about.chance).collect(),
         off_mesh_con_driven: abouts.iter().map(|about| about.driven).collect(),
         off_mesh_con_leaps: abouts.into_iter().map(|about| about.leaps).collect(),
-        legend: Ability::all().map(key).collect(),
+        legend: abilities(set).map(key).collect(),
     })
 }

@@ -18,13 +18,13 @@ pub(super) fn scene(set: &LinkSet) -> String {
         value.into_iter().for_each(|value| field(&mut text, &format!("metadata/{name}"), value));
     }
     for (idx, link) in set.links.iter().enumerate() {
-        node(&mut text, idx, link, set.speed);
+        node(&mut text, idx, link, set);
     }
     text
 }
 
-fn node(text: &mut String, idx: usize, link: &Link, speed: f32) {
-    let about = About::of(link, Axes::Ours);
+fn node(text: &mut String, idx: usize, link: &Link, set: &LinkSet) {
+    let (about, speed) = (About::of(set, link, Axes::Ours), set.speed);
     let (start, end) = (link.passage.start, link.passage.end);
     // Godot adds the cost of entering to the length times the cost of travelling.
     let (cost, length) = (link.cost_metres(speed), start.distance(end));
@@ -52,13 +52,16 @@ fn apex(link: &Link) -> Vec3 {
 }
 
 /// An array of dictionaries with the fields of the JSON formats.
-fn leaps(leaps: &[Hint]) -> String {
+fn leaps(leaps: &[Hint<'_>]) -> String {
     let leaps = leaps.iter().map(|leap| {
         let [take_off, apex, landing] = [leap.take_off, leap.apex, leap.landing].map(vector);
         let second_jump = leap.second_jump.map_or(String::new(), |it| format!(", \"second_jump\": {it}"));
+        // JSON's strings are Godot's.
+        let animation =
+            leap.animation.map_or(String::new(), |it| format!(", \"animation\": {}", serde_json::json!(it)));
         format!(
             "{{\"ability\": \"{}\", \"take_off\": {take_off}, \"apex\": {apex}, \"landing\": {landing}, \
-             \"seconds\": {}, \"speed\": {}{second_jump}}}",
+             \"seconds\": {}, \"speed\": {}{second_jump}{animation}}}",
             leap.ability, leap.seconds, leap.speed
         )
     });

@@ -17,7 +17,9 @@ use crate::graph::{Edge, NavGraph};
 use crate::ids::EdgeKey;
 use crate::price::{Caution, price};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use strum::VariantArray;
+use surefoot_world::character::OwnMove;
 use surefoot_world::map::LevelFrame;
 use surefoot_world::{Ability, Chance, DECISION_SECONDS, Decisions, Vec3};
 
@@ -135,6 +137,8 @@ pub struct LinkSet {
     pub connected: Connected,
     /// How the level's own coordinates relate to the map's, if known.
     pub frame: Option<LevelFrame>,
+    /// Moves of the body's own.
+    pub moves: Arc<[OwnMove]>,
 }
 
 /// Floor for edges that no trial drove: 8 tries cannot show less than 1/16.
@@ -162,7 +166,14 @@ impl LinkSet {
         let links: Vec<Link> = kept.iter().flat_map(|it| it.links(idx_of[&it.edge.key])).collect();
         let joins = links.iter().map(|link| (island_at(link.passage.start), island_at(link.passage.end)));
         let connected = Connected::of(nav_mesh.islands, joins);
-        Self { links, radius: nav_mesh.radius, speed: nav_mesh.speed, connected, frame: None }
+        Self {
+            links,
+            radius: nav_mesh.radius,
+            speed: nav_mesh.speed,
+            connected,
+            frame: None,
+            moves: graph.moves().clone(),
+        }
     }
 }
 

@@ -10,10 +10,11 @@ import { PlannerService, QueryEnd } from '../gen/surefoot/planner/v1/planner_pb.
 import { checkVec3, SurefootError } from '../checks.ts'
 import type { Traversal } from '../plans/follower.ts'
 import {
-  ABILITIES,
+  abilityOf,
   checkQuery,
   type LegEnds,
   type NoPath,
+  numberOf,
   type Plan,
   type Planner,
   type Query,
@@ -36,7 +37,7 @@ const TIMEOUT_MS = 5000
 
 /**
  * Plans on one graph of the planner service. `origin` is where the origin of the page's level lies on the graph's map, m, as an import
- * returns it.
+ * returns it, and `moves` are the names of the body's own moves.
  */
 export class ServicePlanner implements Planner {
   private readonly origin: Vec3
@@ -45,12 +46,13 @@ export class ServicePlanner implements Planner {
     private readonly service: Client<typeof PlannerService>,
     readonly graphId: string,
     origin: Vec3 = ZERO,
+    private readonly moves: readonly string[] = [],
   ) {
     this.origin = checkVec3('origin', origin)
   }
 
   async findPath(query: Query): Promise<Plan> {
-    const { start, goal, without, caution } = checkQuery(query)
+    const { start, goal, without, caution } = checkQuery(query, this.moves)
     const avoid = (query.avoid ?? [])
       .slice(-MOST_AVOIDED)
       .map(({ from, to }) => ({ from: stopTo(from), to: stopTo(to) }))
@@ -60,11 +62,11 @@ export class ServicePlanner implements Planner {
       goal: to,
       caution,
       avoid,
-      without: [...without].map((ability) => ABILITIES.indexOf(ability) + 1),
+      without: [...without].map((ability) => numberOf(ability, this.moves) ?? 0),
     }
     const { plan } = await this.service.findPath({ graphId: this.graphId, query: asked }, { timeoutMs: TIMEOUT_MS })
     if (plan === undefined) throw new SurefootError('the planner answered without a plan: is it another version?')
-    return planFrom(plan, this.origin)
+    return planFrom(plan, this.origin, this.moves)
   }
 
   /** Reports how characters fared along edges, so that plans avoid those that fail. Returns how many were counted. */
@@ -74,7 +76,11 @@ export class ServicePlanner implements Planner {
   }
 }
 
-function planFrom({ waypoints, legs, reason, found, nearestReachable }: PlanMessage, origin: Vec3): Plan {
+function planFrom(
+  { waypoints, legs, reason, found, nearestReachable }: PlanMessage,
+  origin: Vec3,
+  moves: readonly string[],
+): Plan {
   const noPath = found ? undefined : (NO_PATHS[reason] ?? 'different-islands')
   return {
     waypoints: waypoints.map((place) => subtract(place, origin)),
@@ -83,7 +89,7 @@ function planFrom({ waypoints, legs, reason, found, nearestReachable }: PlanMess
       seconds: leg.seconds,
       chance: leg.chance,
       deathChance: leg.deathChance,
-      ability: ABILITIES[leg.ability - 1] ?? 'walk',
+      ability: abilityOf(leg.ability, moves),
     })),
     ...(noPath !== undefined && { noPath }),
     ...(nearestReachable !== undefined && { nearest: subtract(nearestReachable, origin) }),

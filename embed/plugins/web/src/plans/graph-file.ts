@@ -2,7 +2,7 @@
 
 import { checkCount, checkRange, checkVec3, SurefootError } from '../checks.ts'
 import { subtract, type Vec3, ZERO } from '../vec3.ts'
-import { ABILITIES, type Ability } from './plan.ts'
+import { ABILITIES, type Ability, numberOf } from './plan.ts'
 import { type Estimate, estimateOfEdge, type LegModel } from './price.ts'
 
 /** A proved edge. */
@@ -24,6 +24,8 @@ export interface GraphData {
   vertices: Vec3[]
   edges: Edge[]
   legs: LegModel
+  /** Names of the body's own moves. */
+  moves: string[]
 }
 
 const MOST = Number.MAX_VALUE
@@ -42,8 +44,17 @@ export function readGraph(file: unknown, origin?: Vec3): GraphData {
   const root = objectOf('graph file', typeof file === 'string' ? parse(file) : file)
   const shift = origin === undefined ? readOrigin(root.graph as Json | undefined) : checkVec3('origin', origin)
   const vertices = listOf('nodes', root.nodes).map((node, idx) => readVertex(`nodes[${idx}]`, node, idx, shift))
-  const edges = listOf('edges', root.edges).map((link, idx) => readEdge(`edges[${idx}]`, link, vertices.length))
-  return { vertices, edges, legs: readLegs(objectOf('graph', root.graph)) }
+  const links = listOf('edges', root.edges)
+  const graph = objectOf('graph', root.graph)
+  const moves = readMoves(graph)
+  const edges = links.map((link, idx) => readEdge(`edges[${idx}]`, link, vertices.length, moves))
+  return { vertices, edges, legs: readLegs(graph), moves }
+}
+
+/** The names of the body's own moves. */
+function readMoves({ moves }: Json): string[] {
+  if (moves === undefined) return []
+  return listOf('graph.moves', moves).map((move, idx) => String(objectOf(`graph.moves[${idx}]`, move).id))
 }
 
 function parse(text: string): unknown {
@@ -67,13 +78,14 @@ function readVertex(name: string, value: unknown, idx: number, origin: Vec3): Ve
   return subtract(checkVec3(name, { x, y, z } as Vec3), origin)
 }
 
-function readEdge(name: string, value: unknown, vertexCount: number): Edge {
+function readEdge(name: string, value: unknown, vertexCount: number, moves: string[]): Edge {
   const { source, target, ability, evidence } = objectOf(name, value)
   const from = checkCount(`${name}.source`, source, 0, vertexCount - 1)
   const to = checkCount(`${name}.target`, target, 0, vertexCount - 1)
   if (from === to) throw new SurefootError(`${name} leads from vertex ${from} to itself: remove it`)
-  if (!ABILITIES.includes(ability as Ability)) {
-    throw new SurefootError(`${name}.ability is ${String(ability)}, but must be one of ${ABILITIES.join(', ')}`)
+  if (numberOf(ability as Ability, moves) === undefined) {
+    const names = [...ABILITIES, ...moves].join(', ')
+    throw new SurefootError(`${name}.ability is ${String(ability)}, but must be one of ${names}`)
   }
   return {
     from,

@@ -85,7 +85,7 @@ export class Graph implements Planner {
 
   /** Finds the cheapest plan. If there is no path, the plan says why, and leads to the reachable vertex nearest to the goal. */
   findPath(query: Query): Plan {
-    const checked = checkQuery(query)
+    const checked = checkQuery(query, this.data.moves)
     const { start, goal, avoid } = checked
     const isNear = distance(start, goal) <= DIRECT_M && !avoid.has(keyOf({ from: 'start', to: 'goal' }))
     const starts = this.attachStart(checked, ATTACHMENTS, false)

@@ -17,8 +17,28 @@ export const ABILITIES = [
   'swim',
   'crouch',
   'dash',
+  'wall_run',
+  'slide',
+  'dive',
 ] as const
-export type Ability = (typeof ABILITIES)[number]
+/** One of `ABILITIES`, or the name of one of the body's own moves. */
+export type Ability = (typeof ABILITIES)[number] | (string & {})
+
+/** Number of the first of a body's own moves in messages; those of other abilities count from 1. */
+const FIRST_OWN = 17
+
+/** The number of an ability in messages; `undefined` if a body with these own moves has none of that name. */
+export function numberOf(ability: Ability, moves: readonly string[] = []): number | undefined {
+  const idx = (ABILITIES as readonly string[]).indexOf(ability)
+  if (idx >= 0) return idx + 1
+  const own = moves.indexOf(ability)
+  return own >= 0 ? FIRST_OWN + own : undefined
+}
+
+/** The name of an ability with a number in messages. */
+export function abilityOf(number: number, moves: readonly string[] = []): Ability {
+  return (number >= FIRST_OWN ? moves[number - FIRST_OWN] : ABILITIES[number - 1]) ?? 'walk'
+}
 
 /** Where a leg begins or ends: an end of the query, or the index of a vertex. */
 export type Stop = 'start' | 'goal' | number
@@ -93,13 +113,15 @@ export function keyOf({ from, to }: LegEnds): string {
 }
 
 /**
- * Completes a query.
+ * Completes a query; `moves` are the names of the body's own moves.
  * @throws SurefootError that names the first value which cannot be used.
  */
-export function checkQuery({ start, goal, avoid = [], without = [], caution = 1 }: Query): CheckedQuery {
-  const unknown = without.find((ability) => !ABILITIES.includes(ability) || ability === 'walk')
+export function checkQuery(query: Query, moves: readonly string[] = []): CheckedQuery {
+  const { start, goal, avoid = [], without = [], caution = 1 } = query
+  const unknown = without.find((ability) => numberOf(ability, moves) === undefined || ability === 'walk')
   if (unknown !== undefined) {
-    throw new SurefootError(`query.without has ${unknown}, but may have only ${ABILITIES.slice(1).join(', ')}`)
+    const names = [...ABILITIES.slice(1), ...moves].join(', ')
+    throw new SurefootError(`query.without has ${unknown}, but may have only ${names}`)
   }
   const withoutDoubles: Ability[] = without.includes('jump') ? ['double_jump'] : []
   return {

@@ -1,5 +1,6 @@
 // Which edges of a graph are shown.
 
+import { abilityKind } from '../../view/abilities'
 import type { GraphEdge, GraphFilter } from '../../view/viewport.types'
 import { ABILITIES } from '../abilities'
 
@@ -16,7 +17,7 @@ export const SHOW_ALL: GraphFilter = {
 /** Whether an edge passes; the view draws by the same rule. */
 export function passes(edge: GraphEdge, filter: GraphFilter): boolean {
   return (
-    filter.abilities.has(edge.ability) &&
+    filter.abilities.has(abilityKind(edge.ability)) &&
     edge.chance >= filter.minChance &&
     edge.chance <= filter.maxChance &&
     (!filter.onlyOneWay || edge.oneWay) &&

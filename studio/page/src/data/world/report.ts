@@ -23,6 +23,7 @@ const ROLES: Readonly<Record<NodeRole, readonly [one: string, many: string]>> = 
   [NodeRole.CRATE]: ['crate', 'crates'],
   [NodeRole.LADDER]: ['ladder', 'ladders'],
   [NodeRole.CLIMB]: ['wall to climb', 'walls to climb'],
+  [NodeRole.SPOT]: ['spot for moves', 'spots for moves'],
   [NodeRole.PATH]: ['stop of a path', 'stops of paths'],
   [NodeRole.HELPER]: ['helper', 'helpers'],
   [NodeRole.LEFT_OUT]: ['left out', 'left out'],

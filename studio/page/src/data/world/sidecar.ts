@@ -15,6 +15,7 @@ export const NODE_KINDS = [
   { value: 'crate', name: 'Crate' },
   { value: 'ladder', name: 'Ladder' },
   { value: 'climb', name: 'Wall to climb' },
+  { value: 'anchor', name: 'Anchor' },
 ] as const
 
 export type NodeKind = (typeof NODE_KINDS)[number]['value']
@@ -26,6 +27,7 @@ export interface Sidecar {
   zip_lines?: unknown[]
   teleporters?: unknown[]
   jetpacks?: unknown[]
+  anchors?: unknown[]
   /** What nodes are, by exact name or by pattern. */
   nodes?: Record<string, NodeKind>
   /** False: names have no meaning. */

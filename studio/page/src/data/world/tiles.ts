@@ -131,5 +131,6 @@ export function readFeatures(message: GetFeaturesResponse): Features {
       twoWay: line.twoWay,
     })),
     jetpacks: message.jetpacks,
+    spots: message.spots.map(({ tag, from, to, twoWay }) => ({ tag, from: from ?? ORIGIN, to, twoWay })),
   }
 }

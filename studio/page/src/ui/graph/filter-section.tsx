@@ -3,16 +3,9 @@ import { percent } from '../../data/format'
 import { isFiltered, SHOW_ALL } from '../../data/graph/filter'
 import type { Studio } from '../../data/studio'
 import type { Ability } from '../../gen/surefoot/world/v1/map_pb'
+import { lookOf } from '../../view/abilities'
 import type { EdgeColour, GraphPresence } from '../../view/viewport.types'
-import {
-  ABILITY_COLOURS,
-  BUSY_NPCS,
-  chanceColour,
-  formatColour,
-  islandColour,
-  secondsColour,
-  trafficColour,
-} from '../../view/colours'
+import { BUSY_NPCS, chanceColour, formatColour, islandColour, secondsColour, trafficColour } from '../../view/colours'
 import { AbilityDot, Button, Check, Choice, Ramp, Section, Slider } from '../controls'
 
 const COLOURS: readonly { value: EdgeColour; name: string }[] = [
@@ -118,7 +111,7 @@ function Legend({ colour }: { colour: EdgeColour }) {
     return (
       <p class="legend-row">
         {ABILITIES.map((ability) => (
-          <span key={ability} title={abilityName(ability)} style={{ background: ABILITY_COLOURS[ability] }} />
+          <span key={ability} title={abilityName(ability)} style={{ background: lookOf(ability).colour }} />
         ))}
       </p>
     )

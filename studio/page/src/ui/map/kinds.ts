@@ -10,6 +10,11 @@ export const KINDS = [
   { value: String(MapKind.INTERIOR), name: 'Interior' },
   { value: String(MapKind.ARENA), name: 'Arena' },
   { value: String(MapKind.TOWER), name: 'Towers' },
+  { value: String(MapKind.KEEP), name: 'Keeps' },
+  { value: String(MapKind.FLOODED), name: 'Flooded caves' },
+  { value: String(MapKind.VENTS), name: 'Vents' },
+  { value: String(MapKind.ROOFTOPS), name: 'Rooftops' },
+  { value: String(MapKind.CANYON), name: 'Canyon' },
 ] as const
 
 /** Presets of bodies, as the contract names them; the first is what worlds have unless told otherwise. */

@@ -12,6 +12,7 @@ const KINDS: readonly { value: MarkKind; name: string }[] = [
   { value: 'zipLine', name: 'Zip line' },
   { value: 'teleporter', name: 'Teleporter' },
   { value: 'jetpack', name: 'Jetpack' },
+  { value: 'anchor', name: 'Anchor' },
 ]
 
 /** Marks features on the level that was imported, and keeps them in its sidecar. */

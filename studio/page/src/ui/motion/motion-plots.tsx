@@ -4,16 +4,16 @@ import { abilityName } from '../../data/abilities'
 import { GAITS, type Motion, legKind, type LegKind, motionAt } from '../../data/world/motion'
 import type { Replays } from '../../data/world/replays'
 import { Ability } from '../../gen/surefoot/world/v1/map_pb'
-import { ABILITY_COLOURS } from '../../view/colours'
+import { lookOf } from '../../view/abilities'
 import { type Axis, axisOf, degrees, fromTop, HEADING_STEPS, linePoints, SPEED_STEPS, timeTicks } from './axis'
 import { Field } from './field'
 
 /** Steps of an axis at most. */
 const [VALUE_STEPS, TIME_LABELS] = [3, 7]
 const LEG_COLOURS: Record<LegKind, string> = {
-  walk: ABILITY_COLOURS[Ability.WALK],
-  leap: ABILITY_COLOURS[Ability.JUMP],
-  device: ABILITY_COLOURS[Ability.ZIP_LINE],
+  walk: lookOf(Ability.WALK).colour,
+  leap: lookOf(Ability.JUMP).colour,
+  device: lookOf(Ability.ZIP_LINE).colour,
 }
 const LEG_KINDS: readonly LegKind[] = ['walk', 'leap', 'device']
 const GAIT_AXIS: Axis = { low: -0.5, high: GAITS.length - 0.5, ticks: GAITS.map((_, index) => index) }

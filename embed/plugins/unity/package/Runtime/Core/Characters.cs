@@ -167,6 +167,12 @@ namespace Surefoot
         public float CrouchHeight;
         /// <summary>Speed of a dash in the air, m/s, 0 to 40; 0 if the character makes none.</summary>
         public float DashSpeed;
+        /// <summary>How long the character runs along a wall in the air, s: 0 (it cannot) to 10.</summary>
+        public float WallRunSeconds;
+        /// <summary>How long the character keeps its speed under what is lower than it, s: 0 to 10; needs a CrouchHeight.</summary>
+        public float SlideSeconds;
+        /// <summary>How long the character can be under water, s: 0 (it cannot dive) to 600; needs a SwimSpeed.</summary>
+        public float DiveSeconds;
 
         /// <summary>The body that policies were trained with: 1.8 m tall, 11 m/s, a double jump.</summary>
         public static unsafe Body Default

@@ -73,6 +73,14 @@ namespace Surefoot
         Crouch = 10,
         /// <summary>A dash in the air.</summary>
         Dash = 11,
+        /// <summary>A run along a wall in the air.</summary>
+        WallRun = 12,
+        /// <summary>A slide under what is lower than the character.</summary>
+        Slide = 13,
+        /// <summary>Swimming below what reaches into the water.</summary>
+        Dive = 14,
+        /// <summary>The first of the body's own moves, of which there are at most 16.</summary>
+        OwnMove = 16,
     }
 
     /// <summary>A set of abilities. One with jumps has double jumps as well.</summary>
@@ -91,6 +99,11 @@ namespace Surefoot
         Swim = 1u << Ability.Swim,
         Crouch = 1u << Ability.Crouch,
         Dash = 1u << Ability.Dash,
+        WallRun = 1u << Ability.WallRun,
+        Slide = 1u << Ability.Slide,
+        Dive = 1u << Ability.Dive,
+        /// <summary>All of the body's own moves; one of them has the bit `1u &lt;&lt; ability`.</summary>
+        OwnMoves = 0xFFFF0000u,
     }
 
     /// <summary>What the legs of a character do; <c>sf_pace</c>.</summary>

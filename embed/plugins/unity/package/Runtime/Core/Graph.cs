@@ -30,6 +30,28 @@ namespace Surefoot
             }
         }
 
+        /// <summary>The name of an ability of the body, own moves included: `jump`, or what the file of the move says.</summary>
+        public string NameOf(Ability ability)
+        {
+            NativeAbilityInfo info = Describe(ability);
+            return Native.Text(info.Name, NativeAbilityInfo.NameSize);
+        }
+
+        /// <summary>What the game plays meanwhile, from the file of an own move; otherwise the name.</summary>
+        public string AnimationOf(Ability ability)
+        {
+            NativeAbilityInfo info = Describe(ability);
+            return Native.Text(info.Animation, NativeAbilityInfo.AnimationSize);
+        }
+
+        private NativeAbilityInfo Describe(Ability ability)
+        {
+            NativeError error;
+            NativeAbilityInfo info = new NativeAbilityInfo { StructSize = (uint)sizeof(NativeAbilityInfo) };
+            Native.Check(NativeMethods.sf_graph_ability(Handle, ability, &info, &error), &error);
+            return info;
+        }
+
         /// <summary>Reads a file of `surefoot graph export --format json`; up to a second for 1600 vertices.</summary>
         public static Graph Load(string path)
         {

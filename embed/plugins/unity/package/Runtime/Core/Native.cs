@@ -27,6 +27,18 @@ namespace Surefoot
         public LegKey* Avoid;
     }
 
+    /// <summary><c>sf_ability_info</c>.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal unsafe struct NativeAbilityInfo
+    {
+        internal const int NameSize = 36;
+        internal const int AnimationSize = 132;
+
+        public uint StructSize;
+        public fixed byte Name[NameSize];
+        public fixed byte Animation[AnimationSize];
+    }
+
     /// <summary>A call that fills an array, and says how much room it needs.</summary>
     internal unsafe delegate Status Fill(void* items, UIntPtr capacity, UIntPtr* count, NativeError* error);
 

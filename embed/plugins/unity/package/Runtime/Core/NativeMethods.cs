@@ -90,6 +90,8 @@ namespace Surefoot
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_graph_frame(GraphHandle graph, LevelFrame* frame, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_graph_ability(GraphHandle graph, Ability ability, NativeAbilityInfo* info, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_graph_set_coordinates(GraphHandle graph, int coordinates, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_graph_set_edge_open(GraphHandle graph, uint from, uint to, int isOpen, NativeError* error);
