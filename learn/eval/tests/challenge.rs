@@ -36,7 +36,7 @@ fn straight(goal: &surefoot_eval::challenge::SetGoal) -> Approach {
 #[test]
 fn named_sets_stay_what_they_are() {
     // A change of these hashes is a new version of the challenge.
-    for (name, hash) in [("paper-like:2x3", "2800068d477dec55"), ("kinds:7x2", "6a9b2dc2506bf4eb")] {
+    for (name, hash) in [("paper-like:2x3", "2800068d477dec55"), ("kinds:7x2", "9c5e167b8ca7df48")] {
         assert_eq!(GoalSet::named(name).unwrap().hash()[..16], *hash, "{name}");
     }
     let part = GoalSet::named("paper-like:1x10").unwrap();
