@@ -152,8 +152,8 @@ fn a_recording_says_where_a_replay_differs_and_what_is_wrong_with_a_file() {
         assert_eq!(Recording::decode(&bytes[..length]), Err(ReplayError::Damaged), "{length} bytes");
     }
     let mut newer = bytes.clone();
-    newer[8] = 9;
-    assert_eq!(Recording::decode(&newer), Err(ReplayError::Version(9)));
+    newer[8] = 10;
+    assert_eq!(Recording::decode(&newer), Err(ReplayError::Version(10)));
     for position in (12..bytes.len()).step_by(997) {
         let mut flipped = bytes.clone();
         flipped[position] ^= 4;
