@@ -63,7 +63,7 @@ impl Cross {
     /// The course of a body that is behind what it is to climb: around it, on the side where it is.
     fn around(&self, body: &Body) -> Course {
         let it = self.approach;
-        let way = (it.toward - it.at).with_y(0.0).normalize_or_zero();
+        let way = it.way();
         let across = Vec3::new(-way.z, 0.0, way.x);
         let side = if (body.feet - it.at).dot(across) < 0.0 { -AROUND_M } else { AROUND_M };
         Course { then: Some(it.at), ..Course::straight(it.at + across * side) }

@@ -134,11 +134,12 @@ impl Scripted<'_> {
             let count = ((2.0 * (half + SHORE_M) / SPACING_M).ceil() as u32).clamp(2, MOST_PLACES);
             (0..=count).map(move |idx| (2.0 * idx as f32 / count as f32 - 1.0) * (half + SHORE_M))
         };
-        let is_wet = |at: Vec3| map.water_above(at).is_some() && map.mesh().solid_depth_at(at) == 0;
         let is_ashore = |at: Vec3| {
             let around = (0..8).map(|side| libm::sincosf(side as f32 * std::f32::consts::FRAC_PI_4));
             let low = pool.centre.y - BELOW_M;
-            around.into_iter().any(|(sin, cos)| is_wet((at + Vec3::new(sin, 0.0, cos) * SPACING_M).with_y(low)))
+            around
+                .into_iter()
+                .any(|(sin, cos)| map.is_open_water((at + Vec3::new(sin, 0.0, cos) * SPACING_M).with_y(low)))
         };
         let grid = places(half_x).flat_map(|x| places(half_z).map(move |z| pool.centre + Vec3::new(x, 0.0, z)));
         let shores = grid

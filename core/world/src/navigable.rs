@@ -117,7 +117,7 @@ pub fn room_at(
 }
 
 /// The floor nearest to `point`, at most `rise` metres higher or lower.
-fn nearest_floor(map: &CollisionMap, profile: &CharacterProfile, point: Vec3, rise: f32) -> Option<Vec3> {
+pub(crate) fn nearest_floor(map: &CollisionMap, profile: &CharacterProfile, point: Vec3, rise: f32) -> Option<Vec3> {
     let extent = map.extent();
     if !(0.0..extent.x).contains(&point.x) || !(0.0..extent.z).contains(&point.z) {
         return None;

@@ -181,7 +181,7 @@ impl Body {
     /// can crouch does.
     pub(super) fn is_under_ceiling(&self, mesh: &Mesh, profile: &CharacterProfile, wish: Vec3) -> bool {
         let low = profile.crouch_height - profile.radius;
-        profile.crouch_height > 0.0 && self.ceiling(mesh, profile, wish, low, profile.height).is_some()
+        self.ceiling(mesh, profile, wish, low, profile.height).is_some()
     }
 
     /// Height above its feet of the lowest ceiling above the body, or ahead where it wants to go, m: one between two

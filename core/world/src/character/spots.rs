@@ -1,5 +1,6 @@
 //! How a body makes moves of its own at the spots of a map.
 
+use super::action::Action;
 use super::body::{Body, OwnRun, Support};
 use super::own::{OwnMotion, OwnMove};
 use super::profile::CharacterProfile;
@@ -55,9 +56,13 @@ impl Body {
     }
 
     /// Begins a curve whose end the body walks over, if it wants to go to the other end.
-    pub(super) fn enter_spots(&mut self, map: &CollisionMap, profile: &CharacterProfile, wish: Vec3) {
+    pub(super) fn enter_spots(&mut self, map: &CollisionMap, profile: &CharacterProfile, action: &Action) {
         let is_free = self.ride.is_none() && self.own.is_none() && self.is_grounded();
-        if !is_free || profile.moves.is_empty() || wish.length() < LEAST_WISH * profile.forward_speed {
+        if !is_free || profile.moves.is_empty() {
+            return;
+        }
+        let wish = self.wish(profile, action);
+        if wish.length() < LEAST_WISH * profile.forward_speed {
             return;
         }
         let enters = |[from, to]: &[Vec3; 2]| {

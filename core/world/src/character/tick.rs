@@ -88,7 +88,7 @@ impl Body {
         self.scale(map.mesh(), profile, action, scratch, &mut used);
         self.run_along(profile, action, &mut used);
         self.enter_devices(map, profile, &mut used);
-        self.enter_spots(map, profile, self.wish(profile, action));
+        self.enter_spots(map, profile, action);
         if self.ride.is_none() {
             let crouched = self.crouches.then(|| profile.crouched());
             self.move_and_collide(map.mesh(), crouched.as_ref().unwrap_or(profile), scratch);
@@ -155,7 +155,9 @@ impl Body {
 
     /// Crouches under what is low, or slides there.
     fn stoop(&mut self, mesh: &Mesh, profile: &CharacterProfile, action: &Action, used: &mut AbilitySet) {
-        let crouches = !self.swims && self.is_under_ceiling(mesh, profile, self.wish(profile, action));
+        let crouches = profile.crouch_height > 0.0
+            && !self.swims
+            && self.is_under_ceiling(mesh, profile, self.wish(profile, action));
         let crouched = std::mem::replace(&mut self.crouches, crouches);
         if !self.crouches {
             self.slide_ticks = 0;
@@ -204,8 +206,8 @@ impl Body {
         let is_blocked = || self.hold.is_some_and(|hold| wish.dot(hold.out) < 0.0);
         near.or_else(|| {
             let ahead = self.feet + wish.normalize_or_zero() * (profile.radius + DIVE_ROOM_M);
-            let is_open = |at: Vec3| map.water_above(at).is_some() && map.mesh().solid_depth_at(at) == 0;
-            let looks = DIVE_LOOKS_M.into_iter().filter(|look| is_blocked() && is_open(ahead - Vec3::Y * *look));
+            let looks =
+                DIVE_LOOKS_M.into_iter().filter(|look| is_blocked() && map.is_open_water(ahead - Vec3::Y * *look));
             looks.into_iter().find_map(|look| self.ceiling(map.mesh(), profile, wish, -look, profile.height))
         })
     }

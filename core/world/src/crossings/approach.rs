@@ -33,15 +33,20 @@ pub struct Approach {
 }
 
 impl Approach {
+    /// Horizontal unit vector from where the move begins to where the body heads; zero if it heads straight up.
+    pub fn way(&self) -> Vec3 {
+        (self.toward - self.at).with_y(0.0).normalize_or_zero()
+    }
+
     /// Where a body that stands sets out, m: far enough away to gain speed where the move needs it.
     pub fn start(&self) -> Vec3 {
         let run_up = if self.by.motion() == Motion::WallRun { RUN_UP_M } else { 0.0 };
-        self.at - (self.toward - self.at).with_y(0.0).normalize_or_zero() * run_up
+        self.at - self.way() * run_up
     }
 
     /// How far a place is beyond where the move begins, towards where it heads, m.
     pub fn beyond(&self, feet: Vec3) -> f32 {
-        (feet - self.at).dot((self.toward - self.at).with_y(0.0).normalize_or_zero())
+        (feet - self.at).dot(self.way())
     }
 
     /// Whether a place is where the move may end, or beyond.
@@ -51,9 +56,7 @@ impl Approach {
 
     /// How far beside the way from there a place is, m.
     pub fn aside(&self, feet: Vec3) -> f32 {
-        let way = (self.toward - self.at).with_y(0.0).normalize_or_zero();
-        let offset = feet - self.at;
-        horizontal(offset - way * offset.dot(way))
+        horizontal(feet - self.at - self.way() * self.beyond(feet))
     }
 
     /// Whether a body that makes the move jumps: at its beginning, and until it is pulled to an anchor.

@@ -79,8 +79,6 @@ pub fn swims_between(map: &CollisionMap, profile: &CharacterProfile, [from, to]:
     }
     let count = (from.distance(to) / SAMPLE_M).ceil().max(1.0);
     let low = from.y.min(to.y);
-    // Pools fill boxes, which reach into the ground.
-    let is_open = |at: Vec3| map.water_above(at).is_some() && map.mesh().solid_depth_at(at) == 0;
-    let is_wet = |at: Vec3| [1.0, 2.0].into_iter().any(|down| is_open(at.with_y(low - down)));
+    let is_wet = |at: Vec3| [1.0, 2.0].into_iter().any(|down| map.is_open_water(at.with_y(low - down)));
     (1..count as u32).any(|idx| is_wet(from.lerp(to, idx as f32 / count)))
 }

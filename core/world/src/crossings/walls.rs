@@ -4,7 +4,7 @@ use super::approach::Approach;
 use crate::character::CharacterProfile;
 use crate::map::CollisionMap;
 use crate::mesh::WallFace;
-use crate::navigable::floors;
+use crate::navigable::{floors, nearest_floor};
 use crate::{Ability, Vec3};
 
 /// Longest way between two places beside a wall, and shortest gap between them, m. Jumps do what is shorter.
@@ -88,10 +88,7 @@ pub(super) fn runs(map: &CollisionMap, profile: &CharacterProfile) -> Vec<Approa
 impl Beside<'_> {
     /// The floor nearest in height to a place, m, at most `most` higher or lower.
     fn at(&self, place: Vec3, most: f32) -> Option<Vec3> {
-        let (floors, count) = floors(self.map, self.profile, place.x, place.z);
-        let heights = floors[..count].iter().map(|(floor, _)| floor.y);
-        let nearest = heights.min_by(|a, b| (a - place.y).abs().total_cmp(&(b - place.y).abs()))?;
-        ((nearest - place.y).abs() <= most).then_some(place.with_y(nearest))
+        nearest_floor(self.map, self.profile, place, most).map(|floor| place.with_y(floor.y))
     }
 
     /// The run from one place beside the wall towards another, over the first gap on the way.

@@ -141,6 +141,11 @@ impl CollisionMap {
         depths.reduce(f32::max)
     }
 
+    /// Whether a place, m, is in water, and not in the ground that the box of a pool reaches into.
+    pub(crate) fn is_open_water(&self, at: Vec3) -> bool {
+        self.water_above(at).is_some() && self.mesh.solid_depth_at(at) == 0
+    }
+
     /// The liquid that covers `feet` by more than `depth` metres.
     pub fn liquid_at(&self, feet: Vec3, depth: f32) -> Option<Liquid> {
         self.zones.pools.at(feet).iter().find_map(|idx| {
