@@ -59,7 +59,8 @@ impl Running {
     /// Stops gracefully and waits for the end.
     pub async fn stop(self) {
         self.shutdown.trigger();
-        self.task.await.expect("a service ends without a panic");
+        let end = tokio::time::timeout(LIMIT, self.task).await.expect("a service ends in time");
+        end.expect("a service ends without a panic");
     }
 }
 
@@ -134,7 +135,7 @@ impl Worker {
     pub async fn stop(self) {
         self.shutdown.trigger();
         // A worker that was killed has no result.
-        let _ = self.task.await;
+        let _ = tokio::time::timeout(LIMIT, self.task).await.expect("a worker ends in time");
     }
 }
 

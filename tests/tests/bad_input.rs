@@ -1,7 +1,7 @@
 //! Invalid input gets the right status and a message that names the field to change, and affects nothing else.
 
 use e2e::{
-    build_graph, create_world, ground, planner_client, small_graph, small_map, start_planner, start_server,
+    LIMIT, build_graph, create_world, ground, planner_client, small_graph, small_map, start_planner, start_server,
     world_client,
 };
 use surefoot_planner_service::PlannerConfig;
@@ -346,7 +346,8 @@ async fn a_message_above_the_size_limit_is_refused_and_the_server_goes_on() {
     let huge = wire::ActionBatch { actions: vec![0; 17 * 1024 * 1024], ..Default::default() };
     let stream = tokio_stream::iter([hello(good_hello()), actions(huge)]).chain(tokio_stream::pending());
     let mut responses = client.work(stream).await.unwrap().into_inner();
-    while let Some(Ok(_)) = responses.next().await {}
+    let cut_off = async { while let Some(Ok(_)) = responses.next().await {} };
+    tokio::time::timeout(LIMIT, cut_off).await.expect("the stream ends");
     create_world(&mut client, 1, wire::TimeMode::Realtime).await;
     server.stop().await;
 }

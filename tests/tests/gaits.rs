@@ -1,9 +1,10 @@
 //! NPCs that walk, jog and run, or are careful, as clients say.
 
 use e2e::stage::{Services, level, world_of};
-use e2e::{spawn, watch};
+use e2e::{LIMIT, spawn, watch};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
+use tokio::time::timeout;
 use tokio_stream::StreamExt;
 
 /// Top speed of the default body, m/s.
@@ -16,24 +17,27 @@ fn gait(npc_id: u64, speed: f32) -> wire::NpcGait {
 /// The greatest speed of an NPC until its attempt ends, m/s, and how that ends.
 async fn fastest(snapshots: &mut tonic::Streaming<wire::WatchWorldResponse>, attempt: u32) -> (f32, wire::Outcome) {
     let mut most = 0.0f32;
-    loop {
-        let snapshot = snapshots.next().await.expect("an endless stream").unwrap();
-        let npc = snapshot.npcs[0];
-        if npc.attempts_begun < attempt {
-            continue;
+    let under_way = async {
+        loop {
+            let npc = snapshots.next().await.expect("an endless stream").unwrap().npcs[0];
+            if npc.attempts_begun < attempt {
+                continue;
+            }
+            let wire::Vec3 { x, z, .. } = npc.velocity.unwrap();
+            most = most.max(x.hypot(z));
+            if npc.attempts_ended == attempt {
+                return npc.last_outcome();
+            }
         }
-        let wire::Vec3 { x, z, .. } = npc.velocity.unwrap();
-        most = most.max(x.hypot(z));
-        if npc.attempts_ended == attempt {
-            return (most, npc.last_outcome());
-        }
-    }
+    };
+    let outcome = timeout(LIMIT, under_way).await.expect("the attempt ends");
+    (most, outcome)
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn npcs_walk_as_fast_as_clients_say_also_on_the_way() {
     let services = Services::start();
-    let hall = level(&[("floor", [0.0, -1.0, 0.0], [60.0, 0.0, 12.0])]);
+    let hall = level(&[("floor", [0.0, -1.0, 0.0], [100.0, 0.0, 12.0])]);
     let mut stage = world_of(&services.server, hall, wire::TimeMode::Realtime).await;
     let ends = [[4.0, 0.0, 6.0], [34.0, 0.0, 6.0]].map(|place| stage.at(place));
     let npc_id = spawn(&mut stage.client, stage.world_id, ends[0]).await;
@@ -59,12 +63,8 @@ async fn npcs_walk_as_fast_as_clients_say_also_on_the_way() {
     stage.client.set_goal(request).await.unwrap();
     let speed_in = |snapshot: &wire::WatchWorldResponse| snapshot.npcs[0].velocity.unwrap().x.abs();
     let mut until = async |is_met: fn(f32) -> bool| {
-        loop {
-            let snapshot = snapshots.next().await.expect("an endless stream").unwrap();
-            if is_met(speed_in(&snapshot)) {
-                break;
-            }
-        }
+        let change = async { while !is_met(speed_in(&snapshots.next().await.unwrap().unwrap())) {} };
+        timeout(LIMIT, change).await.expect("its speed changes");
     };
     until(|speed| speed > 1.5).await;
     stage.client.set_gaits(set(1.0)).await.unwrap();
@@ -88,7 +88,7 @@ async fn npcs_walk_as_fast_as_clients_say_also_on_the_way() {
 #[tokio::test(flavor = "multi_thread")]
 async fn gaits_have_names_which_fields_override() {
     let services = Services::start();
-    let hall = level(&[("floor", [0.0, -1.0, 0.0], [60.0, 0.0, 12.0])]);
+    let hall = level(&[("floor", [0.0, -1.0, 0.0], [100.0, 0.0, 12.0])]);
     let mut stage = world_of(&services.server, hall, wire::TimeMode::Realtime).await;
     let ends = [[4.0, 0.0, 6.0], [34.0, 0.0, 6.0]].map(|place| stage.at(place));
     let named = |name: &str| wire::Gait { name: name.to_owned(), ..Default::default() };
@@ -123,13 +123,16 @@ async fn gaits_have_names_which_fields_override() {
     let request = wire::SetGoalRequest { npc_id, goal: Some(ends[1]), ..Default::default() };
     let attempt = stage.client.set_goal(request).await.unwrap().into_inner().attempt;
     let mut snapshots = watch(&mut stage.client, stage.world_id, 60.0).await;
-    let mut slow = 0;
-    while slow < 60 {
-        let npc = snapshots.next().await.expect("an endless stream").unwrap().npcs[0];
-        let speed = npc.velocity.unwrap().x.abs();
-        assert!(speed < 0.15 * TOP_SPEED, "{speed} m/s");
-        slow += u32::from(speed > 1.0);
-    }
+    let walking = async {
+        let mut slow = 0;
+        while slow < 60 {
+            let npc = snapshots.next().await.expect("an endless stream").unwrap().npcs[0];
+            let speed = npc.velocity.unwrap().x.abs();
+            assert!(speed < 0.15 * TOP_SPEED, "{speed} m/s");
+            slow += u32::from(speed > 1.0);
+        }
+    };
+    timeout(LIMIT, walking).await.expect("it walks");
     let hurried = wire::Gait { speed: 0.9, ..named("hurried") };
     stage.client.set_gaits(set(hurried)).await.unwrap();
     let (most, outcome) = fastest(&mut snapshots, attempt).await;

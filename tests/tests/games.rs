@@ -1,7 +1,7 @@
 //! Games as worlds: the contract of environments with routes. Surefoot's own server takes the place of a game; other
 //! games violate the contract.
 
-use e2e::{Running, small_map, start_server};
+use e2e::{LIMIT, Running, small_map, start_server};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
@@ -21,6 +21,7 @@ use surefoot_rollout::{FollowConfig, Goal, InProcess, ProbeContext, graphs};
 use surefoot_server::ServerConfig;
 use surefoot_world::sense::OBSERVATION_VERSION;
 use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, Vec3, navigable};
+use tokio::time::timeout;
 use tonic::transport::Channel;
 use tonic::{Code, Request, Response, Status, Streaming};
 
@@ -380,10 +381,14 @@ async fn a_build_ends_with_the_reason_when_the_game_goes_away() {
         let (context, game) = (context(), connect(&uri).expect("the server accepts"));
         build(&game, &context, &BuildSettings::default(), 2, &progress).map(drop)
     });
-    while seen.done.load(Ordering::Relaxed) < 50 {
-        tokio::task::yield_now().await;
-    }
+    let begun = async {
+        while seen.done.load(Ordering::Relaxed) < 50 {
+            tokio::task::yield_now().await;
+        }
+    };
+    timeout(LIMIT, begun).await.expect("the build begins");
     server.stop().await;
-    let error = building.await.expect("no panic").unwrap_err().to_string();
+    let end = timeout(LIMIT, building).await.expect("the build ends").expect("no panic");
+    let error = end.unwrap_err().to_string();
     assert!(error.starts_with("the game at http://127.0.0.1:"), "{error}");
 }
