@@ -8,8 +8,8 @@ use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::search::many::RankBy;
 use surefoot_planner::{
-    Attach, BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride,
-    Stop, Traffic, VertexId, Zones,
+    ABILITY_PRICES, AbilityPrices, Attach, BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath,
+    Placement, Plan, Probing, Query, Ride, Stop, Traffic, VertexId, Zones,
 };
 use surefoot_world::{Ability, Arrival, Chance, MoverId, Seconds, StopIdx, StopSet};
 
@@ -51,13 +51,24 @@ fn leg_key(ends: &wire::LegEnds) -> Result<LegKey, FieldError> {
     Ok(LegKey { from: stop(ends.from.as_ref(), "query.avoid.from")?, to: stop(ends.to.as_ref(), "query.avoid.to")? })
 }
 
-/// Converts an ability that a plan must do without.
-fn without(value: i32) -> Result<Ability, FieldError> {
+/// Converts an ability other than walking, which every plan needs.
+fn special(value: i32, field: &'static str) -> Result<Ability, FieldError> {
     match convert::ability(value) {
-        // Every plan needs walking.
-        Ability::WALK => Err(FieldError::Unknown { field: "query.without", value }),
+        Ability::WALK => Err(FieldError::Unknown { field, value }),
         ability => Ok(ability),
     }
+}
+
+fn prices(list: &[wire::AbilityPrice]) -> Result<AbilityPrices, FieldError> {
+    let mut prices = AbilityPrices::default();
+    for price in list {
+        let ability = special(price.ability, "query.prices.ability")?;
+        if !prices.add(ability, Seconds(price.seconds)) {
+            let (min, max) = ((*ABILITY_PRICES.start()).into(), (*ABILITY_PRICES.end()).into());
+            return Err(FieldError::Range { field: "query.prices.seconds", value: price.seconds.into(), min, max });
+        }
+    }
+    Ok(prices)
 }
 
 fn caution(value: f32) -> Result<Caution, FieldError> {
@@ -134,7 +145,8 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
         start: convert::point(query.start.as_ref(), "query.start")?,
         goal: convert::point(query.goal.as_ref(), "query.goal")?,
         avoid: query.avoid.iter().map(leg_key).collect::<Result<_, _>>()?,
-        without: query.without.iter().map(|&ability| without(ability)).collect::<Result<_, _>>()?,
+        without: query.without.iter().map(|&ability| special(ability, "query.without")).collect::<Result<_, _>>()?,
+        prices: prices(&query.prices)?,
         caution: query.caution.map_or(Ok(Caution::CAREFUL), caution)?,
         stops: stops(&query.movers)?,
         attach: Attach::Several,
@@ -145,6 +157,10 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
 
 /// Converts a query to the wire.
 pub fn query_to_wire(query: &Query) -> wire::PathQuery {
+    let price = |(ability, price): (Ability, Seconds)| wire::AbilityPrice {
+        ability: convert::ability_to_wire(ability).into(),
+        seconds: price.0,
+    };
     let avoid = |leg: &LegKey| wire::LegEnds { from: stop_to_wire(leg.from), to: stop_to_wire(leg.to) };
     wire::PathQuery {
         start: Some(convert::to_wire(query.start)),
@@ -155,6 +171,7 @@ pub fn query_to_wire(query: &Query) -> wire::PathQuery {
         movers: query.stops.iter().copied().enumerate().map(stops_to_wire).collect(),
         zones: query.zones.iter().map(zones::zone_to_wire).collect(),
         tags: query.tags.iter().cloned().collect(),
+        prices: query.prices.iter().map(price).collect(),
     }
 }
 

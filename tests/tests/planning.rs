@@ -65,19 +65,20 @@ fn passes(plan: &wire::Plan, leg: &wire::Leg) -> bool {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn plans_do_without_abilities() {
+async fn plans_do_without_abilities_or_pay_for_them() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut client = planner_client(&planner).await;
     let (graph_id, _) = build_graph(&mut client, MAP).await;
     let vertices = get(&mut client, &graph_id).await.vertices;
     let pairs = || vertices.iter().zip(vertices.iter().cycle().skip(25));
-    let mut plans = async |without: Vec<Ability>| {
+    let mut plans = async |without: Vec<Ability>, prices: Vec<wire::AbilityPrice>| {
         let without: Vec<i32> = without.into_iter().map(i32::from).collect();
         let query = |(start, goal): (&Vec3, &Vec3)| wire::PathQuery {
             start: Some(*start),
             goal: Some(*goal),
             without: without.clone(),
+            prices: prices.clone(),
             ..Default::default()
         };
         let request = wire::FindPathsRequest {
@@ -92,14 +93,26 @@ async fn plans_do_without_abilities() {
         let is_jump = |leg: &&wire::Leg| matches!(leg.ability(), Ability::Jump | Ability::DoubleJump);
         plans.iter().flat_map(|plan| &plan.legs).filter(is_jump).count()
     };
-    let usual = plans(vec![]).await.unwrap();
-    let on_foot = plans(vec![Ability::Jump]).await.unwrap();
+    let usual = plans(vec![], vec![]).await.unwrap();
+    let on_foot = plans(vec![Ability::Jump], vec![]).await.unwrap();
     assert!(jumps(&usual) > 0 && jumps(&on_foot) == 0, "{} and {}", jumps(&usual), jumps(&on_foot));
     let found = |plans: &[wire::Plan]| plans.iter().filter(|plan| plan.found).count();
     assert!(found(&on_foot) <= found(&usual));
     for senseless in [Ability::Walk, Ability::Unspecified] {
-        let status = plans(vec![senseless]).await.unwrap_err();
+        let status = plans(vec![senseless], vec![]).await.unwrap_err();
         assert!(status.message().contains("query.without"), "{status}");
+    }
+    let price = |ability: Ability, seconds| wire::AbilityPrice { ability: ability.into(), seconds };
+    let dear = [Ability::Jump, Ability::DoubleJump].map(|ability| price(ability, 1000.0)).to_vec();
+    let rarely = plans(vec![], dear).await.unwrap();
+    assert!(jumps(&rarely) < jumps(&usual) && found(&rarely) == found(&usual), "where nothing else leads there");
+    for (wrong, field) in [
+        (price(Ability::Walk, 1.0), "query.prices.ability"),
+        (price(Ability::Jump, -1.0), "query.prices.seconds is -1; it must be between 0 and 1000"),
+        (price(Ability::Jump, f32::NAN), "query.prices.seconds"),
+    ] {
+        let status = plans(vec![], vec![wrong]).await.unwrap_err();
+        assert!(status.message().contains(field), "{status}");
     }
     planner.stop().await;
 }

@@ -40,7 +40,7 @@ pub use graph::{Edge, NavGraph};
 pub use ids::{EdgeKey, LegKey, Stop, VertexId};
 pub use needs::{Need, Needs, Ride};
 pub use plan::{Attach, Leg, NoPath, Plan, Query};
-pub use price::{Caution, EdgeCost, EdgeCosts};
+pub use price::{ABILITY_PRICES, AbilityPrices, Caution, EdgeCost, EdgeCosts};
 pub use ride_stops::RideStops;
 pub use search::{Router, Traffic};
 pub use settings::{

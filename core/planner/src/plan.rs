@@ -4,7 +4,7 @@ use crate::evidence::Evidence;
 use crate::ids::{EdgeKey, LegKey};
 use crate::legs::LegModel;
 use crate::needs::Needs;
-use crate::price::Caution;
+use crate::price::{AbilityPrices, Caution};
 use crate::zones::{Tags, Zones};
 use surefoot_world::{Ability, AbilitySet, Chance, Decisions, Seconds, StopSet, Vec3};
 
@@ -38,6 +38,8 @@ pub struct Query {
     pub avoid: Vec<LegKey>,
     /// Abilities that the plan must not use.
     pub without: AbilitySet,
+    /// What the plan pays for abilities, in addition to their time.
+    pub prices: AbilityPrices,
     /// How far the plan goes to keep the NPC alive.
     pub caution: Caution,
     /// The stops at which each mover of the map stands sooner or later; empty if all movers stand at all stops. See
@@ -54,12 +56,13 @@ pub struct Query {
 impl Query {
     /// A query for a careful plan that may use all abilities.
     pub fn new(start: Vec3, goal: Vec3) -> Self {
-        let (avoid, stops, zones, tags) = Default::default();
+        let (avoid, prices, stops, zones, tags) = Default::default();
         Self {
             start,
             goal,
             avoid,
             without: AbilitySet::default(),
+            prices,
             caution: Caution::CAREFUL,
             stops,
             attach: Attach::Several,
@@ -70,7 +73,8 @@ impl Query {
 
     /// Whether the query asks for a careful plan without restrictions other than zones: such plans can be looked up.
     pub(crate) fn is_usual(&self) -> bool {
-        self.avoid.is_empty() && self.without.is_empty() && self.caution == Caution::CAREFUL && self.stops.is_empty()
+        let allows_all = self.avoid.is_empty() && self.without.is_empty() && self.stops.is_empty();
+        allows_all && self.prices.is_empty() && self.caution == Caution::CAREFUL
     }
 }
 

@@ -1,8 +1,9 @@
 //! What searches minimise: the price of edges and unproved legs in decisions, and how much caution adds to it.
 
 use crate::ids::EdgeKey;
-use std::collections::HashMap;
-use surefoot_world::{Chance, Decisions};
+use std::collections::{BTreeMap, HashMap};
+use std::ops::RangeInclusive;
+use surefoot_world::{Ability, Chance, Decisions, Seconds};
 
 /// How far a plan goes to keep the NPC alive, from 0 (bold: a death costs no more than any failure) to 1 (careful).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +29,45 @@ impl Caution {
 impl Default for Caution {
     fn default() -> Self {
         Self::CAREFUL
+    }
+}
+
+/// What plans may pay for an ability, in addition to its time, s.
+pub const ABILITY_PRICES: RangeInclusive<f32> = 0.0..=1000.0;
+
+/// What a plan pays for each leg by its most demanding ability, in addition to the leg's time: detours up to this long
+/// are preferred.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct AbilityPrices(BTreeMap<Ability, Seconds>);
+
+impl AbilityPrices {
+    /// Adds to the price of an ability; false, and nothing is changed, unless both are in [`ABILITY_PRICES`] then.
+    pub fn add(&mut self, ability: Ability, price: Seconds) -> bool {
+        let sum = Seconds(self.seconds(ability).0 + price.0);
+        let is_valid = ABILITY_PRICES.contains(&price.0) && ABILITY_PRICES.contains(&sum.0);
+        if is_valid && sum.0 > 0.0 {
+            self.0.insert(ability, sum);
+        }
+        is_valid
+    }
+
+    /// Whether all abilities are free.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The abilities that have prices, s.
+    pub fn iter(&self) -> impl Iterator<Item = (Ability, Seconds)> {
+        self.0.iter().map(|(ability, price)| (*ability, *price))
+    }
+
+    fn seconds(&self, ability: Ability) -> Seconds {
+        self.0.get(&ability).copied().unwrap_or_default()
+    }
+
+    /// The price of an ability, in decisions.
+    pub(crate) fn of(&self, ability: Ability) -> f32 {
+        if self.0.is_empty() { 0.0 } else { self.seconds(ability).decisions().0 as f32 }
     }
 }
 

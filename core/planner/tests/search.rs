@@ -7,8 +7,10 @@ use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::price::{Caution, EdgeCost, EdgeCosts};
-use surefoot_planner::{Attach, Edge, EdgeKey, Leg, LegKey, NavGraph, NoPath, Plan, Query, Router, Stop, VertexId};
-use surefoot_world::{Ability, Vec3};
+use surefoot_planner::{
+    AbilityPrices, Attach, Edge, EdgeKey, Leg, LegKey, NavGraph, NoPath, Plan, Query, Router, Stop, VertexId,
+};
+use surefoot_world::{Ability, DECISION_SECONDS, Seconds, Vec3};
 
 fn edge(from: u32, to: u32, decisions: u32, successes: u32, tries: u32) -> Edge {
     let mut evidence = Evidence::default();
@@ -115,6 +117,50 @@ proptest! {
         let is_same = (with_labels - without_labels).abs() < 1.0e-2 * (1.0 + with_labels);
         prop_assert!(is_same, "{with_labels} and {without_labels}");
         prop_assert!(with.legs.iter().all(|leg| !barred.contains(&leg.key)));
+    }
+
+    /// Dijkstra's search over edges that cost as much more decisions as their price says.
+    #[test]
+    fn priced_plans_are_the_cheapest(
+        tuples in edges_strategy(),
+        jumps in prop::collection::btree_set((0..40u32, 0..40u32), 0..800),
+        (from, to) in (0..40u32, 0..40u32),
+        price in 0.0..20.0f32,
+    ) {
+        let mut edges = edges_of(tuples);
+        for edge in &mut edges {
+            if jumps.contains(&(edge.key.from.0, edge.key.to.0)) {
+                edge.evidence.ability = Ability::JUMP;
+            }
+        }
+        let graph = graph(scattered(40), edges);
+        let mut petgraph: DiGraph<(), f64> = DiGraph::new();
+        graph.vertices().for_each(|_| _ = petgraph.add_node(()));
+        let cost = |ability: Ability, cost: f64| {
+            cost + if ability == Ability::JUMP { f64::from(price / DECISION_SECONDS) } else { 0.0 }
+        };
+        for edge in graph.edges() {
+            let node = |vertex: VertexId| NodeIndex::new(vertex.idx());
+            let weight = cost(edge.evidence.ability, edge.evidence.cost());
+            petgraph.add_edge(node(edge.key.from), node(edge.key.to), weight);
+        }
+        let target = NodeIndex::new(to as usize);
+        let cheapest = dijkstra(&petgraph, NodeIndex::new(from as usize), Some(target), |edge| *edge.weight());
+        let mut prices = AbilityPrices::default();
+        prop_assert!(prices.add(Ability::JUMP, Seconds(price)));
+        let ends = [from, to].map(|vertex| graph.position(VertexId(vertex)));
+        // From vertex to vertex, without unproved legs.
+        let query = Query { prices, attach: Attach::Nearest, ..Query::new(ends[0], ends[1]) };
+        for label_limit in [4096, 0] {
+            let plan = Router::new(graph.clone(), label_limit, 1).find_path(&query);
+            let edges = plan.legs.iter().filter_map(|leg| leg.key.edge());
+            let evidence = edges.map(|key| graph.edge(key).unwrap().evidence);
+            let paid: f64 = evidence.map(|it| cost(it.ability, it.cost())).sum();
+            match cheapest.get(&target) {
+                Some(least) => prop_assert!((paid - least).abs() < 1.0e-3 * (1.0 + least), "{paid}, not {least}"),
+                None => prop_assert!(plan.no_path.is_some()),
+            }
+        }
     }
 
     #[test]
@@ -226,6 +272,34 @@ fn a_plan_does_without_excluded_abilities_with_and_without_labels() {
         let told = plan(&[Ability::ZIP_LINE], Vec3::new(120.0, 0.0, 0.0));
         assert_eq!(told.no_path, Some(NoPath::DifferentIslands));
         assert_eq!(told.nearest, Some(Vec3::new(60.0, 0.0, 0.0)), "as near as it gets without zip lines");
+    }
+}
+
+#[test]
+fn a_plan_pays_for_abilities_with_and_without_labels() {
+    let vertices = vec![Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0), Vec3::new(30.0, 0.0, 40.0)];
+    let edges = vec![edge_by(0, 1, Ability::JUMP), edge_by(0, 2, Ability::WALK), edge_by(2, 1, Ability::PAD)];
+    let graph = graph(vertices, edges);
+    for label_limit in [4096, 0] {
+        let router = Router::new(graph.clone(), label_limit, 1);
+        let used = |priced: &[(Ability, f32)]| -> Vec<Ability> {
+            let mut prices = AbilityPrices::default();
+            assert!(priced.iter().all(|(ability, price)| prices.add(*ability, Seconds(*price))));
+            let query = Query { prices, ..Query::new(Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0)) };
+            let plan = router.find_path(&query);
+            plan.legs.iter().filter(|leg| leg.key.edge().is_some()).map(|leg| leg.ability).collect()
+        };
+        // The detour has one leg more, and with it the time and the risk of one more.
+        let one_more = graph.edge(EdgeKey::new(0, 1)).unwrap().evidence.cost() as f32 * DECISION_SECONDS;
+        assert_eq!(used(&[]), [Ability::JUMP]);
+        assert_eq!(used(&[(Ability::JUMP, 0.9 * one_more)]), [Ability::JUMP]);
+        assert_eq!(used(&[(Ability::JUMP, 1.1 * one_more)]), [Ability::WALK, Ability::PAD]);
+        assert_eq!(used(&[(Ability::JUMP, 0.6 * one_more); 2]), [Ability::WALK, Ability::PAD], "prices add up");
+        assert_eq!(used(&[(Ability::JUMP, 1.1 * one_more), (Ability::PAD, 0.2 * one_more)]), [Ability::JUMP]);
+    }
+    let mut prices = AbilityPrices::default();
+    for wrong in [-1.0, 1000.1, f32::NAN, f32::INFINITY] {
+        assert!(!prices.add(Ability::JUMP, Seconds(wrong)) && prices.is_empty(), "{wrong}");
     }
 }
 

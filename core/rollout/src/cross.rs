@@ -35,7 +35,8 @@ impl Cross {
     pub fn action(&self, body: &Body, profile: &CharacterProfile) -> Action {
         let it = self.approach;
         let stands = body.is_grounded() && !body.is_carried();
-        if stands && body.feet.distance(it.to) < body.feet.distance(it.at) {
+        let has_crossed = stands && body.feet.distance(it.to) < body.feet.distance(it.at);
+        if has_crossed || it.is_past_anchor(body, profile) {
             return self.course.action(body, profile);
         }
         let start = it.start();

@@ -11,6 +11,7 @@ use crate::zone;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -20,7 +21,8 @@ use surefoot_planner::reachability;
 use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::search::many::{self, RankBy, SharedEnd};
 use surefoot_planner::{
-    AbilitySet, BuildError, BuildSettings, Built, Caution, EdgeCosts, NavGraph, Progress, Query, Router, VertexId,
+    ABILITY_PRICES, AbilityPrices, AbilitySet, BuildError, BuildSettings, Built, Caution, EdgeCosts, NavGraph,
+    Progress, Query, Router, VertexId,
 };
 use surefoot_report::render::View;
 use surefoot_rollout::{ProbeContext, graphs};
@@ -97,14 +99,31 @@ fn on_map(name: &str, at: [f64; 3], frame: Option<LevelFrame>) -> PyResult<Vec3>
     place(name, frame.map_or(at.as_vec3(), |frame| frame.to_map(at)).to_array())
 }
 
-fn query(graph: &NavGraph, [start, goal]: [Vec3; 2], without: &[String], caution: f32) -> PyResult<Query> {
+/// What the abilities cost that a query names, s.
+type Prices = BTreeMap<String, f32>;
+
+fn query(
+    graph: &NavGraph,
+    [start, goal]: [Vec3; 2],
+    without: &[String],
+    prices: &Prices,
+    caution: f32,
+) -> PyResult<Query> {
     let ability = |name: &String| {
         graph.ability_named(name).filter(|ability| *ability != Ability::WALK).ok_or_else(|| {
             let names: Vec<&str> = graph.abilities().skip(1).map(|(_, name)| name).collect();
-            value(format!("there is no ability {name} to rule out: there are {}", names.join(", ")))
+            value(format!("there is no ability {name} to rule out or to price: there are {}", names.join(", ")))
         })
     };
+    let mut priced = AbilityPrices::default();
+    for (name, price) in prices {
+        if !priced.add(ability(name)?, Seconds(*price)) {
+            let (least, most) = ABILITY_PRICES.into_inner();
+            return Err(value(format!("the price of {name} is {price}, but must be {least} to {most} s")));
+        }
+    }
     Ok(Query {
+        prices: priced,
         without: without.iter().map(ability).collect::<PyResult<AbilitySet>>()?,
         caution: Caution::new(caution).ok_or_else(|| value(format!("caution is {caution}, but must be 0 to 1")))?,
         ..Query::new(start, goal)
@@ -164,7 +183,8 @@ impl Graph {
     }
 
     #[pyo3(signature = (
-        start, goal, *, without = Vec::new(), caution = 1.0, coordinates = "map", zones = Vec::new(), tags = Vec::new()
+        start, goal, *, without = Vec::new(), prices = Prices::new(), caution = 1.0, coordinates = "map",
+        zones = Vec::new(), tags = Vec::new()
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn plan(
@@ -173,6 +193,7 @@ impl Graph {
         start: [f64; 3],
         goal: [f64; 3],
         without: Vec<String>,
+        prices: Prices,
         caution: f32,
         coordinates: &str,
         zones: Vec<Bound<'_, PyDict>>,
@@ -183,14 +204,14 @@ impl Graph {
         let query = Query {
             zones: zone::read(py, &zones, frame)?,
             tags: zone::read_tags(tags)?,
-            ..query(self.graph(), ends, &without, caution)?
+            ..query(self.graph(), ends, &without, &prices, caution)?
         };
         Ok(Plan::of(&py.detach(|| self.router.find_path(&query)), self.graph(), frame))
     }
 
     #[pyo3(signature = (
-        places, *, start = None, goal = None, by = "cost", best = None, without = Vec::new(), caution = 1.0,
-        coordinates = "map"
+        places, *, start = None, goal = None, by = "cost", best = None, without = Vec::new(),
+        prices = Prices::new(), caution = 1.0, coordinates = "map"
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn rank(
@@ -202,6 +223,7 @@ impl Graph {
         by: &str,
         best: Option<usize>,
         without: Vec<String>,
+        prices: Prices,
         caution: f32,
         coordinates: &str,
     ) -> PyResult<Vec<Arrival>> {
@@ -211,7 +233,7 @@ impl Graph {
             (None, Some(goal)) => (SharedEnd::Goal, on_map("goal", goal, frame)?),
             _ => return Err(value("either start or goal must be given")),
         };
-        let query = query(self.graph(), [end; 2], &without, caution)?;
+        let query = query(self.graph(), [end; 2], &without, &prices, caution)?;
         let by: RankBy = by.parse().map_err(|_| value(format!("by is {by}, but must be cost or seconds")))?;
         let places =
             places.into_iter().map(|place| on_map("a place", place, frame)).collect::<PyResult<Vec<Vec3>>>()?;
@@ -220,18 +242,22 @@ impl Graph {
         Ok(order.into_iter().map(|idx| Arrival::of(idx, &arrivals[idx])).collect())
     }
 
-    #[pyo3(signature = (start, seconds, *, without = Vec::new(), caution = 1.0, coordinates = "map"))]
+    #[pyo3(signature = (
+        start, seconds, *, without = Vec::new(), prices = Prices::new(), caution = 1.0, coordinates = "map"
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn reachable<'py>(
         &self,
         py: Python<'py>,
         start: [f64; 3],
         seconds: f32,
         without: Vec<String>,
+        prices: Prices,
         caution: f32,
         coordinates: &str,
     ) -> PyResult<VertexTimes<'py>> {
         let start = on_map("start", start, self.frame_of(coordinates)?)?;
-        let query = query(self.graph(), [start; 2], &without, caution)?;
+        let query = query(self.graph(), [start; 2], &without, &prices, caution)?;
         let reached = py.detach(|| self.router.reachable(&query, Seconds(seconds), &EdgeCosts::new()));
         let vertices = reached.iter().map(|reached| reached.vertex.0).collect();
         let times = reached.iter().map(|reached| reached.seconds.0).collect();

@@ -207,6 +207,7 @@ class Graph:
         goal: _Point,
         *,
         without: Sequence[str] = (),
+        prices: Mapping[str, float] = {},
         caution: float = 1.0,
         coordinates: Literal["map", "level"] = "map",
         zones: Sequence[_Zone] = (),
@@ -219,6 +220,7 @@ class Graph:
 
         `without` names abilities that the plan must not use (jump, double_jump, pad, zip_line,
         teleporter, jetpack, climb, mantle, swim, crouch, dash).
+        `prices` names abilities and what each leg that uses them costs in addition to its time, 0 to 1000 s.
         `caution` is 0 to 1: with 0 dying costs no more than any failure.
 
         `zones` are dicts with `name`, and `box` (two opposite corners) or `bottom`, `radius` and `height` (m). With
@@ -236,6 +238,7 @@ class Graph:
         by: Literal["cost", "seconds"] = "cost",
         best: int | None = None,
         without: Sequence[str] = (),
+        prices: Mapping[str, float] = {},
         caution: float = 1.0,
         coordinates: Literal["map", "level"] = "map",
     ) -> list[Arrival]:
@@ -251,6 +254,7 @@ class Graph:
         seconds: float,
         *,
         without: Sequence[str] = (),
+        prices: Mapping[str, float] = {},
         caution: float = 1.0,
         coordinates: Literal["map", "level"] = "map",
     ) -> tuple[_Indices, _Floats]:

@@ -159,6 +159,10 @@ def test_wrong_queries_are_refused(graph: surefoot.Graph) -> None:
         graph.plan((0, float("nan"), 0), (1, 1, 1))
     with pytest.raises(ValueError, match="no ability fly"):
         graph.plan((0, 0, 0), (1, 1, 1), without=["fly"])
+    with pytest.raises(ValueError, match="no ability fly"):
+        graph.plan((0, 0, 0), (1, 1, 1), prices={"fly": 3})
+    with pytest.raises(ValueError, match="the price of jump is -1"):
+        graph.plan((0, 0, 0), (1, 1, 1), prices={"jump": -1})
     with pytest.raises(ValueError, match="caution is 2"):
         graph.plan((0, 0, 0), (1, 1, 1), caution=2.0)
     with pytest.raises(ValueError, match="no vertex 60000"):

@@ -78,6 +78,7 @@ impl Router {
             None if caution == Caution::CAREFUL => careful,
             None => self.adjacency.cost(edge).at(caution),
         };
+        let price = price + search.query.prices.of(self.adjacency.ability(edge));
         price + search.zoned().map_or(0.0, |zoned| zoned.on_edge(edge))
     }
 

@@ -4,7 +4,7 @@
 //! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest
 //! vertex, which a query may ask for. A [`Router`] looks the path up in hub labels. It searches with A* while there
 //! are no labels, and if the path that was looked up uses an avoided or repriced edge, an ability that the query
-//! excludes, or an edge on which a zone lies.
+//! excludes or prices, or an edge on which a zone lies.
 
 pub(crate) mod adjacency;
 mod afar;
@@ -293,6 +293,7 @@ impl Router {
             self.is_open(search, *edge)
                 && (repriced.is_empty() || !repriced.contains_key(&self.adjacency.key(*edge)))
                 && zoned.is_none_or(|zoned| zoned.on_edge(*edge) == 0.0)
+                && query.prices.of(self.adjacency.ability(*edge)) == 0.0
         };
         if path.edges.iter().all(is_usual) { Some(path) } else { find(Some(labels)) }
     }

@@ -10,9 +10,11 @@ use crate::{Ability, DECISION_SECONDS, Vec3};
 const BEFORE_M: f32 = 0.4;
 const BEHIND_M: f32 = 3.0;
 /// How far behind an anchor, on the plane, a body may land, m.
-pub(super) const BEYOND_ANCHOR_M: f32 = 8.0;
+pub(super) const BEYOND_ANCHOR_M: f32 = 12.0;
 /// Least height of a climb, m: jumps and steps do what is lower.
 pub(super) const LEAST_CLIMB_M: f32 = 1.0;
+/// Distance on the plane at which an anchor lets a body go, m, and a little.
+const RELEASED_M: f32 = 1.2;
 /// How far before the place where it may end a move has ended, m.
 const PAST_M: f32 = 0.3;
 /// Run-up to a move that needs speed, and how far before a rim a body jumps, m.
@@ -64,11 +66,19 @@ impl Approach {
         match self.by.motion() {
             // After the next decision it would be too late.
             Motion::WallRun => body.is_grounded() && self.beyond(body.feet + body.velocity * DECISION_SECONDS) > -RIM_M,
-            Motion::Own => {
-                body.own.is_none() && profile.own_move(self.by).is_some_and(|it| it.motion == OwnMotion::Tether)
-            }
+            Motion::Own => body.own.is_none() && self.is_tether(profile) && !self.is_past_anchor(body, profile),
             _ => false,
         }
+    }
+
+    /// Whether a body that is pulled to an anchor has been there, and flies on.
+    pub fn is_past_anchor(&self, body: &Body, profile: &CharacterProfile) -> bool {
+        let left = self.beyond(self.toward) - BEYOND_ANCHOR_M - self.beyond(body.feet);
+        self.is_tether(profile) && body.own.is_none() && left <= RELEASED_M
+    }
+
+    fn is_tether(&self, profile: &CharacterProfile) -> bool {
+        profile.own_move(self.by).is_some_and(|it| it.motion == OwnMotion::Tether)
     }
 
     /// The action of a scripted body that stands where the move begins: straight on.

@@ -35,7 +35,7 @@ pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Ve
             DeviceKind::Jetpack => {}
         }
     }
-    spots.extend(crossings(map, profile).into_iter().flat_map(|crossing| [near(crossing.from), near(crossing.to)]));
+    spots.extend(spread(&crossings(map, profile)).flat_map(|crossing| [near(crossing.from), near(crossing.to)]));
     spots.extend(beside_movers(map));
     let mut scratch = MoveScratch::default();
     let apart = 0.5 * BESIDE_M;
@@ -50,6 +50,19 @@ pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Ve
         }
     }
     anchors.points().to_vec()
+}
+
+/// All of `items`, in an order in which those that follow one another lie far apart in `items`, so that the first few
+/// are a sample of all.
+fn spread<T>(items: &[T]) -> impl Iterator<Item = &T> {
+    let is_coprime = |step: &usize| gcd(*step, items.len()) == 1;
+    // Near the golden section, which spreads any number of them evenly.
+    let step = (items.len() * 382 / 1000..).find(is_coprime).unwrap_or(1);
+    (0..items.len()).map(move |idx| &items[idx * step % items.len()])
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 /// Distance from a mover at which an NPC waits for it, m.
