@@ -74,8 +74,8 @@ pub struct Generated {
     /// Features of a generated map: paper, all or none, followed by changes, such as all,lava=0,zip_lines=2
     #[arg(long, default_value = "paper", value_name = "LIST")]
     pub features: Features,
-    /// Kind of a generated map: terrain (the paper's), islands, interior, arena, tower or open; or one that needs moves:
-    /// keep, flooded, vents, rooftops or canyon
+    /// Kind of a generated map: terrain (the paper's), islands, interior, arena, tower or open; or one that needs
+    /// moves: keep, flooded, vents, rooftops or canyon
     #[arg(long, default_value = "terrain", value_name = "KIND")]
     pub kind: MapKind,
     /// Movers of a generated map: none or all, followed by changes, such as all,doors=0 or lifts,crates=2
