@@ -67,7 +67,7 @@ impl AbilityPrices {
 
     /// The price of an ability, in decisions.
     pub(crate) fn of(&self, ability: Ability) -> f32 {
-        if self.0.is_empty() { 0.0 } else { self.seconds(ability).decisions().0 as f32 }
+        self.seconds(ability).decisions().0 as f32
     }
 }
 

@@ -78,8 +78,9 @@ impl Router {
             None if caution == Caution::CAREFUL => careful,
             None => self.adjacency.cost(edge).at(caution),
         };
-        let price = price + search.query.prices.of(self.adjacency.ability(edge));
-        price + search.zoned().map_or(0.0, |zoned| zoned.on_edge(edge))
+        let prices = &search.query.prices;
+        let of_ability = if prices.is_empty() { 0.0 } else { prices.of(self.adjacency.ability(edge)) };
+        price + of_ability + search.zoned().map_or(0.0, |zoned| zoned.on_edge(edge))
     }
 
     fn bound(&self, heuristic: &Heuristic<'_>, vertex: VertexId) -> f32 {
