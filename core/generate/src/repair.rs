@@ -56,7 +56,7 @@ pub(crate) fn connect(
     }
     progress(Stage::Survey);
     for pass in 0..MAX_PASSES {
-        let reach = Reach::survey(&map, &profile, thread_count);
+        let reach = Reach::survey_for_repair(&map, &profile, thread_count);
         if pass == 0 {
             progress(Stage::Repair);
         }

@@ -11,7 +11,7 @@ use surefoot_world::navigable::NoGround;
 use surefoot_world::{Arrival, CharacterProfile, Map};
 
 /// Version of the builder. It changes whenever the same settings would yield a different graph.
-pub const BUILDER_VERSION: u32 = 18;
+pub const BUILDER_VERSION: u32 = 19;
 
 /// How vertices are placed and candidate edges are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, VariantArray, IntoStaticStr, EnumString)]

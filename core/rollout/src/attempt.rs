@@ -15,6 +15,7 @@ use crate::leap;
 use crate::rehearse::{Forecast, NoiseStream, RehearsalFailure, RehearsalStart};
 use crate::style::Style;
 use surefoot_planner::{Plan, Query};
+use surefoot_world::arrival::Rims;
 use surefoot_world::character::Body;
 use surefoot_world::crossings::{Approach, approach_between};
 use surefoot_world::{Ability, Arrival, CharacterProfile, Gait, Map, Npc, Trajectory, Vec3, around, arrival};
@@ -253,8 +254,8 @@ impl<F: Fn(Vec3, Vec3) -> bool> Ground for OnMap<'_, F> {
         starts.zip(&way).all(|(from, to)| (self.may_cross)(*from, *to)).then_some(way)
     }
 
-    fn rims(&self, from: Vec3, to: Vec3) -> Option<[Vec3; 2]> {
-        arrival::rims(self.map, self.profile, [from, to]).filter(|rims| leap::is_possible(*rims, to, self.profile))
+    fn rims(&self, from: Vec3, to: Vec3) -> Option<Rims> {
+        arrival::rims(self.map, self.profile, [from, to]).filter(|rims| leap::is_possible(rims, to, self.profile))
     }
 
     fn approach(&self, ends: [Vec3; 2], by: Ability) -> Option<Approach> {

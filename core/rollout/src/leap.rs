@@ -1,12 +1,13 @@
-//! Leaps over a gap, without the policy: straight to the rim, a jump at the last decision before it that arrives, and
-//! straight on from where the body lands.
+//! Leaps over a gap, without the policy: a run-up to the rim, backwards first if the body is too near, a jump after the
+//! decision from which it arrives best, and straight on from where the body lands.
 //!
 //! A leap knows both rims of its gap. It senses nothing, like [steering](crate::steer), and its rehearsal shows whether
 //! the NPC arrives so.
 
 use crate::steer::{BRAKE, Course, moving, turn_by};
+use surefoot_world::arrival::Rims;
 use surefoot_world::character::{Body, DASH_TICKS};
-use surefoot_world::float::{heading, hypot, wrapped};
+use surefoot_world::float::{heading, horizontal, hypot, wrapped};
 use surefoot_world::{Action, CharacterProfile, DECISION_SECONDS, TICK_SECONDS, TICKS_PER_DECISION, Vec3};
 
 /// Distance before the rim at which a body takes off, at least, m.
@@ -24,6 +25,23 @@ const ALIGN_M: f32 = 2.0;
 const BELOW_M: f32 = 0.5;
 /// Angle between facing and the leap up to which a body jumps, rad.
 const FACED: f32 = 0.35;
+/// Distance before the rim from which on a body turns on the spot, m.
+const TURN_M: f32 = 0.9;
+/// Speed up to which a body that was just put on the ground is not in flight, m/s, and its height above the rim, m.
+const SETTLING_SPEED: f32 = 0.6;
+const SETTLING_M: f32 = 0.3;
+/// Distance to the side of a leap up to which a body may take its run-up, m.
+const ASIDE_M: f32 = 0.25;
+/// Share of its speed with which a body goes back for a run-up.
+const BACK_SHARE: f32 = 0.6;
+/// Length that is added to the longest run-up, m.
+const RUN_UP_SLACK_M: f32 = 0.3;
+/// Most decisions of a run-up.
+const RUN_UP_DECISIONS: u32 = 8;
+/// Share of the reach of a round sole over a rim that a body counts on. At speed it slides off earlier.
+const LIP_SHARE: f32 = 0.5;
+/// Clearance above which more makes no difference, m.
+const ROOMY_M: f32 = 0.3;
 /// Least speed of a run-up, m/s.
 const LEAST_SPEED: f32 = 2.5;
 /// Places before the rim from which a leap is tried to see whether it is possible, m.
@@ -36,10 +54,8 @@ const AIR_JUMPS: [u32; 6] = [1, 2, 3, 4, 5, 6];
 /// A leap over the gap between two rims, and the leg that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leap {
-    /// The last place before the gap, m.
-    pub take_off: Vec3,
-    /// The first place beyond the gap, m.
-    pub landing: Vec3,
+    /// The rims of the gap.
+    pub rims: Rims,
     /// The course of the leg, which ends beyond the gap.
     pub course: Course,
 }
@@ -47,9 +63,9 @@ pub struct Leap {
 impl Leap {
     /// The action of a body on this leap.
     pub fn action(&self, body: &Body, profile: &CharacterProfile) -> Action {
-        let gap = Gap::of([self.take_off, self.landing], self.course.to);
+        let gap = Gap::of(&self.rims, self.course.to);
         let at = gap.along(body.feet);
-        let is_beyond = at > gap.width - TOE_M && body.feet.y > self.landing.y - BELOW_M;
+        let is_beyond = at > gap.width - TOE_M && body.feet.y > self.rims.landing.y - BELOW_M;
         if is_beyond && body.is_grounded() || body.is_carried() {
             return self.course.action(body, profile);
         }
@@ -57,9 +73,17 @@ impl Leap {
             return self.run_up(&gap, body, profile);
         }
         let flight = Flight::of(&gap, body, profile);
+        let is_settling = at < 0.0 && body.velocity.length() < SETTLING_SPEED && flight.height.abs() < SETTLING_M;
+        if is_settling {
+            return gap.turn(body, profile);
+        }
         let lands_before = at + flight.speed * flight.seconds_to(0.0).unwrap_or(0.0) < -RIM_M;
         if lands_before {
             return self.approach(&gap, body, profile);
+        }
+        if flight.may_jump_late(body, profile) && flight.clearance(&gap, profile, None).0 < 0.0 {
+            let jump = Flight { rising: profile.jump_speed, ..flight }.best(&gap, profile, air_jumps(profile));
+            return Action { jump: 1.0, ..gap.fly(jump.speed, body, profile) };
         }
         let goes_on = body.air_jumps_left > 0 || body.can_dash(profile);
         let air_jumps = goes_on.then_some(std::iter::once(0).chain(AIR_JUMPS));
@@ -73,26 +97,41 @@ impl Leap {
         let run = self.approach(gap, body, profile);
         let is_faced = wrapped(heading(gap.ahead) - body.yaw).abs() <= FACED;
         let here = Flight::of(gap, body, profile);
-        let wish = run.forward * profile.forward_speed;
-        let next = here.after_decision(wish, profile);
+        if !is_faced {
+            return if here.at > -TURN_M { gap.turn(body, profile) } else { run };
+        }
+        let next = here.after_decision(run.forward * profile.forward_speed, profile);
         let falls = Flight { at: 0.0, height: 0.0, speed: next.speed, rising: 0.0, ..here };
-        if !is_faced || falls.clearance(gap, profile, None).0 >= 0.0 {
+        let is_aligned = gap.aside(body.feet) < ASIDE_M || here.at > -ALIGN_M;
+        if falls.clearance(gap, profile, None).0 >= 0.0 || !is_aligned {
             return run;
         }
-        let best =
-            |flight: Flight| Flight { rising: profile.jump_speed, ..flight }.best(gap, profile, air_jumps(profile));
-        let now = best(here);
-        if next.at < -RIM_M && best(next).is_as_good(now) {
-            return run;
+        let sure = RunUp::best(here, gap, profile, 0.0);
+        if sure.is_none() && here.at > -self.longest_run_up(profile) && here.speed < LEAST_SPEED {
+            return gap.fly(-BACK_SHARE * profile.forward_speed, body, profile);
         }
-        Action { jump: 1.0, ..gap.fly(now.speed, body, profile) }
+        match sure.or_else(|| RunUp::best(here, gap, profile, lip(profile))) {
+            Some(RunUp { decisions: 0, throw, .. }) => Action { jump: 1.0, ..gap.fly(throw.speed, body, profile) },
+            Some(run_up) => gap.fly(run_up.speed, body, profile),
+            // No leap of this body clears the gap.
+            None if here.at > -TURN_M => gap.turn(body, profile),
+            None => run,
+        }
+    }
+
+    /// How far from the rim a run-up begins, at most, m: where a body at rest reaches its top speed one stride before
+    /// the rim, if there is room.
+    fn longest_run_up(&self, profile: &CharacterProfile) -> f32 {
+        let speed = profile.forward_speed;
+        let full = 0.5 * speed * speed / profile.ground_acceleration + speed * DECISION_SECONDS + RUN_UP_SLACK_M;
+        full.min(self.rims.run_up_m)
     }
 
     /// The action of a body that runs to the gap, as fast as the leap needs.
     fn approach(&self, gap: &Gap, body: &Body, profile: &CharacterProfile) -> Action {
         let is_far = gap.along(body.feet) < -ALIGN_M;
         let (to, then) =
-            if is_far { (self.take_off, self.course.to) } else { (self.course.to, self.course.to + gap.ahead) };
+            if is_far { (self.rims.take_off, self.course.to) } else { (self.course.to, self.course.to + gap.ahead) };
         let course = Course { then: Some(then), ..Course::straight(to) };
         let run = course.action(body, profile);
         let wish = hypot(run.forward, run.strafe * profile.side_speed_share);
@@ -106,15 +145,21 @@ impl Leap {
 }
 
 /// Whether a body that takes its run-up clears the gap between two rims on a leg that ends at `to`, m.
-pub fn is_possible(rims: [Vec3; 2], to: Vec3, profile: &CharacterProfile) -> bool {
-    let gap = Gap::of(rims, to);
-    let (rising, drop) = (profile.jump_speed, profile.gravity);
-    TRIED_M.into_iter().any(|before| {
-        [gap.run_up_speed(profile), profile.forward_speed].into_iter().any(|speed| {
-            let flight = Flight { at: -before, height: 0.0, speed, rising, drop };
-            flight.best(&gap, profile, air_jumps(profile)).clearance >= 0.0
+pub fn is_possible(rims: &Rims, to: Vec3, profile: &CharacterProfile) -> bool {
+    let (gap, lip) = (Gap::of(rims, to), lip(profile));
+    [gap.run_up_speed(profile), profile.forward_speed].into_iter().any(|speed| {
+        let latest = -lip - 0.9 * speed * late_s(profile);
+        TRIED_M.into_iter().chain([latest]).any(|before| {
+            let run = Flight { at: -before, height: 0.0, speed, rising: 0.0, drop: profile.gravity };
+            let jump = run.leaves_ground(profile, lip);
+            jump.is_some_and(|jump| jump.best(&gap, profile, air_jumps(profile)).clearance >= -(lip + BEYOND_M))
         })
     })
+}
+
+/// Time after the ground has ended within which a body can jump in a decision, s.
+fn late_s(profile: &CharacterProfile) -> f32 {
+    f32::from(profile.coyote_ticks.saturating_sub(1)) * TICK_SECONDS
 }
 
 /// Decisions after a jump from the ground at which a body may jump in the air, or dash.
@@ -138,7 +183,7 @@ struct Gap {
 }
 
 impl Gap {
-    fn of([take_off, landing]: [Vec3; 2], to: Vec3) -> Self {
+    fn of(&Rims { take_off, landing, .. }: &Rims, to: Vec3) -> Self {
         let ahead = (to - take_off).with_y(0.0).normalize_or_zero();
         let along = |at: Vec3| (at - take_off).dot(ahead);
         let width = along(landing);
@@ -149,6 +194,11 @@ impl Gap {
     /// How far a place is beyond the near rim, m.
     fn along(&self, at: Vec3) -> f32 {
         (at - self.take_off).dot(self.ahead)
+    }
+
+    /// How far a place is to the side of the line of the leap, m.
+    fn aside(&self, at: Vec3) -> f32 {
+        horizontal(at - self.take_off - self.ahead * self.along(at))
     }
 
     /// The action of a body in flight that aims at `speed`, m/s, along the leap, and faces a place beyond the landing.
@@ -162,6 +212,13 @@ impl Gap {
         Action { turn: turn / most, ..moving(aside, speed / profile.forward_speed, profile) }
     }
 
+    /// The action of a body that stops and faces the leap.
+    fn turn(&self, body: &Body, profile: &CharacterProfile) -> Action {
+        let most = profile.turn_speed * DECISION_SECONDS;
+        let turn = turn_by(wrapped(heading(self.ahead) - body.yaw), most);
+        Action { turn: turn / most, ..Action::default() }
+    }
+
     /// Speed at the rim with which a body lands where it aims, m/s.
     fn run_up_speed(&self, profile: &CharacterProfile) -> f32 {
         let flight = Flight { at: -RIM_M, height: 0.0, speed: 0.0, rising: profile.jump_speed, drop: profile.gravity };
@@ -171,6 +228,58 @@ impl Gap {
         let speed = seconds.map_or(profile.forward_speed, |seconds| (self.aim + RIM_M) / seconds);
         speed.clamp(LEAST_SPEED.min(profile.forward_speed), profile.forward_speed)
     }
+}
+
+/// A run to the rim before a gap, and the jump there.
+#[derive(Debug, Clone, Copy)]
+struct RunUp {
+    /// Speed at which the body aims, m/s.
+    speed: f32,
+    /// Decisions until it jumps.
+    decisions: u32,
+    throw: Throw,
+}
+
+impl RunUp {
+    /// The best run-up of a body on the ground that clears the gap. If possible, it is slow enough to land where the
+    /// body aims. The body stands up to `lip` metres over both rims.
+    fn best(here: Flight, gap: &Gap, profile: &CharacterProfile, lip: f32) -> Option<Self> {
+        let (slow, top) = (gap.run_up_speed(profile), profile.forward_speed);
+        let mut best: Option<Self> = None;
+        for speed in [slow, 0.5 * (slow + top), top] {
+            let least = if lip > 0.0 { -(lip + BEYOND_M) } else { 0.0 };
+            let runs = Self::all((here, speed), gap, profile, lip).filter(|run| run.throw.clearance >= least);
+            let jumps = runs.filter(|run| best.is_none_or(|best| run.throw.is_better(best.throw)));
+            best = jumps.reduce(|a, b| if a.throw.is_better(b.throw) { a } else { b }).or(best);
+            if best.is_some_and(|best| best.throw.air_jump.is_none() && best.throw.clearance >= ROOMY_M) {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The run-ups at this speed, with a jump after each decision. A kerb that the body cannot step onto ends them.
+    fn all(
+        (here, speed): (Flight, f32),
+        gap: &Gap,
+        profile: &CharacterProfile,
+        lip: f32,
+    ) -> impl Iterator<Item = Self> {
+        let states = std::iter::successors(Some(here), move |run| Some(run.after_decision(speed, profile)));
+        let kerb = if gap.rise > profile.step_height { gap.width - profile.radius } else { f32::INFINITY };
+        (0..RUN_UP_DECISIONS).zip(states).map_while(move |(decisions, run)| {
+            if decisions > 0 && run.at > kerb {
+                return None;
+            }
+            let throw = run.leaves_ground(profile, lip)?.best(gap, profile, air_jumps(profile));
+            Some(Self { speed, decisions, throw })
+        })
+    }
+}
+
+/// How far a body stands over a rim, m, before its sole slides off: the sole is round.
+fn lip(profile: &CharacterProfile) -> f32 {
+    LIP_SHARE * profile.radius * libm::sinf(profile.max_slope)
 }
 
 /// A body in flight along a gap.
@@ -200,10 +309,10 @@ struct Throw {
 }
 
 impl Throw {
-    /// Whether a flight is as good as another: one that clears the gap, and without a jump in the air.
-    fn is_as_good(self, other: Self) -> bool {
-        let rank = |throw: Self| (throw.clearance >= 0.0, throw.clearance >= 0.0 && throw.air_jump.is_none());
-        rank(self) >= rank(other)
+    /// Whether a flight is better than another: without a jump in the air, or with more room at the far rim.
+    fn is_better(self, other: Self) -> bool {
+        let rank = |throw: Self| (throw.clearance >= 0.0 && throw.air_jump.is_none(), throw.clearance.min(ROOMY_M));
+        rank(self) > rank(other)
     }
 }
 
@@ -216,6 +325,21 @@ impl Flight {
             rising: body.velocity.y,
             drop: profile.gravity,
         }
+    }
+
+    /// The body when it jumps from here, where the ground ends `lip` metres beyond the rim. A body still jumps shortly
+    /// after that; `None` if it is too late.
+    fn leaves_ground(self, profile: &CharacterProfile, lip: f32) -> Option<Self> {
+        let late = (self.at - lip).max(0.0) / self.speed.max(f32::EPSILON);
+        let over = self.at.clamp(0.0, lip);
+        let sunk = profile.radius - (profile.radius * profile.radius - over * over).sqrt();
+        let height = self.height.min(-sunk) - 0.5 * self.drop * late * late;
+        (late <= late_s(profile)).then_some(Self { height, rising: profile.jump_speed, ..self })
+    }
+
+    /// Whether the body has just run over the rim and can still jump from there.
+    fn may_jump_late(self, body: &Body, profile: &CharacterProfile) -> bool {
+        self.at >= -RIM_M && self.rising <= 0.0 && body.ticks_in_air < profile.coyote_ticks
     }
 
     /// The body after a decision on the ground in which it wants this speed, m/s.

@@ -320,10 +320,7 @@ fn style_of(trial: &Trial, world: &World) -> Style {
         Manner::OnFoot => Style::for_leg(Ability::WALK),
         Manner::Steered => {
             let cross = || Some(Style::Cross(Cross { approach: approach_between(map, profile, ends, None)?, course }));
-            let leap = || {
-                let [take_off, landing] = arrival::rims(map, profile, ends)?;
-                Some(Style::Leap(Leap { take_off, landing, course }))
-            };
+            let leap = || Some(Style::Leap(Leap { rims: arrival::rims(map, profile, ends)?, course }));
             cross().or_else(leap).unwrap_or(Style::Walk(course))
         }
     }

@@ -4,6 +4,7 @@ use super::stage::of_boxes;
 use std::f32::consts::FRAC_PI_2;
 use surefoot_rollout::leap::Leap;
 use surefoot_rollout::steer::Course;
+use surefoot_world::arrival::{RUN_UP_M, Rims};
 use surefoot_world::map::MapSize;
 use surefoot_world::{Ability, CharacterProfile, Gait, TaskConfig, Vec3, World};
 
@@ -34,7 +35,8 @@ fn leap(profile: &CharacterProfile, width: f32, rise: f32, run_up: f32) -> Leapt
     let mut world = World::new(of_boxes(size, boxes), profile.clone(), TaskConfig::default());
     let slot = world.spawn(Vec3::new(20.0 - run_up, FLOOR, 10.0), FRAC_PI_2);
     let course = Course { to: far + Vec3::X * 4.0, then: None, cuts: false, gait: Gait::DEFAULT, around: None };
-    let leap = Leap { take_off: Vec3::new(19.9, FLOOR, 10.0), landing: far + Vec3::X * 0.1, course };
+    let (take_off, landing) = (Vec3::new(19.9, FLOOR, 10.0), far + Vec3::X * 0.1);
+    let leap = Leap { rims: Rims { take_off, landing, run_up_m: RUN_UP_M }, course };
     let mut leapt = Leapt::default();
     for decision in 0..40 {
         let body = world.npc(slot).unwrap().body;

@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 
 /// Distance between two points of a walk at which the ground is searched, m.
 const STRIDE_M: f32 = 0.25;
+/// Halvings of a stride in which a rim is found: to about 2 cm.
+const RIM_BISECTIONS: u32 = 4;
 /// Height up to which a body still stands on the ground, m: the lowest point of a capsule on a slope is not above the
 /// ground that it touches.
 const SLACK_M: f32 = 0.25;
@@ -171,17 +173,36 @@ pub fn is_lane(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2], mar
     })
 }
 
-/// The rims of the only gap or ledge on the straight way from one place on a map to another, m: the last place before
-/// it to which a body could walk, and the first one behind it from which it could walk on. `None` if the body could
+/// The rims of a gap or ledge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rims {
+    /// The last place before it to which a body could walk, m.
+    pub take_off: Vec3,
+    /// The first place behind it from which a body could walk on, m.
+    pub landing: Vec3,
+    /// How far a body could walk back from the take-off, away from the landing, m: at most [`RUN_UP_M`].
+    pub run_up_m: f32,
+}
+
+/// Longest run-up before a gap, m.
+pub const RUN_UP_M: f32 = 5.0;
+
+/// The rims of the only gap or ledge on the straight way from one place on a map to another. `None` if the body could
 /// walk all the way, and if what lies between is higher than a jump.
-pub fn rims(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2]) -> Option<[Vec3; 2]> {
+pub fn rims(map: &Map, profile: &CharacterProfile, [from, to]: [Vec3; 2]) -> Option<Rims> {
     let place = Place { map, movers: &Movers::default(), profile };
     let offset = (to - from).with_y(0.0);
+    let ahead = offset.normalize_or_zero();
     let ((_, near), (_, far)) = (place.walkable(from, offset), place.walkable(to, -offset));
-    let width = (far - near).dot(offset.normalize_or_zero());
-    let top = near.y.max(far.y) + 0.5 * profile.least_height();
-    let is_open = || [top, top + profile.jump_height()].into_iter().any(|height| is_open_at(map, near, far, height));
-    (width > 0.0 && width < horizontal(offset) && is_open()).then_some([near, far])
+    let (take_off, landing) = (place.rim(near, ahead), place.rim(far, -ahead));
+    let width = (landing - take_off).dot(ahead);
+    let top = take_off.y.max(landing.y) + 0.5 * profile.least_height();
+    let heights = [top, top + profile.jump_height()];
+    let is_open = || heights.into_iter().any(|height| is_open_at(map, take_off, landing, height));
+    (width > 0.0 && width < horizontal(offset) && is_open()).then(|| {
+        let (run_up_m, _) = place.walkable(take_off, -ahead * RUN_UP_M);
+        Rims { take_off, landing, run_up_m }
+    })
 }
 
 /// Whether the ground at a place is dry, and no device is there.
@@ -326,6 +347,27 @@ impl Place<'_> {
             feet = next;
         }
         (offset.length(), feet)
+    }
+
+    /// Where the ground ends within a stride from a place, to about 2 cm; the place itself if it goes on.
+    fn rim(self, feet: Vec3, ahead: Vec3) -> Vec3 {
+        let rise = step(self.profile);
+        let ground = |along: f32| {
+            let above = feet + ahead * along + Vec3::Y * rise;
+            Some(above - Vec3::Y * self.ground_below(above, 2.0 * rise)?)
+        };
+        if ground(STRIDE_M).is_some() {
+            return feet;
+        }
+        let (mut rim, mut low, mut high) = (feet, 0.0, STRIDE_M);
+        for _ in 0..RIM_BISECTIONS {
+            let middle = 0.5 * (low + high);
+            match ground(middle) {
+                Some(place) => (rim, low) = (place, middle),
+                None => high = middle,
+            }
+        }
+        rim
     }
 
     /// Whether nothing solid lies between bodies at two places.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use surefoot_world::around::walk_around;
-use surefoot_world::arrival::{rims, walks_straight};
+use surefoot_world::arrival::{RUN_UP_M, Rims, rims, walks_straight};
 use surefoot_world::character::bodies::NamedBody;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Placed};
@@ -85,10 +85,13 @@ fn there_is_no_walk_where_none_is_short_or_the_ground_ends() {
 fn a_gap_and_a_ledge_have_two_rims_and_other_ways_have_none() {
     let body = CharacterProfile::default();
     let gap = map(&[slab(0.0, 10.0, 0.0), slab(13.0, 24.0, -0.5)]);
-    let [near, far] = rims(&gap, &body, [at(4.0, 8.0), at(20.0, 8.0) - Vec3::Y * 0.5]).expect("a gap");
+    let Rims { take_off: near, landing: far, run_up_m } =
+        rims(&gap, &body, [at(4.0, 8.0), at(20.0, 8.0) - Vec3::Y * 0.5]).expect("a gap");
     assert!((near.x - 10.0).abs() < 0.3 && (far.x - 13.0).abs() < 0.3, "{near} {far}");
+    assert_eq!(run_up_m, RUN_UP_M);
     let ledge = map(&[slab(0.0, 12.0, 0.0), slab(12.0, 24.0, 1.5)]);
-    let [near, far] = rims(&ledge, &body, [at(4.0, 8.0), at(20.0, 8.0) + Vec3::Y * 1.5]).expect("a ledge");
+    let Rims { take_off: near, landing: far, .. } =
+        rims(&ledge, &body, [at(4.0, 8.0), at(20.0, 8.0) + Vec3::Y * 1.5]).expect("a ledge");
     assert!((near.x - 12.0).abs() < 0.8 && (far.x - 12.0).abs() < 0.3, "{near} {far}");
     assert_eq!(far.y - near.y, 1.5);
     let flat = map(&[slab(0.0, 24.0, 0.0)]);

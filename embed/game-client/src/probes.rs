@@ -125,6 +125,10 @@ impl ProbeExecutor for InGame<'_> {
         });
         Some(results.into_iter().collect::<Option<Vec<_>>>()?.into_iter().flatten().collect())
     }
+
+    fn steers_leaps(&self) -> bool {
+        false
+    }
 }
 
 /// The NPCs of one environment. Each runs one trial after another.

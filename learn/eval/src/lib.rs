@@ -24,7 +24,7 @@ pub mod variants;
 
 pub use config::{EvalConfig, EvalError, Method, Price, Shard};
 pub use intervals::Interval;
-pub use maps::{EvalMap, MapName};
+pub use maps::{EvalMap, GoalArea, MapName};
 pub(crate) use reachable::{Terrain, is_on_foot, reachable};
 pub use report::{Calibration, MapReport, Rate, Report, Success};
 pub use run::{evaluate, missing, run_units};

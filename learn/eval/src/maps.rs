@@ -16,7 +16,19 @@ pub enum EvalMap {
         name: String,
         /// The map.
         map: Arc<Map>,
+        /// Where its goals come from.
+        goals: GoalArea,
     },
+}
+
+/// The part of a level from which starts and goals are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GoalArea {
+    /// The playable area: the largest region of ground that the body can leave and come back to.
+    Playable,
+    /// All ground, roofs and closed rooms included.
+    Anywhere,
 }
 
 /// What reports call a map: the seed that it was generated from, or the name of the level.
@@ -56,7 +68,8 @@ impl EvalMap {
     pub(super) fn identity(&self) -> String {
         match self {
             Self::Generated(spec) => format!("{spec:?}"),
-            Self::Level { map, .. } => map.hash().to_hex(),
+            Self::Level { map, goals: GoalArea::Anywhere, .. } => map.hash().to_hex(),
+            Self::Level { map, goals: GoalArea::Playable, .. } => format!("{} playable", map.hash().to_hex()),
         }
     }
 

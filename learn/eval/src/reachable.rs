@@ -7,6 +7,7 @@ use std::collections::HashMap;
 use surefoot_planner::Router;
 use surefoot_rollout::Goal;
 use surefoot_world::character::MoveScratch;
+use surefoot_world::reach::ground::walks_straight;
 use surefoot_world::reach::leap::{self, Leap};
 use surefoot_world::reach::{IslandGraph, Reach, reached};
 use surefoot_world::{CharacterProfile, Map, Vec3};
@@ -23,6 +24,14 @@ pub(crate) struct Terrain<'a> {
     pub map: &'a Map,
     pub profile: &'a CharacterProfile,
     pub reach: &'a Reach,
+}
+
+impl Terrain<'_> {
+    /// The island of ground to which a walk leads from a place.
+    fn island(&self, place: Vec3, scratch: &mut MoveScratch) -> Option<u32> {
+        let ground = &self.reach.ground;
+        ground.walk_from(self.map, self.profile, place, scratch).map(|idx| ground.cells()[idx].island)
+    }
 }
 
 /// Whether links of the survey, proved edges and leaps beside places off the grid lead from each start to its goal.
@@ -45,9 +54,35 @@ pub(crate) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &
 }
 
 /// Whether start and goal are on the same island of ground, where a walk connects all places.
-pub(crate) fn is_on_foot(reach: &Reach, goal: &Goal) -> bool {
-    let island = |place: Vec3| reach.ground.at(place).map(|cell| cell.island);
-    island(goal.start).is_some_and(|start| island(goal.goal) == Some(start))
+pub(crate) fn is_on_foot(terrain: &Terrain<'_>, goal: &Goal) -> bool {
+    let mut scratch = MoveScratch::default();
+    let [start, end] = [goal.start, goal.goal].map(|place| terrain.island(place, &mut scratch));
+    start.is_some() && start == end
+}
+
+/// The playable area of a map: the largest region of ground that a body can leave and come back to.
+pub(crate) struct PlayableArea<'a> {
+    terrain: &'a Terrain<'a>,
+    /// For each island, whether it belongs to the area.
+    holds: Vec<bool>,
+    /// Share of the ground, 0 to 1.
+    pub share: f64,
+}
+
+impl<'a> PlayableArea<'a> {
+    pub fn of(terrain: &'a Terrain<'a>) -> Self {
+        let regions = terrain.reach.regions(|_| true);
+        let largest = regions.largest();
+        let cell_count = terrain.reach.ground.cells().len().max(1) as f64;
+        let holds = regions.of_island.iter().map(|&region| region == largest).collect();
+        let share = regions.cell_counts.get(largest as usize).map_or(0.0, |&count| count as f64 / cell_count);
+        Self { terrain, holds, share }
+    }
+
+    /// Whether a place belongs to the area.
+    pub fn contains(&self, place: Vec3, scratch: &mut MoveScratch) -> bool {
+        self.terrain.island(place, scratch).is_some_and(|island| self.holds[island as usize])
+    }
 }
 
 /// Islands, followed by places off the grid, and the ways from one to another.
@@ -56,17 +91,18 @@ struct Nodes<'a> {
     graph: IslandGraph,
     /// Places off the grid, in the order of their nodes.
     places: Vec<Vec3>,
+    scratch: MoveScratch,
 }
 
 impl<'a> Nodes<'a> {
     fn new(terrain: &'a Terrain<'a>) -> Self {
-        Self { terrain, graph: terrain.reach.graph(|_| true), places: Vec::new() }
+        Self { terrain, graph: terrain.reach.graph(|_| true), places: Vec::new(), scratch: MoveScratch::default() }
     }
 
     /// The node of a place: its island, or a node of its own.
     fn of(&mut self, place: Vec3) -> u32 {
-        if let Some(cell) = self.terrain.reach.ground.at(place) {
-            return cell.island;
+        if let Some(island) = self.terrain.island(place, &mut self.scratch) {
+            return island;
         }
         self.places.push(place);
         self.graph.add_node(()).index() as u32
@@ -111,9 +147,13 @@ impl<'a> Nodes<'a> {
     }
 }
 
-/// Whether a scripted body gets from one place to another near it.
+/// Whether a scripted body gets from one place to another near it, or so near that it can walk on.
 fn leads(Terrain { map, profile, .. }: &Terrain<'_>, from: Vec3, to: Vec3, scratch: &mut MoveScratch) -> bool {
     let double = (profile.extra_jumps > 0).then_some(Leap::DoubleJump);
     let mut leaps = [Some(Leap::Jump), Some(Leap::Run), double].into_iter().flatten();
-    leaps.any(|leap| leap::land(map, profile, from, to, leap, scratch).is_some_and(|at| at.distance(to) < THERE_M))
+    walks_straight(map, profile, from, to, scratch)
+        || leaps.any(|leap| {
+            let landed = leap::land(map, profile, from, to, leap, scratch);
+            landed.is_some_and(|at| at.distance(to) < THERE_M && walks_straight(map, profile, at, to, scratch))
+        })
 }

@@ -153,6 +153,10 @@ impl MotionReport {
 pub struct MapReport {
     /// Seed of a generated map, name of a level.
     pub map: MapName,
+    /// Share of the ground that belongs to the playable area, from which goals were drawn; absent if they come from
+    /// everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub playable: Option<f64>,
     /// Share of goals that a survey or a proved edge connects with their start.
     pub reachable: f64,
     /// Share of the reachable goals that were reached.
@@ -169,6 +173,12 @@ pub struct MapReport {
     pub told: Option<f64>,
     /// Share of the attempts at unreachable goals that came to harm; null without such goals.
     pub died_unreachable: Option<f64>,
+    /// Median number of plans of the attempts at unreachable goals; absent without such goals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plans_unreachable: Option<f64>,
+    /// Median duration of the attempts at unreachable goals, s; absent without such goals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds_unreachable: Option<f64>,
 }
 
 /// How often NPCs arrive, or arrive as planned, by the promised chance of their plans.
@@ -243,8 +253,13 @@ impl MapReport {
             let total = ends().count();
             (total > 0).then(|| ends().filter(|&&(_, end)| counts(end)).count() as f64 / total as f64)
         };
+        let unreachable: Vec<&AttemptResult> = of_map()
+            .flat_map(|unit| unit.reachable.iter().zip(&unit.attempts))
+            .filter_map(|(reachable, attempt)| (!reachable).then_some(attempt))
+            .collect();
         Self {
             map: map.clone(),
+            playable: of_map().find_map(|unit| unit.playable),
             reachable: all.iter().filter(|(reachable, _)| *reachable).count() as f64 / all.len().max(1) as f64,
             success_reachable: share(true, |end| end == End::Reached).unwrap_or_default(),
             died: share(true, End::is_harm).unwrap_or_default(),
@@ -252,8 +267,19 @@ impl MapReport {
             calibration_as_planned: Calibration::of_plans(of_map().flat_map(|unit| &unit.attempts)),
             told: share(false, |end| end == End::Unreachable),
             died_unreachable: share(false, End::is_harm),
+            plans_unreachable: median(unreachable.iter().map(|attempt| f64::from(attempt.plans))),
+            seconds_unreachable: median(
+                unreachable.iter().map(|attempt| f64::from(attempt.decisions) * f64::from(DECISION_SECONDS)),
+            ),
         }
     }
+}
+
+/// The median of values, the upper one of an even number; `None` without values.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 /// Summarises units.

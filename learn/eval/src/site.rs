@@ -1,8 +1,8 @@
 //! Runs units: surveys a map, builds its graph, and attempts all goals.
 
 use super::config::{EvalConfig, EvalError, Method, Price};
-use super::maps::{EvalMap, MapName};
-use super::reachable::{Terrain, is_on_foot, reachable};
+use super::maps::{EvalMap, GoalArea, MapName};
+use super::reachable::{PlayableArea, Terrain, is_on_foot, reachable};
 use super::record::Record;
 use super::unit::{Batch, GraphFigures, Unit};
 use rand::SeedableRng;
@@ -25,6 +25,7 @@ use surefoot_rollout::ProbeContext;
 use surefoot_rollout::attempts::{Figures, GuideTimes};
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{AttemptResult, FollowConfig, Goal, Motion, Rollout};
+use surefoot_world::character::MoveScratch;
 use surefoot_world::reach::Reach;
 use surefoot_world::{Arrival, CharacterProfile, End, Gait, Map, TaskConfig, navigable};
 
@@ -135,6 +136,7 @@ fn of_other_shard(config: &EvalConfig, choice: &EvalMap, seed: u64) -> Unit {
         attempts: vec![AttemptResult::without_plans(End::NoProgress, 0, 0.0); config.goals],
         motion: Default::default(),
         graph: None,
+        playable: None,
     }
 }
 
@@ -228,6 +230,8 @@ struct Site<'a> {
     map: &'a Arc<Map>,
     reach: &'a Reach,
     router: Option<(Router, BuildStats)>,
+    /// Share of the ground from which the goals come, if that is not all.
+    playable: Option<f64>,
     goals: Vec<Goal>,
     seed: u64,
 }
@@ -241,7 +245,12 @@ impl<'a> Site<'a> {
         seed: u64,
     ) -> Result<Self, EvalError> {
         let EvalConfig { profile, distance, goals, .. } = config;
-        let goals = draw_goals((&surveyed.map, choice), profile, distance, *goals, seed)?;
+        let terrain = Terrain { map: &surveyed.map, profile, reach: &surveyed.reach };
+        let area = PlayableArea::of(&terrain);
+        let is_limited = matches!(choice, EvalMap::Level { goals: GoalArea::Playable, .. });
+        let playable = is_limited.then_some(area.share);
+        let within = is_limited.then_some(&area);
+        let goals = draw_goals((&surveyed.map, choice), (profile, within), distance, *goals, seed)?;
         let built = match config.method {
             Method::Policy => None,
             Method::Graph(settings) => Some(match &config.graph {
@@ -257,7 +266,7 @@ impl<'a> Site<'a> {
             (Router::new(graph, DEFAULT_LABEL_LIMIT, config.thread_count), built.stats)
         });
         let Surveyed { map, reach, .. } = surveyed;
-        Ok(Self { policy, config, name: choice.name(), map, reach, router, goals, seed })
+        Ok(Self { policy, config, name: choice.name(), map, reach, router, playable, goals, seed })
     }
 
     fn router(&self) -> Option<&Router> {
@@ -302,10 +311,11 @@ impl<'a> Site<'a> {
             seed: self.seed,
             distances: self.goals.iter().map(Goal::distance).collect(),
             reachable,
-            on_foot: self.goals.iter().map(|goal| is_on_foot(self.reach, goal)).collect(),
+            on_foot: self.goals.iter().map(|goal| is_on_foot(&terrain, goal)).collect(),
             attempts,
             motion,
             graph,
+            playable: self.playable,
         })
     }
 
@@ -358,14 +368,21 @@ impl<'a> Site<'a> {
 /// If the map has no ground for the body, or too few goals at these distances.
 pub fn draw_goals(
     (map, choice): (&Map, &EvalMap),
-    profile: &CharacterProfile,
+    (profile, within): (&CharacterProfile, Option<&PlayableArea<'_>>),
     distance: &Range<f32>,
     count: usize,
     seed: u64,
 ) -> Result<Vec<Goal>, EvalError> {
     let mut rng = ChaCha8Rng::seed_from_u64(choice.seed());
     rng.set_stream(1000 + seed);
-    let points = navigable::sample_many(map, profile, POINTS_PER_MAP, &mut rng)?;
+    let mut points = navigable::sample_many(map, profile, POINTS_PER_MAP, &mut rng)?;
+    if let Some(area) = within {
+        let mut scratch = MoveScratch::default();
+        points.retain(|point| area.contains(*point, &mut scratch));
+    }
+    if points.is_empty() {
+        return Err(EvalError::NoGoals(choice.name()));
+    }
     let mut goals = Goal::draw(&points, distance.clone(), count, &mut rng);
     if goals.len() < count {
         return Err(EvalError::NoGoals(choice.name()));

@@ -26,6 +26,9 @@ pub struct Unit {
     pub motion: Motion,
     /// Figures of the graph, if one was used.
     pub graph: Option<GraphFigures>,
+    /// Share of the ground that belongs to the playable area, 0 to 1, if goals were drawn there only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub playable: Option<f64>,
 }
 
 /// Figures of a graph, or means over graphs.

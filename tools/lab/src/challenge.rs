@@ -18,10 +18,10 @@ use surefoot_cli::commands::map::{BodyArg, LevelArgs, file_name, files_only, par
 use surefoot_cli::commands::services::GraphArgs;
 use surefoot_cli::commands::{core_count, load_policy};
 use surefoot_cli::terminal::{print_json, progress_bar};
-use surefoot_eval::EvalMap;
 use surefoot_eval::challenge::host::{Hosting, Stats, host};
 use surefoot_eval::challenge::record::{Entry, record};
 use surefoot_eval::challenge::{GoalSet, Run, SETS, Score, score, score_hosted};
+use surefoot_eval::{EvalMap, GoalArea};
 
 /// File of a set in its folder.
 const SET_FILE: &str = "set.json";
@@ -211,7 +211,7 @@ fn custom(args: &SetArgs, files: &[PathBuf]) -> anyhow::Result<GoalSet> {
         let name = Path::new(&file_name(file)).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let saved = PathBuf::from(format!("{name}.sfmap"));
         write(&args.out.join(&saved), &surefoot_levels::encode(&map))?;
-        levels.push((EvalMap::Level { name, map }, Some(saved)));
+        levels.push((EvalMap::Level { name, map, goals: GoalArea::Anywhere }, Some(saved)));
     }
     Ok(GoalSet::draw(&args.name, levels, args.body.profile()?, args.goals as usize, 0)?)
 }

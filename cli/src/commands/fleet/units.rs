@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::sync::atomic::{AtomicU64, Ordering};
 use surefoot_eval::unit::Unit;
-use surefoot_eval::{EvalConfig, EvalMap, Method, Price, keep, missing, run_units};
+use surefoot_eval::{EvalConfig, EvalMap, GoalArea, Method, Price, keep, missing, run_units};
 use surefoot_fleet::error::FleetError;
 use surefoot_fleet::work::dispatch::{Dispatcher, Threads, Work};
 use surefoot_fleet::work::job::{Answer, Job, JobKind, Opened, Refusal};
@@ -59,8 +59,8 @@ impl prover::Runner for Runner {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct UnitJob {
     map: MapRef,
-    /// Name of a level in reports.
-    level: Option<String>,
+    /// Name of a level in reports, and where its goals come from.
+    level: Option<(String, GoalArea)>,
     profile: CharacterProfile,
     policy: String,
     senses_transports: bool,
@@ -97,7 +97,7 @@ impl UnitJob {
             map,
             level: match choice {
                 EvalMap::Generated(_) => None,
-                EvalMap::Level { name, .. } => Some(name.clone()),
+                EvalMap::Level { name, goals, .. } => Some((name.clone(), *goals)),
             },
             profile: config.profile.clone(),
             policy: policy.weights_hash().to_owned(),
@@ -142,7 +142,7 @@ impl UnitJob {
         }
         let map = match (self.map, self.level) {
             (MapRef::Spec(spec), None) => EvalMap::Generated(spec),
-            (name @ MapRef::Saved { .. }, Some(level)) => EvalMap::Level { name: level, map: maps.map(&name)? },
+            (map @ MapRef::Saved { .. }, Some((name, goals))) => EvalMap::Level { name, map: maps.map(&map)?, goals },
             _ => return Err(Refusal::impossible("a level needs a name, a generated map has none")),
         };
         let attach = if attaches_to_several { Attach::Several } else { Attach::Nearest };

@@ -2,10 +2,12 @@
 //!
 //! [`Builder::build`] places vertices ([`placement`]), selects candidate edges ([`candidates`]), probes them through a
 //! [`probe::ProbeExecutor`] guided by a predictor, and keeps the edges that are proved. An [`interim`] graph shows the
-//! result so far. `stitch` and `join` add what it takes to connect islands.
+//! result so far. `stitch` and `join` add what it takes to connect islands, and `cuts` probes again what nothing
+//! replaces.
 
 mod builder;
 pub mod candidates;
+mod cuts;
 pub mod interim;
 mod join;
 pub mod placement;
@@ -112,6 +114,7 @@ impl<'a> Builder<'a> {
                 stitch::stitch(probed)?;
             }
             join::join_islands(probed)?;
+            cuts::prove_cuts(probed)?;
             let (prover, evidence) = probed.prover();
             prover.prove_on_foot(evidence)?;
             prover.expect_deaths(evidence)?;

@@ -168,4 +168,9 @@ pub trait ProbeExecutor {
     ///
     /// Returns `None` if `watch` cancelled before the last trial finished.
     fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>>;
+
+    /// Whether bodies are steered over gaps where [`Manner::Steered`] asks for it.
+    fn steers_leaps(&self) -> bool {
+        true
+    }
 }

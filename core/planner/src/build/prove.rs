@@ -101,11 +101,38 @@ impl Prover<'_> {
             .collect();
         let progress = self.progress();
         progress.interim.extend(self.vertices, self.candidates, evidence);
-        let outcomes = self.run_trials(&trials, &InterimWatch { progress, which })?;
+        let mut outcomes = self.run_trials(&trials, &InterimWatch { progress, which })?;
+        self.leap_again(&trials, &mut outcomes)?;
         for (&idx, outcome) in which.iter().zip(&outcomes) {
             evidence[idx as usize].note_probe(outcome);
         }
         progress.interim.replace(which, evidence);
+        Ok(())
+    }
+
+    /// Repeats the free trials that failed without harm at a gap, steered, and keeps the outcomes of those that arrive:
+    /// an NPC also leaps in another way where a rehearsal fails. Exhaustive probing, as in the paper, repeats nothing.
+    fn leap_again(&self, trials: &[Trial], outcomes: &mut [Outcome]) -> Result<(), BuildError> {
+        let Site { map, profile } = self.builder.site;
+        let repeats = self.builder.settings.probing == Probing::Frugal && self.builder.executor.steers_leaps();
+        if !repeats {
+            return Ok(());
+        }
+        let is_stuck = |idx: &usize| {
+            let (trial, outcome) = (&trials[*idx], &outcomes[*idx]);
+            trial.manner == Manner::Free && trial.ride.is_none() && !outcome.reached && !outcome.died
+        };
+        let stuck: Vec<usize> = (0..trials.len()).filter(is_stuck).collect();
+        let is_leap =
+            self.in_parallel(&stuck, |&idx| rims(map, profile, [trials[idx].start, trials[idx].goal]).is_some())?;
+        let leaps: Vec<usize> =
+            stuck.into_iter().zip(is_leap).filter_map(|(idx, is_leap)| is_leap.then_some(idx)).collect();
+        let again: Vec<Trial> = leaps.iter().map(|&idx| Trial { manner: Manner::Steered, ..trials[idx] }).collect();
+        for (idx, outcome) in leaps.into_iter().zip(self.run_trials(&again, self.progress())?) {
+            if outcome.reached {
+                outcomes[idx] = outcome;
+            }
+        }
         Ok(())
     }
 

@@ -49,7 +49,7 @@ pub(super) fn stitch(probed: &mut Probed<'_>) -> Result<(), BuildError> {
     let (site, count) = (probed.site(), probed.vertices().len());
     let most = (count + (CORNERS_PER_VERTEX * count).max(MIN_CORNERS)).min(MAX_VERTICES.max(count));
     let reach = Reach::survey(&site.map, &site.profile, probed.thread_count());
-    let mut ways = Ways::new(&reach);
+    let mut ways = Ways::new(site, &reach);
     let clearance = Clearance::of(site);
     add_uncovered_places(&ways, &clearance, count + (most - count) / 4, probed)?;
     let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());

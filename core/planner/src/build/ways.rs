@@ -2,8 +2,10 @@
 //! vertices.
 
 use crate::search::frontier::Frontier;
+use crate::settings::Site;
 use std::cmp::Reverse;
 use surefoot_world::Vec3;
+use surefoot_world::character::MoveScratch;
 use surefoot_world::csr::Csr;
 use surefoot_world::reach::Reach;
 use surefoot_world::reach::ground::{Ground, NEIGHBOURS, SPACING_M};
@@ -16,6 +18,7 @@ const LINK_M: f32 = 8.0;
 /// The cells of a survey as a directed graph.
 #[derive(Debug)]
 pub(crate) struct Ways<'a> {
+    site: &'a Site,
     ground: &'a Ground,
     /// For each cell, the cells to which it leads and how far they are, m.
     exits: Csr<(u32, f32)>,
@@ -45,7 +48,7 @@ pub(crate) struct Way {
 }
 
 impl<'a> Ways<'a> {
-    pub fn new(reach: &'a Reach) -> Self {
+    pub fn new(site: &'a Site, reach: &'a Reach) -> Self {
         let ground = &reach.ground;
         let cells = ground.cells();
         let directions = 0..NEIGHBOURS.len();
@@ -65,7 +68,7 @@ impl<'a> Ways<'a> {
         let exits = Csr::group(cells.len(), steps.chain(links));
         let arcs = (0..).zip(exits.rows()).flat_map(|(from, row)| row.iter().map(move |arc| (from, arc)));
         let entrances = Csr::group(cells.len(), arcs.map(|(from, &(to, length))| (to as usize, (from, length))));
-        Self { ground, exits, entrances }
+        Self { site, ground, exits, entrances }
     }
 
     /// Finds for each cell the vertex with the shortest way to it.
@@ -82,8 +85,8 @@ impl<'a> Ways<'a> {
         let count = self.ground.cells().len();
         let mut frontier = Frontier::new(count);
         let (mut nearest_vertex, mut next) = (vec![None; count], vec![None; count]);
-        for (vertex, &feet) in (0..).zip(vertices) {
-            if let Some(cell) = self.ground.index_at(feet)
+        for (vertex, cell) in (0..).zip(self.places_of(vertices)) {
+            if let Some(cell) = cell
                 && frontier.offer(cell as u32, 0.0)
             {
                 nearest_vertex[cell] = Some(vertex);
@@ -98,6 +101,12 @@ impl<'a> Ways<'a> {
             }
         }
         Nearest { vertex: nearest_vertex, frontier, next }
+    }
+
+    /// The cell to which a walk leads from each vertex.
+    fn places_of(&self, vertices: &[Vec3]) -> impl Iterator<Item = Option<usize>> {
+        let (Site { map, profile }, mut scratch) = (self.site, MoveScratch::default());
+        vertices.iter().map(move |&feet| self.ground.walk_from(map, profile, feet, &mut scratch))
     }
 
     /// The ways between vertices whose surroundings meet, in the order of their cells.
@@ -156,8 +165,11 @@ impl<'a> Ways<'a> {
         /// Fewest places that a chosen place must cover.
         const FEWEST: usize = 6;
         let mut is_covered = vec![false; self.ground.cells().len()];
-        let vertices: Vec<usize> = vertices.iter().filter_map(|&feet| self.ground.index_at(feet)).collect();
-        vertices.into_iter().for_each(|cell| self.covered_from(cell, reach_m).for_each(|idx| is_covered[idx] = true));
+        let vertices: Vec<Option<usize>> = self.places_of(vertices).collect();
+        vertices
+            .into_iter()
+            .flatten()
+            .for_each(|cell| self.covered_from(cell, reach_m).for_each(|idx| is_covered[idx] = true));
         std::iter::from_fn(move || {
             let open: Vec<usize> = (0..is_covered.len()).filter(|&cell| !is_covered[cell]).collect();
             let count = |cell: usize| self.covered_from(cell, reach_m).filter(|&idx| !is_covered[idx]).count();

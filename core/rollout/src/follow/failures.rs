@@ -1,6 +1,6 @@
 //! The legs that failed in an attempt, which its further plans avoid.
 
-use surefoot_planner::{LegKey, Stop};
+use surefoot_planner::{EdgeKey, LegKey, Stop};
 
 /// Legs to the goal that fail, each from another vertex, until the goal counts as unreachable.
 const MAX_FAILED_ARRIVALS: u32 = 5;
@@ -8,6 +8,8 @@ const MAX_FAILED_ARRIVALS: u32 = 5;
 const MAX_REHEARSED_ARRIVALS: u32 = 12;
 /// How often legs without progress are tried again when no other way is left.
 const MAX_CHANCES: u32 = 3;
+/// Most edges of which an attempt reports failed rehearsals.
+const MAX_REPORTED: usize = 64;
 /// Most failed legs kept for an attempt; the oldest is dropped first.
 const MAX_FAILED_LEGS: usize = 48;
 
@@ -26,6 +28,8 @@ pub(super) struct Failures {
     /// Legs to the goal itself that failed.
     arrivals: u32,
     chances: u32,
+    /// Edges of which a failed rehearsal was reported.
+    reported: Vec<EdgeKey>,
 }
 
 impl Failures {
@@ -82,6 +86,13 @@ impl Failures {
         if self.legs.len() > MAX_FAILED_LEGS {
             self.legs.remove(0);
         }
+    }
+
+    /// Whether no failed rehearsal of an edge was reported before. Later calls for the edge return false.
+    pub fn is_first_report(&mut self, edge: EdgeKey) -> bool {
+        let is_first = self.reported.len() < MAX_REPORTED && !self.reported.contains(&edge);
+        self.reported.extend(is_first.then_some(edge));
+        is_first
     }
 
     fn count_arrival(&mut self, key: LegKey) -> u32 {

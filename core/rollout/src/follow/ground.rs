@@ -1,5 +1,6 @@
 //! What a follower asks about the ground of its map.
 
+use surefoot_world::arrival::Rims;
 use surefoot_world::crossings::Approach;
 use surefoot_world::{Ability, Vec3};
 
@@ -16,9 +17,8 @@ pub trait Ground {
     fn is_walled(&self, from: Vec3, to: Vec3) -> bool;
     /// The corners of a short walk around what bars the straight way, m, and its end.
     fn walk_around(&self, from: Vec3, to: Vec3) -> Option<Vec<Vec3>>;
-    /// The rims of the only gap, or ledge, on the straight way from one place to another, m: where the body leaves the
-    /// ground from which it comes, and where it can walk on.
-    fn rims(&self, from: Vec3, to: Vec3) -> Option<[Vec3; 2]>;
+    /// The rims of the only gap, or ledge, on the straight way from one place to another, m.
+    fn rims(&self, from: Vec3, to: Vec3) -> Option<Rims>;
     /// The crossing by which the body gets from one place to another, m.
     fn approach(&self, ends: [Vec3; 2], by: Ability) -> Option<Approach>;
     /// The place near `at`, m, where it has `margin` metres of room besides its radius, or as much as there is.

@@ -19,7 +19,7 @@ impl Follower {
         let Some(ability) = self.ability().filter(|_| self.composes(self.leg)) else { return Style::Free };
         let Some(course) = self.course() else { return Style::for_leg(ability) };
         match self.steered_move(self.leg) {
-            Some(SteeredMove::Leap([take_off, landing])) => Style::Leap(Leap { take_off, landing, course }),
+            Some(SteeredMove::Leap(rims)) => Style::Leap(Leap { rims, course }),
             Some(SteeredMove::Cross(approach)) => Style::Cross(Cross { approach, course }),
             None => Style::Walk(course),
         }

@@ -442,14 +442,26 @@ impl Follower {
         Step::End(if self.failures.chances_given() > 0 { End::Unreachable } else { End::NoProgress })
     }
 
-    /// Drops the plan because a rehearsal of the leg `key` failed, by harm or for want of progress.
+    /// Drops the plan because a rehearsal of the leg `key` failed, by harm or for want of progress. The rehearsal is a
+    /// try of the leg, which counts once in an attempt: an NPC that is stuck cannot close a bridge for all others.
     pub fn avoid(&mut self, key: LegKey, is_harm: bool) -> Step {
         if self.plan.as_ref().is_some_and(|plan| plan.no_path.is_some() && plan.nearest.is_none()) {
             // No vertex is reachable: the plan was the straight way to the goal, and there is no other.
             return Step::End(End::Unreachable);
         }
+        let is_usual = self.config.gait == Gait::DEFAULT && self.is_rehearsed_from_its_start(key);
+        if let Some(edge) = key.edge().filter(|edge| is_usual && self.failures.is_first_report(*edge)) {
+            let end = if is_harm { TryEnd::Died } else { TryEnd::Failed };
+            self.traversals.push(Traversal { edge, end, decisions: 0 });
+        }
         self.plan = None;
         plan_again(self.config.remembers && self.failures.add_rehearsed(key, is_harm))
+    }
+
+    /// Whether a rehearsal of the leg `key` began where the leg does, and not on the way.
+    fn is_rehearsed_from_its_start(&self, key: LegKey) -> bool {
+        let is_current = self.leg_key() == Some(key);
+        !is_current || self.decisions_on_leg <= SWITCH_DECISIONS && self.detour.via.is_none()
     }
 
     /// Drops the plan because there was no progress on its leg.

@@ -5,14 +5,15 @@
 
 use super::ground::Ground;
 use surefoot_planner::{LegKey, Plan};
+use surefoot_world::arrival::Rims;
 use surefoot_world::crossings::Approach;
 use surefoot_world::{Motion, Vec3};
 
 /// How an NPC is steered on a leg that cannot be walked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum SteeredMove {
-    /// Over a gap between two rims, m.
-    Leap([Vec3; 2]),
+    /// Over a gap between two rims.
+    Leap(Rims),
     /// By a move.
     Cross(Approach),
 }

@@ -202,6 +202,12 @@ impl CharacterProfile {
         Self(RawCharacterProfile { height: self.least_height(), ..self.0.clone() })
     }
 
+    /// The part of the body, as low as it gets, that is higher than `lift` metres above the feet: at least a sphere.
+    pub(crate) fn torso(&self, lift: f32) -> Self {
+        let height = (self.least_height() - lift).max(2.0 * self.radius);
+        Self(RawCharacterProfile { height, crouch_height: 0.0, ..self.0.clone() })
+    }
+
     /// Name of one of the character's moves, in snake case.
     pub fn move_name(&self, ability: Ability) -> &str {
         OwnMove::name_in(&self.moves, ability)

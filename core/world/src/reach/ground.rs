@@ -21,6 +21,17 @@ const CLEAR_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
 const GROUND_BELOW_M: f32 = 1.2;
 /// Share of the height of a body that crouches up to which the survey looks.
 const CROUCHED_SHARE: f32 = 0.8;
+/// Penetration up to which a body passes an obstacle, m.
+const SLOP_M: f32 = 0.05;
+
+/// Obstacles that keep two places apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Obstacles {
+    /// Those on the line from one place to the other.
+    OnLine,
+    /// Those in the way of the whole body.
+    OfBody,
+}
 
 /// One place to stand.
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +67,7 @@ pub const NEIGHBOURS: [(i32, i32); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0
 
 impl Ground {
     /// Finds all places and islands.
-    pub(super) fn survey(map: &CollisionMap, profile: &CharacterProfile) -> Self {
+    pub(super) fn survey(map: &CollisionMap, profile: &CharacterProfile, obstacles: Obstacles) -> Self {
         let extent = map.extent();
         let (columns, rows) = ((extent.x / SPACING_M) as i32, (extent.z / SPACING_M) as i32);
         let find = |scratch: &mut MoveScratch, row: i32| find_row(map, profile, columns, row, scratch);
@@ -70,7 +81,7 @@ impl Ground {
             cells.extend(row_cells.into_iter().map(|feet| Cell { feet, island: 0 }));
         }
         let mut ground = Self { columns, rows, starts, cells, islands: Vec::new(), walkable: Vec::new() };
-        ground.join_on_foot(map, profile);
+        ground.join_on_foot(map, profile, obstacles);
         ground
     }
 
@@ -116,6 +127,24 @@ impl Ground {
         let near = self.around(feet, 1).filter(|&idx| (self.cells[idx].feet.y - feet.y).abs() < 0.8);
         let distance = |idx: &usize| self.cells[*idx].feet.distance_squared(feet);
         near.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    }
+
+    /// Index of the nearest place to which a character can walk from `feet`, at most one column away. Unlike
+    /// [`index_at`](Self::index_at), it is on the same side of walls and rims.
+    pub fn walk_from(
+        &self,
+        map: &CollisionMap,
+        profile: &CharacterProfile,
+        feet: Vec3,
+        scratch: &mut MoveScratch,
+    ) -> Option<usize> {
+        let mut near: Vec<usize> = self.around(feet, 1).collect();
+        near.sort_by(|a, b| {
+            let [a, b] = [a, b].map(|idx| self.cells[*idx].feet.distance_squared(feet));
+            a.total_cmp(&b)
+        });
+        let mut walk = Walk::new(map, profile, Obstacles::OfBody, scratch);
+        near.into_iter().find(|&idx| walk.leads(feet, self.cells[idx].feet))
     }
 
     /// Index of the cell to which one can walk from a cell in the direction `NEIGHBOURS[neighbour]`: the one nearest in
@@ -164,9 +193,12 @@ impl Ground {
         false
     }
 
-    fn join_on_foot(&mut self, map: &CollisionMap, profile: &CharacterProfile) {
+    fn join_on_foot(&mut self, map: &CollisionMap, profile: &CharacterProfile, obstacles: Obstacles) {
+        let join = |scratch: &mut MoveScratch, row: i32| {
+            self.joins_of_row(&mut Walk::new(map, profile, obstacles, scratch), row)
+        };
         let joins: Vec<Vec<(u32, u32, u8)>> =
-            (0..self.rows).into_par_iter().map(|row| self.joins_of_row(map, profile, row)).collect();
+            (0..self.rows).into_par_iter().map_init(MoveScratch::default, join).collect();
         let mut joined = UnionFind::<u32>::new(self.cells.len());
         self.walkable = vec![0; self.cells.len()];
         for (a, b, neighbour) in joins.into_iter().flatten() {
@@ -178,15 +210,14 @@ impl Ground {
     }
 
     /// The pairs of neighbouring cells between which a walk leads, for one row of the grid, with the direction.
-    fn joins_of_row(&self, map: &CollisionMap, profile: &CharacterProfile, row: i32) -> Vec<(u32, u32, u8)> {
+    fn joins_of_row(&self, walk: &mut Walk<'_>, row: i32) -> Vec<(u32, u32, u8)> {
         let mut joins = Vec::new();
         for (column, cell) in (0..self.columns).flat_map(|column| self.column(column, row).map(move |it| (column, it)))
         {
             // The other half of the directions follows by symmetry.
             for (neighbour, &(dx, dz)) in (0..).zip(&NEIGHBOURS[..4]) {
                 let others = self.column(column + dx, row + dz);
-                let walks =
-                    others.filter(|other| can_walk(map, profile, self.cells[cell].feet, self.cells[*other].feet));
+                let walks = others.filter(|other| walk.leads(self.cells[cell].feet, self.cells[*other].feet));
                 joins.extend(walks.map(|other| (cell as u32, other as u32, neighbour)));
             }
         }
@@ -236,32 +267,74 @@ fn find_row(
     (found, counts)
 }
 
-/// Whether the character can walk between two neighbouring places in both directions: the ground is continuous, dry,
-/// nowhere too steep, and free of obstacles.
-fn can_walk(map: &CollisionMap, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
-    let offset = b - a;
-    let run = horizontal(offset);
-    let slope = libm::tanf(profile.max_slope);
-    if offset.y.abs() > run * slope + profile.step_height {
-        return false;
+/// Whether a straight walk of at most about 2 m leads from one place to another, and back.
+pub fn walks_straight(
+    map: &CollisionMap,
+    profile: &CharacterProfile,
+    from: Vec3,
+    to: Vec3,
+    scratch: &mut MoveScratch,
+) -> bool {
+    Walk::new(map, profile, Obstacles::OfBody, scratch).leads(from, to)
+}
+
+/// Walks of a character between neighbouring places.
+struct Walk<'a> {
+    map: &'a CollisionMap,
+    profile: &'a CharacterProfile,
+    obstacles: Obstacles,
+    /// The part of the body above the steps that it can take, and its height above the feet, m.
+    torso: CharacterProfile,
+    lift: f32,
+    scratch: &'a mut MoveScratch,
+}
+
+impl<'a> Walk<'a> {
+    fn new(
+        map: &'a CollisionMap,
+        profile: &'a CharacterProfile,
+        obstacles: Obstacles,
+        scratch: &'a mut MoveScratch,
+    ) -> Self {
+        // On a slope, a capsule touches the ground beside its lowest point.
+        let beside = profile.radius * (1.0 / libm::cosf(profile.max_slope) - 1.0);
+        let lift = profile.step_height.max(beside).min(profile.least_height() - 2.0 * profile.radius).max(0.0);
+        Self { map, profile, obstacles, torso: profile.torso(lift), lift, scratch }
     }
-    let step = run / (INTERMEDIATE_COUNT + 1) as f32;
-    let most = step * slope + profile.step_height + 0.02;
-    let down = navigable::DOWN;
-    let mut last = a.y;
-    for i in 1..=INTERMEDIATE_COUNT {
-        let above = a + offset * (i as f32 / (INTERMEDIATE_COUNT + 1) as f32) + Vec3::Y * room(profile, GROUND_BELOW_M);
-        let Some(hit) = map.mesh().cast_ray(above, down, 2.4) else { return false };
-        let height = above.y - hit.distance;
-        if !hit.surface.is_solid() || (height - last).abs() > most + 0.08 {
+
+    /// Whether the character can walk between two neighbouring places in both directions: the ground is continuous,
+    /// dry, nowhere too steep, and free of obstacles.
+    fn leads(&mut self, a: Vec3, b: Vec3) -> bool {
+        let (map, profile, offset) = (self.map, self.profile, b - a);
+        let run = horizontal(offset);
+        let slope = libm::tanf(profile.max_slope);
+        if offset.y.abs() > run * slope + profile.step_height {
             return false;
         }
-        last = height;
+        let step = run / (INTERMEDIATE_COUNT + 1) as f32;
+        let most = step * slope + profile.step_height + 0.02;
+        let mut floors = [Vec3::ZERO; INTERMEDIATE_COUNT];
+        let mut last = a.y;
+        for (i, floor) in (1..).zip(&mut floors) {
+            let above =
+                a + offset * (i as f32 / (INTERMEDIATE_COUNT + 1) as f32) + Vec3::Y * room(profile, GROUND_BELOW_M);
+            let Some(hit) = map.mesh().cast_ray(above, navigable::DOWN, 2.4) else { return false };
+            let height = above.y - hit.distance;
+            if !hit.surface.is_solid() || (height - last).abs() > most + 0.08 {
+                return false;
+            }
+            last = height;
+            *floor = above.with_y(height);
+        }
+        (b.y - last).abs() <= most + 0.08
+            && is_open_between(map, profile, a, b)
+            && (self.obstacles == Obstacles::OnLine || floors.into_iter().all(|floor| self.has_room(floor)))
     }
-    if (b.y - last).abs() > most + 0.08 {
-        return false;
+
+    /// Whether the body, above the steps that it can take, has room on a floor.
+    fn has_room(&mut self, floor: Vec3) -> bool {
+        is_clear(self.map.mesh(), &self.torso, floor + Vec3::Y * self.lift, SLOP_M, self.scratch)
     }
-    is_open_between(map, profile, a, b)
 }
 
 /// A height above the feet at which the survey looks, m, or the most at which a body that crouches has room.

@@ -1,6 +1,6 @@
 //! Finds links between islands by simulating leaps at their borders and rides on the map's devices.
 
-use super::ground::{Cell, Ground, NEIGHBOURS, SPACING_M};
+use super::ground::{Cell, Ground, NEIGHBOURS, Obstacles, SPACING_M};
 use super::leap::{self, Leap};
 use super::limits::JumpLimits;
 use super::{Link, Means};
@@ -33,7 +33,7 @@ pub(super) fn find(map: &CollisionMap, profile: &CharacterProfile, ground: &Grou
     let found: Vec<Vec<Link>> =
         borders.par_iter().enumerate().with_max_len(1).map_init(MoveScratch::default, of_island).collect();
     let mut links = found.concat();
-    device_links(map, profile, ground, &mut links);
+    device_links(map, profile, (ground, limits), &mut links);
     crossing_links(map, profile, ground, &mut links);
     links.sort_unstable();
     links.dedup_by_key(|link| (link.from, link.to, link.means));
@@ -88,7 +88,7 @@ impl IslandSearch<'_> {
     fn attempt(&mut self, from: usize, target: &Cell, leap: Leap, means: Means) -> bool {
         let start = self.ground.cells()[from].feet;
         let landed = leap::land(self.map, self.profile, start, target.feet, leap, self.scratch);
-        let landing = landed.and_then(|feet| self.ground.index_at(feet));
+        let landing = landed.and_then(|feet| self.place_at(feet));
         let island = landing.map(|idx| self.ground.cells()[idx].island);
         if let Some((landing, island)) = landing.zip(island).filter(|&(_, island)| island != self.island) {
             let known = self.known.entry(island).or_default();
@@ -100,6 +100,10 @@ impl IslandSearch<'_> {
             self.known.entry(target.island).or_default().failures += 1;
         }
         island == Some(target.island)
+    }
+
+    fn place_at(&mut self, feet: Vec3) -> Option<usize> {
+        place_at(self.map, self.profile, (self.ground, self.limits), feet, self.scratch)
     }
 
     /// Tries to run off each edge of a cell that has ground below it.
@@ -228,8 +232,28 @@ pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f3
         .collect()
 }
 
-fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
+/// The place where a body has come to rest.
+fn place_at(
+    map: &CollisionMap,
+    profile: &CharacterProfile,
+    (ground, limits): (&Ground, &JumpLimits),
+    feet: Vec3,
+    scratch: &mut MoveScratch,
+) -> Option<usize> {
+    match limits.obstacles {
+        Obstacles::OnLine => ground.index_at(feet),
+        Obstacles::OfBody => ground.walk_from(map, profile, feet, scratch),
+    }
+}
+
+fn device_links(
+    map: &CollisionMap,
+    profile: &CharacterProfile,
+    (ground, limits): (&Ground, &JumpLimits),
+    links: &mut Vec<Link>,
+) {
     let mut scratch = MoveScratch::default();
+    let place_at = |feet, scratch: &mut _| place_at(map, profile, (ground, limits), feet, scratch);
     let island = |cell: u32| ground.cells()[cell as usize].island;
     for device in map.placed().devices().filter(|device| profile.uses(device.kind)) {
         let takeoffs = cells_beside(ground, device.from);
@@ -241,7 +265,8 @@ fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground,
                 continue;
             }
             DeviceKind::ZipLine => {
-                let landing = ride(map, profile, device.from, &mut scratch).and_then(|feet| ground.index_at(feet));
+                let landed = ride(map, profile, device.from, &mut scratch);
+                let landing = landed.and_then(|feet| place_at(feet, &mut scratch));
                 links.extend(landing.iter().flat_map(|&to| between(ground, &takeoffs, to as u32, Means::ZipLine)));
                 continue;
             }
@@ -253,7 +278,7 @@ fn device_links(map: &CollisionMap, profile: &CharacterProfile, ground: &Ground,
                 continue;
             }
             let landed = leap::land(map, profile, device.from, target.feet, leap, &mut scratch);
-            if let Some(landing) = landed.and_then(|feet| ground.index_at(feet)) {
+            if let Some(landing) = landed.and_then(|feet| place_at(feet, &mut scratch)) {
                 reached.push(ground.cells()[landing].island);
                 links.extend(between(ground, &takeoffs, landing as u32, means));
             }

@@ -113,9 +113,15 @@ impl Reach {
         Self::survey_with(map, profile, thread_count, &JumpLimits::far(profile))
     }
 
+    /// Surveys a generated map for its repair. Finds the same as earlier versions, which miss walls that are narrower
+    /// than a body, so that a seed still generates the same map.
+    pub fn survey_for_repair(map: &CollisionMap, profile: &CharacterProfile, thread_count: usize) -> Self {
+        Self::survey_with(map, profile, thread_count, &JumpLimits::of_repairs())
+    }
+
     fn survey_with(map: &CollisionMap, profile: &CharacterProfile, thread_count: usize, limits: &JumpLimits) -> Self {
         let (ground, mut links) = with_threads(thread_count, || {
-            let ground = Ground::survey(map, profile);
+            let ground = Ground::survey(map, profile, limits.obstacles);
             let links = links::find(map, profile, &ground, limits);
             (ground, links)
         });

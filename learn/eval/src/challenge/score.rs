@@ -164,17 +164,19 @@ fn unit(
 ) -> Unit {
     let goals: Vec<Goal> = of_set.goals.iter().copied().map(Goal::from).collect();
     let reach = Reach::survey_far(map, body, thread_count);
-    let surveyed = reachable(&Terrain { map, profile: body, reach: &reach }, None, &goals);
+    let terrain = Terrain { map, profile: body, reach: &reach };
+    let surveyed = reachable(&terrain, None, &goals);
     let known = surveyed.into_iter().zip(&attempts).map(|(known, attempt)| known || attempt.end == End::Reached);
     Unit {
         map: of_set.report_name(),
         seed: set::SEED,
         distances: goals.iter().map(Goal::distance).collect(),
         reachable: known.collect(),
-        on_foot: goals.iter().map(|goal| is_on_foot(&reach, goal)).collect(),
+        on_foot: goals.iter().map(|goal| is_on_foot(&terrain, goal)).collect(),
         attempts,
         motion: Motion::default(),
         graph: None,
+        playable: None,
     }
 }
 

@@ -167,7 +167,7 @@ impl GoalSet {
             if !map.movers().is_empty() {
                 return Err(SetError::Movers(choice.name()));
             }
-            let goals = draw_goals((&map, &choice), &body, &(1.0..f32::INFINITY), goals, seed)?;
+            let goals = draw_goals((&map, &choice), (&body, None), &(1.0..f32::INFINITY), goals, seed)?;
             let (name, spec) = match &choice {
                 EvalMap::Generated(spec) => (format!("{}-{}", spec.kind.name(), spec.seed), Some(*spec)),
                 EvalMap::Level { name, .. } => (name.clone(), None),

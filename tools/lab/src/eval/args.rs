@@ -13,7 +13,7 @@ use surefoot_cli::commands::map::{
     BodyArg, Generated, LevelArgs, SeedOrFile, name_among, parse_maps_or_splits, parse_seeds, seeds_only, spec,
 };
 use surefoot_cli::commands::services::{GraphArgs, StyleArg};
-use surefoot_eval::{EvalConfig, EvalMap, Method, Price, Shard, living};
+use surefoot_eval::{EvalConfig, EvalMap, GoalArea, Method, Price, Shard, living};
 use surefoot_planner::export::import_json;
 use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};
 use surefoot_policy::Policy;
@@ -73,6 +73,11 @@ pub struct Args {
     /// benchmark for seeds, its first 16 for dial, its first 8 for kinds]
     #[arg(long, value_name = "SEEDS|FILE,...", num_args = 1..)]
     pub(super) maps: Vec<String>,
+    /// Draw starts and goals on all ground of levels, also on roofs and in closed rooms. By default they come from the
+    /// playable area: the largest region of ground that the body can leave and come back to. On generated maps they
+    /// come from everywhere
+    #[arg(long)]
+    pub(super) anywhere: bool,
     #[command(flatten)]
     pub(super) generated: Generated,
     #[command(flatten)]
@@ -289,7 +294,8 @@ impl Args {
         let map = |choice: &SeedOrFile| match choice {
             SeedOrFile::Seed(seed) => Ok(EvalMap::from(self.generated.apply(&spec(*seed, self.generated.size)?)?)),
             SeedOrFile::File(file) => {
-                Ok(EvalMap::Level { name: name_among(file, &maps), map: Arc::new(self.levels.load(file)?) })
+                let goals = if self.anywhere { GoalArea::Anywhere } else { GoalArea::Playable };
+                Ok(EvalMap::Level { name: name_among(file, &maps), map: Arc::new(self.levels.load(file)?), goals })
             }
         };
         maps.iter().map(map).collect()

@@ -65,10 +65,17 @@ fn print_map(map: &MapReport) {
         percent(map.success_reachable),
         percent(map.died)
     );
+    if let Some(share) = map.playable {
+        print!("; goals come from the playable area, {} of the ground", percent(share));
+    }
     match map.told.zip(map.died_unreachable) {
         Some((reported, died)) => {
-            println!("; {} of the unreachable goals were reported, {} died", percent(reported), percent(died));
+            print!("; {} of the unreachable goals were reported, {} died", percent(reported), percent(died));
         }
+        None => {}
+    }
+    match map.plans_unreachable.zip(map.seconds_unreachable) {
+        Some((plans, seconds)) => println!(", after {plans:.0} plans and {seconds:.1} s (medians)"),
         None => println!(),
     }
     let calibrations =
