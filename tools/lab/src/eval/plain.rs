@@ -68,11 +68,8 @@ fn print_map(map: &MapReport) {
     if let Some(share) = map.playable {
         print!("; goals come from the playable area, {} of the ground", percent(share));
     }
-    match map.told.zip(map.died_unreachable) {
-        Some((reported, died)) => {
-            print!("; {} of the unreachable goals were reported, {} died", percent(reported), percent(died));
-        }
-        None => {}
+    if let Some((reported, died)) = map.told.zip(map.died_unreachable) {
+        print!("; {} of the unreachable goals were reported, {} died", percent(reported), percent(died));
     }
     match map.plans_unreachable.zip(map.seconds_unreachable) {
         Some((plans, seconds)) => println!(", after {plans:.0} plans and {seconds:.1} s (medians)"),
