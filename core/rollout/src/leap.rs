@@ -245,9 +245,9 @@ impl RunUp {
     /// body aims. The body stands up to `lip` metres over both rims.
     fn best(here: Flight, gap: &Gap, profile: &CharacterProfile, lip: f32) -> Option<Self> {
         let (slow, top) = (gap.run_up_speed(profile), profile.forward_speed);
+        let least = if lip > 0.0 { -(lip + BEYOND_M) } else { 0.0 };
         let mut best: Option<Self> = None;
         for speed in [slow, 0.5 * (slow + top), top] {
-            let least = if lip > 0.0 { -(lip + BEYOND_M) } else { 0.0 };
             let runs = Self::all((here, speed), gap, profile, lip).filter(|run| run.throw.clearance >= least);
             let jumps = runs.filter(|run| best.is_none_or(|best| run.throw.is_better(best.throw)));
             best = jumps.reduce(|a, b| if a.throw.is_better(b.throw) { a } else { b }).or(best);

@@ -55,7 +55,8 @@ pub(super) fn stitch(probed: &mut Probed<'_>) -> Result<(), BuildError> {
     let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());
     for most_ways in WAYS {
         let graph = probed.graph();
-        let (before, after) = (ways.nearest_before(probed.vertices()), ways.nearest_after(probed.vertices()));
+        let cells = ways.cells_of(probed.vertices());
+        let (before, after) = (ways.nearest_before(&cells), ways.nearest_after(&cells));
         let mut legs: BTreeMap<Candidate, Vec<u32>> = BTreeMap::new();
         for way in gaps(&graph, ways.meetings(&before, &after), &tries, most_ways) {
             let tries: &mut usize = tries.entry((way.from, way.to)).or_default();

@@ -71,21 +71,27 @@ impl<'a> Ways<'a> {
         Self { site, ground, exits, entrances }
     }
 
-    /// Finds for each cell the vertex with the shortest way to it.
-    pub fn nearest_before(&self, vertices: &[Vec3]) -> Nearest {
+    /// The cell to which a walk leads from each vertex, if there is one.
+    pub fn cells_of(&self, vertices: &[Vec3]) -> Vec<Option<usize>> {
+        let (Site { map, profile }, mut scratch) = (self.site, MoveScratch::default());
+        vertices.iter().map(|&feet| self.ground.walk_from(map, profile, feet, &mut scratch)).collect()
+    }
+
+    /// Finds for each cell the vertex, by its cell, with the shortest way to it.
+    pub fn nearest_before(&self, vertices: &[Option<usize>]) -> Nearest {
         self.spread(vertices, &self.exits)
     }
 
-    /// Finds for each cell the vertex with the shortest way from it.
-    pub fn nearest_after(&self, vertices: &[Vec3]) -> Nearest {
+    /// Finds for each cell the vertex, by its cell, with the shortest way from it.
+    pub fn nearest_after(&self, vertices: &[Option<usize>]) -> Nearest {
         self.spread(vertices, &self.entrances)
     }
 
-    fn spread(&self, vertices: &[Vec3], exits: &Csr<(u32, f32)>) -> Nearest {
+    fn spread(&self, vertices: &[Option<usize>], exits: &Csr<(u32, f32)>) -> Nearest {
         let count = self.ground.cells().len();
         let mut frontier = Frontier::new(count);
         let (mut nearest_vertex, mut next) = (vec![None; count], vec![None; count]);
-        for (vertex, cell) in (0..).zip(self.places_of(vertices)) {
+        for (vertex, &cell) in (0..).zip(vertices) {
             if let Some(cell) = cell
                 && frontier.offer(cell as u32, 0.0)
             {
@@ -101,12 +107,6 @@ impl<'a> Ways<'a> {
             }
         }
         Nearest { vertex: nearest_vertex, frontier, next }
-    }
-
-    /// The cell to which a walk leads from each vertex.
-    fn places_of(&self, vertices: &[Vec3]) -> impl Iterator<Item = Option<usize>> {
-        let (Site { map, profile }, mut scratch) = (self.site, MoveScratch::default());
-        vertices.iter().map(move |&feet| self.ground.walk_from(map, profile, feet, &mut scratch))
     }
 
     /// The ways between vertices whose surroundings meet, in the order of their cells.
@@ -165,11 +165,9 @@ impl<'a> Ways<'a> {
         /// Fewest places that a chosen place must cover.
         const FEWEST: usize = 6;
         let mut is_covered = vec![false; self.ground.cells().len()];
-        let vertices: Vec<Option<usize>> = self.places_of(vertices).collect();
-        vertices
-            .into_iter()
-            .flatten()
-            .for_each(|cell| self.covered_from(cell, reach_m).for_each(|idx| is_covered[idx] = true));
+        for cell in self.cells_of(vertices).into_iter().flatten() {
+            self.covered_from(cell, reach_m).for_each(|idx| is_covered[idx] = true);
+        }
         std::iter::from_fn(move || {
             let open: Vec<usize> = (0..is_covered.len()).filter(|&cell| !is_covered[cell]).collect();
             let count = |cell: usize| self.covered_from(cell, reach_m).filter(|&idx| !is_covered[idx]).count();
