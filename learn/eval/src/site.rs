@@ -246,11 +246,10 @@ impl<'a> Site<'a> {
     ) -> Result<Self, EvalError> {
         let EvalConfig { profile, distance, goals, .. } = config;
         let terrain = Terrain { map: &surveyed.map, profile, reach: &surveyed.reach };
-        let area = PlayableArea::of(&terrain);
         let is_limited = matches!(choice, EvalMap::Level { goals: GoalArea::Playable, .. });
-        let playable = is_limited.then_some(area.share);
-        let within = is_limited.then_some(&area);
-        let goals = draw_goals((&surveyed.map, choice), (profile, within), distance, *goals, seed)?;
+        let area = is_limited.then(|| PlayableArea::of(&terrain));
+        let goals = draw_goals((&surveyed.map, choice), (profile, area.as_ref()), distance, *goals, seed)?;
+        let playable = area.map(|area| area.share);
         let built = match config.method {
             Method::Policy => None,
             Method::Graph(settings) => Some(match &config.graph {
