@@ -8,7 +8,7 @@ use crate::found::{PAD_EXTRA_M, PAD_GRAVITY};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::f32::consts::TAU;
-use surefoot_world::map::spot::ANCHOR;
+use surefoot_world::map::spot::{ANCHOR, SPAWN};
 use surefoot_world::map::{DISC_RADIUS_M, DeviceKind, Map, MapSize, MoverKind, Outline};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{Aabb, Vec3};
@@ -81,7 +81,8 @@ fn add_devices(scene: &mut SceneWriter, map: &Map) {
 
 fn add_spots(scene: &mut SceneWriter, map: &Map) {
     for (idx, spot) in map.placed().spots.iter().enumerate() {
-        let name = if spot.tag == ANCHOR { format!("{ANCHOR}_{idx}") } else { format!("move_{}_{idx}", spot.tag) };
+        let is_word = [ANCHOR, SPAWN].contains(&spot.tag.as_str());
+        let name = if is_word { format!("{}_{idx}", spot.tag) } else { format!("move_{}_{idx}", spot.tag) };
         let extras = if spot.two_way { json!({ "two_way": true }) } else { Value::Null };
         let end = if spot.to.is_some() { ":from" } else { "" };
         scene.add_empty(&format!("{name}{end}"), spot.from, extras);

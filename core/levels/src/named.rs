@@ -9,6 +9,7 @@
 //! - `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end (`_from` works like
 //!   `:from`, for tools that do not allow colons).
 //! - `ladder` can be climbed as its smallest upright box, `climb` as it is.
+//! - `spawn`, `spawnpoint`, `player_start`, `playerstart` and `info_player` are places where play begins.
 //! - `anchor` is a place to which bodies pull themselves, `move_TAG` one for moves at such spots; `move_TAG:from` and
 //!   `:to` pair up like the ends of zip lines.
 //! - What moves is described in `moving`.
@@ -28,11 +29,11 @@ use crate::sidecar::{NodeAs, Sidecar};
 use glam::DVec3;
 use std::collections::HashMap;
 use surefoot_world::Aabb;
-use surefoot_world::map::spot::{ANCHOR, is_tag};
+use surefoot_world::map::spot::{ANCHOR, SPAWN, is_tag};
 use surefoot_world::map::{DeviceKind, Liquid, MoverKind};
 
 /// Words with which the names of features and helpers begin.
-const WORDS: [(&str, Word); 22] = [
+const WORDS: [(&str, Word); 27] = [
     ("lava", Word::Pool(Liquid::Lava)),
     ("water", Word::Pool(Liquid::Water)),
     ("pad", Word::Device(DeviceKind::Pad)),
@@ -50,8 +51,13 @@ const WORDS: [(&str, Word); 22] = [
     ("conveyor", Word::Mover(MoverKind::Conveyor)),
     ("ladder", Word::Ladder),
     ("climb", Word::Climb),
-    (ANCHOR, Word::Anchor),
-    ("move", Word::Spot),
+    (ANCHOR, Word::Spot(ANCHOR)),
+    ("spawnpoint", Word::Spot(SPAWN)),
+    (SPAWN, Word::Spot(SPAWN)),
+    ("playerstart", Word::Spot(SPAWN)),
+    ("player_start", Word::Spot(SPAWN)),
+    ("info_player", Word::Spot(SPAWN)),
+    ("move", Word::Tagged),
     ("navmesh", Word::Helper),
     ("trigger", Word::Helper),
     ("occluder", Word::Helper),
@@ -65,8 +71,9 @@ enum Word {
     Mover(MoverKind),
     Ladder,
     Climb,
-    Anchor,
-    Spot,
+    Spot(&'static str),
+    /// A spot whose tag follows.
+    Tagged,
     Helper,
 }
 
@@ -105,7 +112,7 @@ fn beginning(name: &str) -> Beginning {
         let Some(rest) = name.strip_prefix(word) else { continue };
         if rest.starts_with(char::is_alphabetic) {
             // `Moved` and `movable` are no misspelt spots.
-            return if matches!(meaning, Word::Spot) { Beginning::Nothing } else { Beginning::Near(word) };
+            return if matches!(meaning, Word::Tagged) { Beginning::Nothing } else { Beginning::Near(word) };
         }
         let parts = rest.split(|letter: char| !letter.is_alphabetic());
         let others = NOT_IT.iter().find(|(it, _)| *it == word).map_or(&[][..], |(_, others)| others);
@@ -248,8 +255,8 @@ fn named(
         },
         Word::Ladder => Kind::Ladder,
         Word::Climb => Kind::Climb,
-        Word::Anchor => Kind::Spot(ANCHOR.to_owned(), None),
-        Word::Spot => {
+        Word::Spot(tag) => Kind::Spot(tag.to_owned(), None),
+        Word::Tagged => {
             let end = split_end(&name);
             Kind::Spot(tag_of(&name)?, end)
         }

@@ -7,7 +7,7 @@ use crate::moving::MoverEntry;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use surefoot_world::Aabb;
-use surefoot_world::map::spot::{ANCHOR, is_tag};
+use surefoot_world::map::spot::{ANCHOR, SPAWN, is_tag};
 use surefoot_world::map::{Device, DeviceKind, LevelFrame, Liquid, MoverKind, Spot};
 
 /// Content of `level.surefoot.json`: features in the level's own coordinates, and what of the level is solid.
@@ -36,7 +36,9 @@ pub(super) struct Sidecar {
     #[serde(default)]
     jetpacks: Vec<JetpackEntry>,
     #[serde(default)]
-    anchors: Vec<AnchorEntry>,
+    anchors: Vec<PlaceEntry>,
+    #[serde(default)]
+    spawns: Vec<PlaceEntry>,
     #[serde(default)]
     moves: Vec<MoveEntry>,
     #[serde(default)]
@@ -62,6 +64,7 @@ pub(super) enum NodeAs {
     Ladder,
     Climb,
     Anchor,
+    Spawn,
 }
 
 impl NodeAs {
@@ -82,6 +85,7 @@ impl NodeAs {
             Self::Ladder => Kind::Ladder,
             Self::Climb => Kind::Climb,
             Self::Anchor => Kind::Spot(ANCHOR.to_owned(), None),
+            Self::Spawn => Kind::Spot(SPAWN.to_owned(), None),
         })
     }
 }
@@ -134,7 +138,7 @@ struct JetpackEntry {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct AnchorEntry {
+struct PlaceEntry {
     at: [f64; 3],
 }
 
@@ -205,9 +209,13 @@ impl Sidecar {
             let power = power(kind, |_| Ok(number), &name)?;
             found.devices.push((name, Device { to, two_way, power, ..Device::new(kind, from) }));
         }
-        let anchors = labelled("anchors", self.anchors).map(|(name, it)| (name, ANCHOR.to_owned(), it.at, None, false));
+        let places = |kind, entries, tag: &'static str| {
+            labelled(kind, entries).map(move |(name, it): (_, PlaceEntry)| (name, tag.to_owned(), it.at, None, false))
+        };
+        let anchors = places("anchors", self.anchors, ANCHOR);
+        let spawns = places("spawns", self.spawns, SPAWN);
         let moves = labelled("moves", self.moves).map(|(name, it)| (name, it.tag, it.from, it.to, it.two_way));
-        for (name, tag, from, to, two_way) in anchors.chain(moves) {
+        for (name, tag, from, to, two_way) in anchors.chain(spawns).chain(moves) {
             if !is_tag(&tag) {
                 return Err(ImportError::Tag { of: name, tag });
             }

@@ -46,6 +46,7 @@ fn small_map() -> Map {
         jetpacks: vec![Jetpack { centre: at(20.0, 20.0), fuel: 2.5 }, Jetpack { centre: at(25.0, 20.0), fuel: 4.25 }],
         spots: vec![
             spot("anchor", at(15.0, 25.0), None, false),
+            spot("spawn", at(16.0, 26.0), None, false),
             spot("rope_slide", at(15.0, 20.0), Some(at(18.0, 24.0)), true),
             spot("vault", at(10.0, 26.0), Some(at(12.0, 26.0)), false),
         ],

@@ -11,7 +11,7 @@ use surefoot_world::navigable::NoGround;
 use surefoot_world::{Arrival, CharacterProfile, Map};
 
 /// Version of the builder. It changes whenever the same settings would yield a different graph.
-pub const BUILDER_VERSION: u32 = 19;
+pub const BUILDER_VERSION: u32 = 20;
 
 /// How vertices are placed and candidate edges are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, VariantArray, IntoStaticStr, EnumString)]
@@ -76,7 +76,8 @@ pub struct BuildSettings(RawBuildSettings);
 pub struct RawBuildSettings {
     /// How vertices are placed. Default: [`Placement::Spaced`].
     pub placement: Placement,
-    /// Number of vertices, at least 2. Ride stops of lifts and platforms are added to them; together they may be at
+    /// Most vertices, at least 2. [`Placement::Spaced`] places fewer where they would be nearer than 1 m to one
+    /// another, and all others this many. Ride stops of lifts and platforms are added to them; together they may be at
     /// most [`MAX_VERTICES`]. With special moves and frugal probing, up to twice as many are added to join islands.
     /// Default: 300.
     pub vertices: usize,

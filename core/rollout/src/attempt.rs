@@ -126,10 +126,11 @@ impl Attempt {
         self.follower.review(body.feet, &OnMap { map, profile, may_cross })
     }
 
-    /// The waypoint, m, if reviews and rehearsals have changed it: if `npc` heads for another one.
+    /// The waypoint, m, if reviews and rehearsals have changed it: if `npc` heads for another one, or arrives there in
+    /// another way.
     pub fn changed_waypoint(&self, npc: &Npc) -> Option<Vec3> {
-        let heads_for = npc.episode.map(|episode| episode.goal);
-        self.follower.waypoint().filter(|waypoint| heads_for != Some(*waypoint))
+        let heads_for = npc.episode.map(|episode| (episode.goal, episode.arrival));
+        self.follower.waypoint().filter(|waypoint| heads_for != Some((*waypoint, self.follower.arrival())))
     }
 
     /// Lets the NPC act without a rehearsal where it must stand at a goal nearby, and the way there and both sides of

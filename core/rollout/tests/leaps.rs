@@ -21,6 +21,8 @@ struct Leapt {
     /// The widest angle between its heading and the leap after it has turned, rad.
     widest: f32,
     seconds: f32,
+    /// The farthest from the rim before it left the ground, m.
+    run_up: f32,
 }
 
 /// Lets a body leap from a platform whose rim is at x = 20 m to one that begins `width` metres further, and `rise`
@@ -40,6 +42,9 @@ fn leap(profile: &CharacterProfile, width: f32, rise: f32, run_up: f32) -> Leapt
     let mut leapt = Leapt::default();
     for decision in 0..40 {
         let body = world.npc(slot).unwrap().body;
+        if leapt.took_off == 0.0 {
+            leapt.run_up = leapt.run_up.max(20.0 - body.feet.x);
+        }
         leapt.widest = leapt.widest.max((body.yaw - FRAC_PI_2).abs());
         let is_there = body.is_grounded() && body.feet.x > far.x && (body.feet.y - far.y).abs() < 0.3;
         if is_there {
@@ -91,4 +96,14 @@ fn a_body_that_cannot_jump_in_the_air_leaps_as_far_as_one_jump_carries_it() {
     let profile = CharacterProfile::default().with(|body| body.extra_jumps = 0).unwrap();
     assert!(leap(&profile, 7.0, 0.0, 12.0).has_landed);
     assert!(!leap(&profile, 16.0, 0.0, 12.0).has_landed, "no body leaps 16 m at 11 m/s within a second");
+}
+
+#[test]
+fn a_body_that_is_too_near_to_the_rim_goes_back_for_a_run_up() {
+    let slow_in_air = CharacterProfile::default().with(|body| (body.extra_jumps, body.air_acceleration) = (0, 4.0));
+    let profile = slow_in_air.unwrap();
+    let far = leap(&profile, 9.0, 0.0, 0.5);
+    assert!(far.has_landed && far.run_up > 1.0, "{far:?}");
+    let near = leap(&profile, 2.0, 0.0, 0.5);
+    assert!(near.has_landed && near.run_up < 0.6, "no run-up is needed: {near:?}");
 }

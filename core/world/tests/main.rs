@@ -19,4 +19,5 @@ mod pieces;
 mod players;
 mod recordings;
 mod stage;
+mod surveys;
 mod swimming;

@@ -25,7 +25,8 @@ pub enum EvalMap {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GoalArea {
-    /// The playable area: the largest region of ground that the body can leave and come back to.
+    /// The playable area: the ground that the body can leave and come back to, around the level's spawn points or the
+    /// largest.
     Playable,
     /// All ground, roofs and closed rooms included.
     Anywhere,

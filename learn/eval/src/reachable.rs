@@ -9,7 +9,7 @@ use surefoot_rollout::Goal;
 use surefoot_world::character::MoveScratch;
 use surefoot_world::reach::ground::walks_straight;
 use surefoot_world::reach::leap::{self, Leap};
-use surefoot_world::reach::{IslandGraph, Reach, reached};
+use surefoot_world::reach::{IslandGraph, PlayArea, Reach, reached};
 use surefoot_world::{CharacterProfile, Map, Vec3};
 
 /// Distance within which a place off the grid is joined to others, m.
@@ -60,28 +60,26 @@ pub(crate) fn is_on_foot(terrain: &Terrain<'_>, goal: &Goal) -> bool {
     start.is_some() && start == end
 }
 
-/// The playable area of a map: the largest region of ground that a body can leave and come back to.
+/// The playable area of a map: the ground that a body can leave and come back to, around the map's spawn points or
+/// the largest.
 pub(crate) struct PlayableArea<'a> {
     terrain: &'a Terrain<'a>,
-    /// For each island, whether it belongs to the area.
-    holds: Vec<bool>,
+    area: PlayArea,
     /// Share of the ground, 0 to 1.
     pub share: f64,
 }
 
 impl<'a> PlayableArea<'a> {
     pub fn of(terrain: &'a Terrain<'a>) -> Self {
-        let regions = terrain.reach.regions(|_| true);
-        let largest = regions.largest();
-        let cell_count = terrain.reach.ground.cells().len().max(1) as f64;
-        let holds = regions.of_island.iter().map(|&region| region == largest).collect();
-        let share = regions.cell_counts.get(largest as usize).map_or(0.0, |&count| count as f64 / cell_count);
-        Self { terrain, holds, share }
+        let area = PlayArea::of(terrain.map, terrain.profile, terrain.reach);
+        let cells = terrain.reach.ground.cells();
+        let held = cells.iter().filter(|cell| area.holds(cell.island)).count();
+        Self { terrain, area, share: held as f64 / cells.len().max(1) as f64 }
     }
 
     /// Whether a place belongs to the area.
     pub fn contains(&self, place: Vec3, scratch: &mut MoveScratch) -> bool {
-        self.terrain.island(place, scratch).is_some_and(|island| self.holds[island as usize])
+        self.terrain.island(place, scratch).is_some_and(|island| self.area.holds(island))
     }
 }
 

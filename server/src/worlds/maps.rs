@@ -6,7 +6,7 @@ use crate::ids::WorldId;
 use std::sync::Arc;
 use surefoot_net::levels::MapSource;
 use surefoot_net::serving::Caller;
-use surefoot_world::reach::Reach;
+use surefoot_world::reach::{PlayArea, Reach};
 use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
 
 /// Times that an edit is made again because other clients edited the map meanwhile.
@@ -24,7 +24,8 @@ pub struct Survey {
     pub connected_on_foot: f64,
     /// Share of ordered pairs of places that are connected by every means, in [0, 1].
     pub connected: f64,
-    /// Number of places that cannot be reached from the largest region of mutually connected places.
+    /// Number of places that cannot be reached from the map's spawn points, or without any from the largest region of
+    /// mutually connected places.
     pub cut_off_places: usize,
     /// Some of them, spread evenly, m.
     pub cut_off: Vec<Vec3>,
@@ -34,11 +35,9 @@ impl Survey {
     /// Surveys `map` for a body, on one thread, so that worlds keep stepping. Lists at most `max_cut_off` places.
     pub fn of(map: &Map, body: CharacterProfile, max_cut_off: usize) -> Self {
         let reach = Reach::survey(map, &body, 1);
-        let regions = reach.regions(|_| true);
-        let reached = regions.reachable_from(regions.largest());
-        let is_cut_off = |island: u32| !reached[regions.of_island[island as usize] as usize];
+        let area = PlayArea::of(map, &body, &reach);
         let cells = reach.ground.cells();
-        let cut_off: Vec<Vec3> = cells.iter().filter(|cell| is_cut_off(cell.island)).map(|cell| cell.feet).collect();
+        let cut_off: Vec<Vec3> = cells.iter().filter(|cell| !area.reaches(cell.island)).map(|cell| cell.feet).collect();
         let stride = cut_off.len().div_ceil(max_cut_off.max(1)).max(1);
         Self {
             body,

@@ -14,7 +14,7 @@ use surefoot_planner::export::{frame_of, import_json};
 use surefoot_planner::reachability::{Connection, Difference, Island, compare_levels, describe, reached_from_main};
 use surefoot_report::render::Picture;
 use surefoot_world::map::LevelFrame;
-use surefoot_world::reach::{Means, Reach};
+use surefoot_world::reach::{Means, PlayArea, Reach};
 use surefoot_world::{DVec3, Vec3};
 
 /// Find places that no character reaches.
@@ -29,7 +29,8 @@ use surefoot_world::{DVec3, Vec3};
 pub struct Args {
     #[command(flatten)]
     target: Target,
-    /// Fail if a smaller share of all places to stand can be reached from the largest region
+    /// Fail if a smaller share of all places to stand can be reached from the level's spawn points, or without any
+    /// from the largest region
     #[arg(long, value_name = "SHARE", value_parser = parse_share::<f64>)]
     min_reachable: Option<f64>,
     /// Fail if a smaller share of ordered vertex pairs has a path
@@ -62,7 +63,7 @@ const FAR_M: f32 = 20.0;
 #[derive(Serialize)]
 struct Report {
     map: String,
-    /// Share of places to stand that can be reached from the largest region, by geometry.
+    /// Share of places to stand that can be reached from where play begins, by geometry.
     reachable: f64,
     /// Share of ordered pairs of places that are connected only with each means.
     lost_without: BTreeMap<String, f64>,
@@ -104,9 +105,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let survey =
         with_spinner("surveying the level", || Reach::survey_far(&context.map, &context.profile, core_count()));
     let frame = context.map.frame();
-    let report = args.report(&survey, graph, frame);
+    let area = PlayArea::of(&context.map, &context.profile, &survey);
+    let report = args.report((&survey, &area), graph, frame);
     if let Some(path) = &args.png {
-        draw(&loaded, &survey, args.pixels_per_m).save(path)?;
+        draw(&loaded, (&survey, &area), args.pixels_per_m).save(path)?;
     }
     if let Some(path) = &args.junit {
         std::fs::write(path, junit(&report)).with_context(|| format!("cannot write {}", path.display()))?;
@@ -125,19 +127,17 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    fn report(&self, survey: &Reach, graph: &NavGraph, frame: &LevelFrame) -> Report {
-        let regions = survey.regions(|_| true);
-        let reached = regions.reachable_from(regions.largest());
-        let total = survey.ground.cells().len().max(1) as f64;
-        let counts = regions.cell_counts.iter().zip(&reached);
-        let reachable = counts.filter(|(_, reached)| **reached).map(|(count, _)| *count as f64).sum::<f64>() / total;
+    fn report(&self, (survey, area): (&Reach, &PlayArea), graph: &NavGraph, frame: &LevelFrame) -> Report {
+        let cells = survey.ground.cells();
+        let reached = cells.iter().filter(|cell| area.reaches(cell.island)).count();
+        let reachable = reached as f64 / cells.len().max(1) as f64;
         let all = survey.share_by(|_| true);
         let lost_without = Means::ALL
             .iter()
             .copied()
             .map(|means| (means.name().to_owned(), (all - survey.share_by(|other| other != means)).max(0.0)));
         let graph = describe(graph).in_level(frame);
-        let unreached = unreached(survey, frame);
+        let unreached = unreached((survey, area), frame);
         let lines = |is_listed: &dyn Fn(&Island) -> bool| {
             let listed = graph.islands.iter().skip(1).filter(|island| is_listed(island)).take(LISTED);
             listed.map(|island| describe_island(island, frame)).collect()
@@ -191,17 +191,12 @@ impl Check {
     }
 }
 
-/// Regions that cannot be reached from the largest one.
-fn unreached(survey: &Reach, frame: &LevelFrame) -> Vec<Unreached> {
-    let regions = survey.regions(|_| true);
-    let reached = regions.reachable_from(regions.largest());
+/// Regions that cannot be reached from where play begins.
+fn unreached((survey, area): (&Reach, &PlayArea), frame: &LevelFrame) -> Vec<Unreached> {
     let mut found: BTreeMap<u32, Unreached> = BTreeMap::new();
-    for cell in survey.ground.cells() {
-        let region = regions.of_island[cell.island as usize];
-        if !reached[region as usize] {
-            let begin = || Unreached { places: 0, at: cell.feet, at_in_level: frame.other_place(cell.feet) };
-            found.entry(region).or_insert_with(begin).places += 1;
-        }
+    for cell in survey.ground.cells().iter().filter(|cell| !area.reaches(cell.island)) {
+        let begin = || Unreached { places: 0, at: cell.feet, at_in_level: frame.other_place(cell.feet) };
+        found.entry(area.region_of(cell.island)).or_insert_with(begin).places += 1;
     }
     let mut found: Vec<Unreached> = found.into_values().filter(|region| region.places >= LISTED_PLACES).collect();
     found.sort_by_key(|region| std::cmp::Reverse(region.places));
@@ -273,7 +268,7 @@ fn junit(report: &Report) -> String {
 }
 
 /// Draws places by their distance to the nearest vertex reached from the main island; red where geometry finds no path.
-fn draw(loaded: &Loaded, survey: &Reach, scale: f32) -> Picture {
+fn draw(loaded: &Loaded, (survey, area): (&Reach, &PlayArea), scale: f32) -> Picture {
     let Loaded { context, graph, .. } = loaded;
     let reached: Vec<Vec3> = graph
         .vertices()
@@ -281,12 +276,10 @@ fn draw(loaded: &Loaded, survey: &Reach, scale: f32) -> Picture {
         .filter(|(_, reached)| *reached)
         .map(|(vertex, _)| graph.position(vertex))
         .collect();
-    let regions = survey.regions(|_| true);
-    let can_be_reached = regions.reachable_from(regions.largest());
     let mut picture = Picture::top_view(&context.map, scale);
     let radius = (0.9 * scale).max(1.0);
     for cell in survey.ground.cells() {
-        let colour = if can_be_reached[regions.of_island[cell.island as usize] as usize] {
+        let colour = if area.reaches(cell.island) {
             let nearest = reached.iter().map(|vertex| vertex.distance(cell.feet)).fold(FAR_M, f32::min);
             let far = nearest / FAR_M;
             [(40.0 + 215.0 * far) as u8, (200.0 - 60.0 * far) as u8, 60]

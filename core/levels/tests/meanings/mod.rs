@@ -3,7 +3,7 @@
 use crate::{PLAIN, corners, gltf, gltf_level, obj_box};
 use serde_json::json;
 use surefoot_levels::{ImportOptions, Imported, NoFiles, NodeReport, Role, Warning, role_counts};
-use surefoot_world::Map;
+use surefoot_world::{Map, Vec3};
 use surefoot_world::map::MoverKind;
 use surefoot_world::mesh::Surface;
 
@@ -73,6 +73,32 @@ fn a_name_means_something_only_as_a_whole_word_at_the_start() {
         imported.warnings[0].to_string().contains("`Waterfront_Pier`")
             && imported.warnings[0].to_string().contains("`water_1`")
     );
+}
+
+#[test]
+fn play_begins_where_names_and_the_sidecar_say() {
+    let point = |name: &'static str, x: f32| (name, [x, 1.0, 5.0], [x + 0.5, 2.8, 5.5]);
+    let nodes = [
+        point("PlayerStart_1", 5.0),
+        point("SpawnPoint", 10.0),
+        point("info_player_start", 15.0),
+        point("spawn.002", 20.0),
+        point("Spawner", 25.0),
+        point("Respawn_Room", 30.0),
+        ("Spawn_Platform", [40.0, 1.0, 5.0], [44.0, 1.5, 9.0]),
+    ];
+    let sidecar = r#"{"nodes": {"Respawn*": "spawn"}, "spawns": [{"at": [50, 1, 50]}]}"#;
+    let imported = import(&nodes, Some(sidecar), &PLAIN);
+    let spots = &imported.map.placed().spots;
+    let level = |place: Vec3| imported.map.frame().to_level(place).x.round();
+    let spawns = spots.iter().map(|spot| (spot.tag.as_str(), level(spot.from)));
+    let mut spawns: Vec<(&str, f64)> = spawns.collect();
+    spawns.sort_by(|a, b| a.1.total_cmp(&b.1));
+    assert_eq!(spawns, [5.0, 10.0, 15.0, 20.0, 30.0, 50.0].map(|x| ("spawn", x)));
+    assert_eq!(corners(&imported.map).len(), 3 * 12, "the ground, a spawner and a platform are solid");
+    let exported = surefoot_levels::export_glb(&imported.map);
+    let again = surefoot_levels::import_gltf(&exported, None, &PLAIN, &NoFiles).expect("an export is a level");
+    assert_eq!(again.map.placed().spots, *spots);
 }
 
 #[test]

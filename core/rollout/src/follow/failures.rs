@@ -6,6 +6,10 @@ use surefoot_planner::{EdgeKey, LegKey, Stop};
 const MAX_FAILED_ARRIVALS: u32 = 5;
 /// Same as [`MAX_FAILED_ARRIVALS`] for legs that failed in rehearsals, which cost no time.
 const MAX_REHEARSED_ARRIVALS: u32 = 12;
+/// How many of them a doubtful leg counts for.
+const DOUBTFUL_WEIGHT: u32 = 2;
+/// Doubtful legs from the start that fail in rehearsals until the goal counts as unreachable.
+const MAX_DOUBTFUL_DEPARTURES: u32 = 6;
 /// How often legs without progress are tried again when no other way is left.
 const MAX_CHANCES: u32 = 3;
 /// Most edges of which an attempt reports failed rehearsals.
@@ -27,6 +31,8 @@ pub(super) struct Failures {
     legs: Vec<FailedLeg>,
     /// Legs to the goal itself that failed.
     arrivals: u32,
+    /// Doubtful legs from the start that failed in rehearsals.
+    departures: u32,
     chances: u32,
     /// Edges of which a failed rehearsal was reported.
     reported: Vec<EdgeKey>,
@@ -45,13 +51,16 @@ impl Failures {
 
     /// Forgets the legs without progress, if there are any and chances are left; returns whether it did.
     pub fn give_another_chance(&mut self) -> bool {
-        if self.chances >= MAX_CHANCES {
-            return false;
+        self.give_chance(|leg| leg.is_harm)
+    }
+
+    /// Keeps only some legs, if that forgets any and chances are left; returns whether it did.
+    fn give_chance(&mut self, keeps: impl Fn(&FailedLeg) -> bool) -> bool {
+        let is_given = self.chances < MAX_CHANCES && !self.legs.iter().all(&keeps);
+        if is_given {
+            self.legs.retain(keeps);
+            self.chances += 1;
         }
-        let count = self.legs.len();
-        self.forget_stalls();
-        let is_given = self.legs.len() < count;
-        self.chances += u32::from(is_given);
         is_given
     }
 
@@ -63,19 +72,36 @@ impl Failures {
     /// Forgets the legs without progress, and that legs to the goal failed: the movers have changed.
     pub fn forgive(&mut self) {
         self.forget_stalls();
-        self.arrivals = 0;
+        (self.arrivals, self.departures) = (0, 0);
     }
 
     /// Adds a leg without progress; true if too many legs to the goal have failed.
     pub fn add_run(&mut self, key: LegKey) -> bool {
         self.add(key, false);
-        self.count_arrival(key) >= MAX_FAILED_ARRIVALS
+        self.arrivals += u32::from(key.to == Stop::Goal);
+        self.arrivals >= MAX_FAILED_ARRIVALS
     }
 
-    /// Adds a leg that failed in a rehearsal; true if too many legs to the goal have failed.
-    pub fn add_rehearsed(&mut self, key: LegKey, is_harm: bool) -> bool {
+    /// Adds a leg that failed in a rehearsal; true if the goal counts as unreachable. A leg is doubtful if no proof
+    /// covers it, and it is neither a walk nor a leap over one gap.
+    pub fn add_rehearsed(&mut self, key: LegKey, is_harm: bool, is_doubtful: bool) -> bool {
         self.add(key, is_harm);
-        self.count_arrival(key) >= MAX_REHEARSED_ARRIVALS
+        let is_near = if key.to == Stop::Goal {
+            self.arrivals += if is_doubtful { DOUBTFUL_WEIGHT } else { 1 };
+            self.arrivals >= MAX_REHEARSED_ARRIVALS
+        } else if key.from == Stop::Start && is_doubtful {
+            self.departures += 1;
+            self.departures >= MAX_DOUBTFUL_DEPARTURES
+        } else {
+            false
+        };
+        is_near && !self.give_edges_another_chance()
+    }
+
+    /// Forgets the edges without progress, if there are any and chances are left; returns whether it did. What has been
+    /// proved once is worth more tries than what never was.
+    fn give_edges_another_chance(&mut self) -> bool {
+        self.give_chance(|leg| leg.is_harm || leg.key.edge().is_none())
     }
 
     /// Adds a leg, which moves to the end if it failed before.
@@ -93,10 +119,5 @@ impl Failures {
         let is_first = self.reported.len() < MAX_REPORTED && !self.reported.contains(&edge);
         self.reported.extend(is_first.then_some(edge));
         is_first
-    }
-
-    fn count_arrival(&mut self, key: LegKey) -> u32 {
-        self.arrivals += u32::from(key.to == Stop::Goal);
-        self.arrivals
     }
 }

@@ -39,7 +39,7 @@ impl Follower {
             return None;
         }
         let next = self.shortcuts.end(self.leg + 1);
-        let then = plan.waypoints.get(next).filter(|_| self.steers(next));
+        let then = plan.waypoints.get(next).filter(|_| self.steers(next) && !self.rests_after(self.leg));
         let around = self.clearance.corner(plan, self.leg, &self.shortcuts);
         Some(Course {
             to: plan.waypoints[self.leg],
@@ -89,8 +89,8 @@ impl Follower {
     }
 
     /// Lets the NPC move in another way up to the end of the leg `key` of its plan: with the waypoints that the planner
-    /// gave, without shortcuts, steered without cutting corners, without ways around, then by its policy, composed, and
-    /// then freely. False if it already did.
+    /// gave, without shortcuts, from rest before a leap, as proofs begin, steered without cutting corners, without ways
+    /// around, then by its policy, composed, and then freely. False if it already did.
     pub fn move_freely_on(&mut self, key: LegKey) -> bool {
         let Some(plan) = &self.plan else { return false };
         let leg = plan.legs.iter().rposition(|leg| leg.key == key).unwrap_or(self.leg);
@@ -101,6 +101,11 @@ impl Follower {
             return true;
         }
         let Some(plan) = &self.plan else { return false };
+        let leaps = Ability::JUMPS.contains(&plan.legs[leg].ability) && plan.needs.is_empty();
+        if leaps && leg > self.leg && !self.from_rest.contains(&key) {
+            self.from_rest.push(key);
+            return true;
+        }
         if (self.leg..=leg).any(|leg| self.steers(leg)) {
             // Cutting a corner may lead into a wall, down a rim, or off a platform.
             let is_walk = self.steered_move(leg).is_none();

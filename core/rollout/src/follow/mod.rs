@@ -167,6 +167,10 @@ pub struct Follower {
     free_until: usize,
     unsteered_until: usize,
     exact_until: usize,
+    /// Leaps of the plan before which the NPC comes to rest.
+    from_rest: Vec<LegKey>,
+    /// Legs of the plan that no proof covers, and that are neither walks nor leaps over one gap.
+    doubtful: Vec<LegKey>,
     plans: u32,
     replans: u32,
     failures: Failures,
@@ -198,6 +202,8 @@ impl Follower {
             free_until: 0,
             unsteered_until: 0,
             exact_until: 0,
+            from_rest: Vec::new(),
+            doubtful: Vec::new(),
             plans: 0,
             replans: 0,
             failures: Failures::default(),
@@ -239,13 +245,21 @@ impl Follower {
         self.plan.as_ref().map(|plan| self.detour.via.unwrap_or(plan.waypoints[self.leg]))
     }
 
-    /// What counts as having arrived at the current waypoint: waypoints before the goal are passed.
+    /// What counts as having arrived at the current waypoint: waypoints before the goal are passed, unless the NPC
+    /// leaps from rest there.
     pub fn arrival(&self) -> Arrival {
         match self.config.arrival {
             Arrival::Touch => Arrival::Touch,
             arrival if self.is_last_leg() => arrival,
+            Arrival::Pass | Arrival::Stand if self.rests_after(self.leg) => Arrival::Stand,
             Arrival::Pass | Arrival::Stand => Arrival::Pass,
         }
+    }
+
+    /// Whether the NPC comes to rest at the end of a leg of its plan, for the leap after it.
+    fn rests_after(&self, leg: usize) -> bool {
+        let next = self.plan.as_ref().and_then(|plan| plan.legs.get(leg + 1));
+        self.detour.via.is_none() && next.is_some_and(|next| self.from_rest.contains(&next.key))
     }
 
     /// The waypoints from the current one on, m; none without a plan.
@@ -455,7 +469,7 @@ impl Follower {
             self.traversals.push(Traversal { edge, end, decisions: 0 });
         }
         self.plan = None;
-        plan_again(self.config.remembers && self.failures.add_rehearsed(key, is_harm))
+        plan_again(self.config.remembers && self.failures.add_rehearsed(key, is_harm, self.doubtful.contains(&key)))
     }
 
     /// Whether a rehearsal of the leg `key` began where the leg does, and not on the way.

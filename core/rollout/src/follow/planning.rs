@@ -64,6 +64,8 @@ impl Follower {
             self.review = Review::default();
         }
         (self.free_until, self.unsteered_until, self.exact_until) = (0, 0, 0);
+        self.from_rest.clear();
+        self.doubtful.clear();
         (self.shortcuts, self.clearance, self.steered_moves) = Default::default();
         self.start_leg(0);
         first

@@ -1,4 +1,5 @@
-//! [`Spot`]: a place of a map for the moves that bodies define: an anchor, or the two ends of a way.
+//! [`Spot`]: a place of a map with a meaning: for the moves that bodies define, an anchor or the two ends of a way, or
+//! where play begins.
 
 use crate::Vec3;
 use serde::{Deserialize, Serialize};
@@ -7,8 +8,10 @@ use serde::{Deserialize, Serialize};
 pub const MAX_TAG_LEN: usize = 32;
 /// Tag of the places to which bodies pull themselves.
 pub const ANCHOR: &str = "anchor";
+/// Tag of the places where play begins.
+pub const SPAWN: &str = "spawn";
 
-/// A place for moves that bodies define.
+/// A place for moves that bodies define, or where play begins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Spot {
     /// What moves call it, as [`is_tag`] allows.

@@ -10,6 +10,7 @@ pub mod ground;
 pub mod leap;
 mod limits;
 pub mod links;
+mod play_area;
 mod rides;
 
 use crate::character::CharacterProfile;
@@ -20,6 +21,7 @@ use limits::JumpLimits;
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::visit::{Dfs, EdgeRef, IntoNeighbors, NodeCount, Reversed, Visitable};
+pub use play_area::PlayArea;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};

@@ -52,6 +52,7 @@ function markHint({ marks }: Studio): string {
     teleporter: ['Click where to put the teleporter', 'Click its destination'],
     jetpack: ['Click where to put the jetpack', ''],
     anchor: ['Click where to put the anchor', ''],
+    spawn: ['Click where play begins', ''],
   }
   return hints[marks.kind.value][marks.begun.value === undefined ? 0 : 1]
 }

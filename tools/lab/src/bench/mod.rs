@@ -15,6 +15,7 @@ mod reference;
 mod scale;
 mod serve;
 mod soak;
+mod survey;
 mod tiles;
 mod world;
 
@@ -24,7 +25,7 @@ use serde::Serialize;
 use std::borrow::Cow;
 use std::time::Instant;
 use surefoot_cli::commands::machine;
-use surefoot_cli::commands::map::{LevelArgs, files_only, parse_maps};
+use surefoot_cli::commands::map::{BodyArg, LevelArgs, files_only, parse_maps};
 use surefoot_cli::terminal::print_json;
 
 /// Measure speed.
@@ -40,22 +41,25 @@ use surefoot_cli::terminal::print_json;
         surefoot bench feed\n  \
         surefoot bench scale --out docs/results/scale\n  \
         surefoot bench queue --json\n  \
-        surefoot bench growth")]
+        surefoot bench growth\n  \
+        surefoot bench survey --maps 'levels/*.glb' --minutes 2")]
 pub struct Args {
     /// What to measure
     what: Bench,
     /// serve, soak, floods: number of NPCs, on 8 worlds; default: 1024, 256 and 256
     #[arg(long, value_name = "N")]
     npcs: Option<usize>,
-    /// serve, soak: duration of the measurement, above 0
+    /// serve, soak: duration of the measurement, above 0; survey: that of each explorer
     #[arg(long, default_value_t = 10.0, value_name = "MINUTES", value_parser = parse_minutes)]
     minutes: f64,
-    /// world: levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj), or patterns such as
+    /// world, survey: levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj), or patterns such as
     /// 'levels/*.glb'; may be repeated
     #[arg(long, value_name = "FILE,...")]
     maps: Vec<String>,
     #[command(flatten)]
     levels: LevelArgs,
+    #[command(flatten)]
+    body: BodyArg,
     /// serve: folder for the plot of tick time over the number of NPCs; scale: folder for the recorded load,
     /// `load.json`
     #[arg(long, value_name = "FOLDER")]
@@ -100,6 +104,8 @@ enum Bench {
     Queue,
     /// How the time of builds, edits, queries, spawns and events grows with their size: the exponent of a power law
     Growth,
+    /// Where the survey says that bodies get, against a random explorer
+    Survey,
 }
 
 impl Bench {
@@ -179,7 +185,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let figures = match args.what {
         Bench::World if files.is_empty() => world::figures()?,
         Bench::World => world::figures_on(&files, &args.levels)?,
-        _ if !files.is_empty() => anyhow::bail!("--maps is only for `bench world`"),
+        Bench::Survey => survey::figures(&files, &args.levels, &args.body.profile()?, args.minutes)?,
+        _ if !files.is_empty() => anyhow::bail!("--maps is only for `bench world` and `bench survey`"),
         Bench::Learn => learn::figures()?,
         Bench::Plan => plan::figures()?,
         Bench::Follow => follow::figures()?,

@@ -5,7 +5,7 @@ import { UpAxis } from '../../gen/surefoot/world/v1/maps_pb'
 import type { Features, Place } from '../../view/viewport.types'
 import { readSidecar, type Sidecar, writeSidecar } from './sidecar'
 
-export type MarkKind = 'lava' | 'water' | 'pad' | 'zipLine' | 'teleporter' | 'jetpack' | 'anchor'
+export type MarkKind = 'lava' | 'water' | 'pad' | 'zipLine' | 'teleporter' | 'jetpack' | 'anchor' | 'spawn'
 
 /** Kinds that take two clicks: two corners of a pool, or the two ends of a way. */
 const PAIRED: ReadonlySet<MarkKind> = new Set(['lava', 'water', 'zipLine', 'teleporter'])
@@ -108,6 +108,7 @@ export function sidecarWith(before: string, marks: readonly Mark[], frame: Frame
       teleporter: ['teleporters', way],
       jetpack: ['jetpacks', { at: way.from }],
       anchor: ['anchors', { at: way.from }],
+      spawn: ['spawns', { at: way.from }],
     }
     const [list, entry] = entries[kind]
     sidecar[list] = [...(sidecar[list] ?? []), entry]
@@ -134,7 +135,7 @@ export function featuresWith(features: Features, marks: readonly Mark[]): Featur
     jetpacks: [...features.jetpacks, ...of('jetpack').map(({ at }) => at)],
     spots: [
       ...features.spots,
-      ...of('anchor').map(({ at }) => ({ tag: 'anchor', from: at, to: undefined, twoWay: false })),
+      ...of('anchor', 'spawn').map(({ kind, at }) => ({ tag: kind, from: at, to: undefined, twoWay: false })),
     ],
   }
 }

@@ -16,6 +16,7 @@ export const NODE_KINDS = [
   { value: 'ladder', name: 'Ladder' },
   { value: 'climb', name: 'Wall to climb' },
   { value: 'anchor', name: 'Anchor' },
+  { value: 'spawn', name: 'Spawn point' },
 ] as const
 
 export type NodeKind = (typeof NODE_KINDS)[number]['value']
@@ -28,6 +29,7 @@ export interface Sidecar {
   teleporters?: unknown[]
   jetpacks?: unknown[]
   anchors?: unknown[]
+  spawns?: unknown[]
   /** What nodes are, by exact name or by pattern. */
   nodes?: Record<string, NodeKind>
   /** False: names have no meaning. */

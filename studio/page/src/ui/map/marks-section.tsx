@@ -13,6 +13,7 @@ const KINDS: readonly { value: MarkKind; name: string }[] = [
   { value: 'teleporter', name: 'Teleporter' },
   { value: 'jetpack', name: 'Jetpack' },
   { value: 'anchor', name: 'Anchor' },
+  { value: 'spawn', name: 'Spawn point' },
 ]
 
 /** Marks features on the level that was imported, and keeps them in its sidecar. */
