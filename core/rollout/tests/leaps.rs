@@ -102,7 +102,7 @@ fn a_body_that_cannot_jump_in_the_air_leaps_as_far_as_one_jump_carries_it() {
 fn a_body_that_is_too_near_to_the_rim_goes_back_for_a_run_up() {
     let slow_in_air = CharacterProfile::default().with(|body| (body.extra_jumps, body.air_acceleration) = (0, 4.0));
     let profile = slow_in_air.unwrap();
-    let far = leap(&profile, 9.0, 0.0, 0.5);
+    let far = leap(&profile, 11.0, 0.0, 0.5);
     assert!(far.has_landed && far.run_up > 1.0, "{far:?}");
     let near = leap(&profile, 2.0, 0.0, 0.5);
     assert!(near.has_landed && near.run_up < 0.6, "no run-up is needed: {near:?}");

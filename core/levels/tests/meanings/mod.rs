@@ -3,9 +3,9 @@
 use crate::{PLAIN, corners, gltf, gltf_level, obj_box};
 use serde_json::json;
 use surefoot_levels::{ImportOptions, Imported, NoFiles, NodeReport, Role, Warning, role_counts};
-use surefoot_world::{Map, Vec3};
 use surefoot_world::map::MoverKind;
 use surefoot_world::mesh::Surface;
+use surefoot_world::{Map, Vec3};
 
 const FLOOR: ([f32; 3], [f32; 3]) = ([0.0, 0.0, 0.0], [60.0, 1.0, 60.0]);
 

@@ -86,7 +86,7 @@ impl Failures {
     /// covers it, and it is neither a walk nor a leap over one gap.
     pub fn add_rehearsed(&mut self, key: LegKey, is_harm: bool, is_doubtful: bool) -> bool {
         self.add(key, is_harm);
-        let is_near = if key.to == Stop::Goal {
+        let are_used_up = if key.to == Stop::Goal {
             self.arrivals += if is_doubtful { DOUBTFUL_WEIGHT } else { 1 };
             self.arrivals >= MAX_REHEARSED_ARRIVALS
         } else if key.from == Stop::Start && is_doubtful {
@@ -95,7 +95,7 @@ impl Failures {
         } else {
             false
         };
-        is_near && !self.give_edges_another_chance()
+        are_used_up && !self.give_edges_another_chance()
     }
 
     /// Forgets the edges without progress, if there are any and chances are left; returns whether it did. What has been

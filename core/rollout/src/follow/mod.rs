@@ -468,8 +468,10 @@ impl Follower {
             let end = if is_harm { TryEnd::Died } else { TryEnd::Failed };
             self.traversals.push(Traversal { edge, end, decisions: 0 });
         }
+        // Where movers may open a way, every leg is worth as many tries as any other.
+        let is_doubtful = self.movers.stops.is_empty() && self.doubtful.contains(&key);
         self.plan = None;
-        plan_again(self.config.remembers && self.failures.add_rehearsed(key, is_harm, self.doubtful.contains(&key)))
+        plan_again(self.config.remembers && self.failures.add_rehearsed(key, is_harm, is_doubtful))
     }
 
     /// Whether a rehearsal of the leg `key` began where the leg does, and not on the way.
