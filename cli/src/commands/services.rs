@@ -302,7 +302,7 @@ pub struct GraphArgs {
     /// Placement of vertices: random, spaced, density, trajectories, trajectories-tested, flood or flood-grandchildren
     #[arg(long, default_value = "spaced", value_name = "NAME", value_parser = parse_placement)]
     pub placement: Placement,
-    /// Number of vertices
+    /// Most vertices; those that are spaced keep 1 m between them, so small levels get fewer
     #[arg(long, default_value_t = 300, value_name = "N")]
     pub vertices: u32,
     /// Nearest neighbours that each vertex forms candidate edges with

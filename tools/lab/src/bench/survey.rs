@@ -96,6 +96,7 @@ impl<'a> Explorer<'a> {
             let most = self.profile.turn_speed * DECISION_SECONDS;
             let turn = (wrapped(towards - body.yaw) / most).clamp(-1.0, 1.0);
             let action = Action { forward, turn, jump, ..Action::default() };
+            body.begin_decision(&action);
             for _ in 0..TICKS_PER_DECISION {
                 body.tick(self.map, self.profile, &action, &mut self.scratch);
                 if self.map.is_outside(body.feet) || body.liquid.is_some() {

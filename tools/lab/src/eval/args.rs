@@ -74,8 +74,8 @@ pub struct Args {
     #[arg(long, value_name = "SEEDS|FILE,...", num_args = 1..)]
     pub(super) maps: Vec<String>,
     /// Draw starts and goals on all ground of levels, also on roofs and in closed rooms. By default they come from the
-    /// playable area: the largest region of ground that the body can leave and come back to. On generated maps they
-    /// come from everywhere
+    /// playable area: ground that the body can leave and come back to, around the level's spawn points or the largest.
+    /// On generated maps they come from everywhere
     #[arg(long)]
     pub(super) anywhere: bool,
     #[command(flatten)]
