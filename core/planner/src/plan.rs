@@ -78,8 +78,8 @@ impl Query {
     }
 }
 
-/// Share of a plan's risk, as the logarithm of its chance, that remains with rehearsals. Fitted to five bodies on twelve levels,
-/// and checked on validation maps.
+/// Share of a plan's risk, as the logarithm of its chance, that remains with rehearsals. Fitted to five bodies on
+/// twelve levels, and checked on validation maps.
 const LEFT_BY_REHEARSALS: f64 = 0.12;
 /// Share of the failures on a leg that neither rehearsals nor further plans repair. Fitted like the above.
 const LOST_BY_FAILING: f64 = 0.02;
