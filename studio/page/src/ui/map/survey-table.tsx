@@ -44,7 +44,10 @@ export function SurveyTable({ studio: { surveys }, of, map, isShown }: Props) {
               <th scope="col" title="Pairs of places that are connected by every means">
                 Connected
               </th>
-              <th scope="col" title="Places that no way leads to from the spawn points, or without any from the largest region">
+              <th
+                scope="col"
+                title="Places that no way leads to from the spawn points, or without any from the largest region"
+              >
                 Cut off
               </th>
             </tr>
