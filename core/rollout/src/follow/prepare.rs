@@ -4,7 +4,7 @@
 use super::clearance::Clearance;
 use super::ground::Ground;
 use super::moves::SteeredMoves;
-use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S, doubtful_of, leaps_of};
+use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S, leaps_of};
 use super::shortcuts::Shortcuts;
 use super::ways::{lead_around, way_of};
 use super::{Approach, Follower};
@@ -40,7 +40,6 @@ impl Follower {
         self.lead_to_goal(&mut best.plan);
         self.feet = feet;
         let may_look = may_look(&best.plan);
-        self.doubtful = doubtful_of(&best.plan, feet, &barred, ground);
         lead_around(&mut best.plan, feet, &barred, may_look, ground);
         if best.plan.needs.is_empty() {
             self.clearance = Clearance::make(&mut best.plan, feet, margin, ground);
@@ -51,6 +50,7 @@ impl Follower {
             }
             self.steered_moves = SteeredMoves::find(&best.plan, feet, ground);
         }
+        self.doubtful = barred.into_iter().filter(|leap| self.steered_moves.on(*leap).is_none()).collect();
         self.plan = Some(best.plan);
         self.start_leg(0);
         false

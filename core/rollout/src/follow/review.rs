@@ -68,15 +68,6 @@ pub(super) fn leaps_of(plan: &Plan, feet: Vec3, may_look: bool, ground: &impl Gr
     (leaps, longer_s)
 }
 
-/// Those of the `leaps` of a plan from `feet`, m, that do not lead over a single gap or ledge which the body clears.
-pub(super) fn doubtful_of(plan: &Plan, feet: Vec3, leaps: &[LegKey], ground: &impl Ground) -> Vec<LegKey> {
-    let starts = std::iter::once(&feet).chain(&plan.waypoints);
-    let legs = plan.legs.iter().zip(starts.zip(&plan.waypoints));
-    legs.filter(|(leg, (start, end))| leaps.contains(&leg.key) && ground.rims(**start, **end).is_none())
-        .map(|(leg, _)| leg.key)
-        .collect()
-}
-
 /// Length of a way from `start`, m.
 fn length(start: Vec3, way: &[Vec3]) -> f32 {
     std::iter::once(&start).chain(way).zip(way).map(|(from, to)| from.distance(*to)).sum()
