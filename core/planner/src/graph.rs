@@ -91,13 +91,22 @@ impl NavGraph {
     /// # Panics
     /// If `candidates` and `evidence` differ in length.
     pub fn prove(vertices: Vec<Vec3>, candidates: &[Candidate], evidence: &[Evidence], threshold: f64) -> Self {
+        Self::choose(vertices, candidates, evidence, |idx| evidence[idx].proves(threshold))
+    }
+
+    /// Builds the graph of the candidate edges that are chosen by their index.
+    ///
+    /// # Panics
+    /// If `candidates` and `evidence` differ in length.
+    pub(crate) fn choose(
+        vertices: Vec<Vec3>,
+        candidates: &[Candidate],
+        evidence: &[Evidence],
+        is_chosen: impl Fn(usize) -> bool,
+    ) -> Self {
         assert_eq!(candidates.len(), evidence.len());
-        let edges = candidates
-            .iter()
-            .zip(evidence)
-            .filter(|(_, evidence)| evidence.proves(threshold))
-            .map(|(&key, &evidence)| Edge { key, evidence })
-            .collect();
+        let chosen = (0..candidates.len()).filter(|&idx| is_chosen(idx));
+        let edges = chosen.map(|idx| Edge { key: candidates[idx], evidence: evidence[idx] }).collect();
         let legs = LegModel::fit(&vertices, candidates, evidence);
         let data = GraphData { vertices, edges, legs, ..GraphData::default() };
         Self::check(data).expect("candidates join existing vertices")

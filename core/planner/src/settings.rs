@@ -11,7 +11,7 @@ use surefoot_world::navigable::NoGround;
 use surefoot_world::{Arrival, CharacterProfile, Map};
 
 /// Version of the builder. It changes whenever the same settings would yield a different graph.
-pub const BUILDER_VERSION: u32 = 20;
+pub const BUILDER_VERSION: u32 = 21;
 
 /// How vertices are placed and candidate edges are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, VariantArray, IntoStaticStr, EnumString)]
@@ -85,7 +85,8 @@ pub struct RawBuildSettings {
     pub neighbours: usize,
     /// Maximum number of probes per candidate edge, 1 to 32. Default: 2.
     pub repeats: u32,
-    /// Share of probes that must succeed to prove an edge, 1e-6 to 1. Default: 0.2.
+    /// Share of probes that must succeed to prove an edge, 1e-6 to 1. With frugal probing, an edge that succeeded more
+    /// rarely stays if nothing else leads where it leads. Default: 0.2.
     pub threshold: f64,
     /// Seed of placement and probes. Default: 0.
     pub seed: u64,

@@ -1,5 +1,8 @@
 //! Probes again the edges that nothing replaces. A lucky probe of such an edge promises a whole region that no NPC
 //! reaches, and an unlucky one makes NPCs avoid the only way.
+//!
+//! An edge that turns out to succeed rarely stays if nothing leads where it leads: an NPC that rehearses gets along it
+//! in the end, and its chance tells how hard that is.
 
 use super::Probed;
 use crate::evidence::Evidence;
@@ -39,6 +42,21 @@ pub(super) fn prove_cuts(probed: &mut Probed<'_>) -> Result<(), BuildError> {
         }
     }
     Ok(())
+}
+
+/// Keeps candidates that succeeded too rarely to be proved, but lead where nothing else does: the likeliest first.
+pub(super) fn keep_lifelines(probed: &mut Probed<'_>) {
+    let rare = |idx: &usize| probed.evidence[*idx].successes > 0 && !probed.is_proved(*idx);
+    let mut rare: Vec<usize> = (0..probed.candidates.len()).filter(rare).collect();
+    let rate = |idx: &usize| probed.evidence[*idx].success_rate();
+    rare.sort_by(|a, b| rate(b).total_cmp(&rate(a)).then(probed.candidates[*a].cmp(&probed.candidates[*b])));
+    loop {
+        let keys: Vec<EdgeKey> = rare.iter().map(|&idx| probed.candidates[idx]).collect();
+        let mut is_joined = probed.graph().connectivity().are_joined(&keys).into_iter();
+        rare.retain(|_| !is_joined.next().expect("there is one for each"));
+        let Some(&likeliest) = rare.first() else { return };
+        probed.lifelines.insert(likeliest as u32);
+    }
 }
 
 fn is_doubtful(own: &Evidence) -> bool {

@@ -32,7 +32,7 @@ use placement::PlacementContext;
 use prove::Prover;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
 use surefoot_world::{MoverAt, Vec3};
 
@@ -118,6 +118,7 @@ impl<'a> Builder<'a> {
             let (prover, evidence) = probed.prover();
             prover.prove_on_foot(evidence)?;
             prover.expect_deaths(evidence)?;
+            cuts::keep_lifelines(probed);
         }
         Ok(())
     }
@@ -145,6 +146,8 @@ pub(crate) struct Probed<'a> {
     /// Evidence of each candidate.
     pub evidence: Vec<Evidence>,
     index: HashMap<Candidate, u32>,
+    /// Indices of the candidates that stay although they succeed too rarely to be proved.
+    lifelines: BTreeSet<u32>,
 }
 
 impl<'a> Probed<'a> {
@@ -153,7 +156,7 @@ impl<'a> Probed<'a> {
         let places = GrowingGrid::new(map.extent(), placement::even_spacing(map, vertices.len()), vertices);
         let ride_stops = RideStops::on(map, profile).of_vertices(vertices);
         let index = candidates.iter().copied().zip(0..).collect();
-        Self { builder, places, ride_stops, candidates, evidence: Vec::new(), index }
+        Self { builder, places, ride_stops, candidates, evidence: Vec::new(), index, lifelines: BTreeSet::new() }
     }
 
     /// The map and the character.
@@ -187,9 +190,13 @@ impl<'a> Probed<'a> {
 
     /// The graph that is proved so far.
     pub fn graph(&self) -> NavGraph {
-        let threshold = self.builder.settings.threshold;
-        let graph = NavGraph::prove(self.vertices().to_vec(), &self.candidates, &self.evidence, threshold);
+        let is_chosen = |idx: usize| self.is_proved(idx) || self.lifelines.contains(&(idx as u32));
+        let graph = NavGraph::choose(self.vertices().to_vec(), &self.candidates, &self.evidence, is_chosen);
         graph.with_moves(self.builder.site.profile.moves.clone())
+    }
+
+    fn is_proved(&self, candidate: usize) -> bool {
+        self.evidence[candidate].proves(self.builder.settings.threshold)
     }
 
     /// Probes each listed candidate once per listing.
