@@ -124,6 +124,10 @@ async fn a_reader_that_does_not_read_is_cut_off_and_others_go_on() {
     let mut idle = WorldServiceClient::new(channel);
     let mut unread = watch(&mut idle, world_id, 60.0).await;
     let mut read = watch(&mut client, world_id, 60.0).await;
+    // Both readers must be counted before one of them can be missing.
+    for _ in 0..60 {
+        read.next().await.unwrap().unwrap();
+    }
     let one_left = format!("surefoot_watchers{{world=\"{world_id}\"}} 1");
     // The other one reads on meanwhile, or it would be cut off as well.
     tokio::select! {
@@ -132,12 +136,15 @@ async fn a_reader_that_does_not_read_is_cut_off_and_others_go_on() {
             panic!("a reader that reads is cut off")
         }
     }
-    let end = loop {
-        match tokio::time::timeout(LIMIT, unread.next()).await.expect("the stream ends").unwrap() {
-            Ok(snapshot) => assert_eq!(snapshot.npcs.len(), 1500),
-            Err(status) => break status,
+    let rest = async {
+        loop {
+            match unread.next().await.expect("a status at the end") {
+                Ok(snapshot) => assert_eq!(snapshot.npcs.len(), 1500),
+                Err(status) => break status,
+            }
         }
     };
+    let end = tokio::time::timeout(LIMIT, rest).await.expect("the stream ends");
     assert_eq!(end.code(), Code::Aborted, "{end}");
     let before = read.next().await.unwrap().unwrap().tick;
     assert!(read.next().await.unwrap().unwrap().tick > before, "the other reader goes on");
