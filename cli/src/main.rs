@@ -6,7 +6,7 @@
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
 use surefoot_cli::commands::fleet::prove;
-use surefoot_cli::commands::{graph, health, licenses, map, services, top, up};
+use surefoot_cli::commands::{body, graph, health, licenses, map, services, top, up};
 use surefoot_cli::{config, programs, terminal};
 
 /// Navigation for game NPCs: world servers, NPC workers, and a planner that proves every edge.
@@ -50,6 +50,13 @@ enum Command {
             surefoot graph export level.glb --format json --out graph.json"
     )]
     Graph(graph::Command),
+    /// Fit bodies to the characters of games.
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  \
+            surefoot body fit level.glb --world tcp://127.0.0.1:7701 --out mine.toml"
+    )]
+    Body(body::Command),
     /// Check whether a service is serving.
     Health(health::Args),
     /// Print the licences of Surefoot and of all crates in its programs.
@@ -122,6 +129,7 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Work(args) => services::run_worker(&args, Ok),
         Command::Prove(args) => prove::run(&args),
         Command::Graph(command) => graph::run(&command),
+        Command::Body(command) => body::run(&command),
         Command::Health(args) => health::run(&args),
         Command::Licenses(args) => licenses::run(&args),
         Command::Top(args) => top::run(&args),

@@ -7,11 +7,12 @@ use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use surefoot_eval::{EvalConfig, EvalMap, Method, Price, evaluate};
+use surefoot_game_client::fit::{drifts, fit, record};
 use surefoot_game_client::probes::{InGame, build};
 use surefoot_game_client::{Game, GameError, Level};
 use surefoot_net::client::Credentials;
 use surefoot_planner::probe::{Manner, Outcome, ProbeExecutor, ProbeWatch, Trial};
-use surefoot_planner::{BuildSettings, Progress};
+use surefoot_planner::{BuildSettings, Progress, Rehearsed};
 use surefoot_policy::Policy;
 use surefoot_proto::convert::{self, pack, unpack_points};
 use surefoot_proto::world::v1 as wire;
@@ -226,7 +227,9 @@ async fn graphs_and_evaluations_in_a_game_with_our_physics_are_close_to_ours() {
     aside(move || {
         let (context, game) = (context(), connect(&uri).unwrap());
         let here = graphs::build(&context, &settings(), 2, &Progress::default()).unwrap().graph;
-        let there = build(&game, &context, &settings(), 2, &Progress::default()).unwrap().graph;
+        let Rehearsed { built, of_draft } = build(&game, &context, &settings(), 2, &Progress::default()).unwrap();
+        let there = built.graph;
+        assert!(of_draft < there.edge_count() as u64 / 2, "{of_draft} of {} edges", there.edge_count());
         assert!(there.edges().all(|edge| edge.evidence.tries > 0 && edge.evidence.successes > 0));
         let (few, many) = (here.edge_count().min(there.edge_count()), here.edge_count().max(there.edge_count()));
         assert!(few * 100 >= 90 * many, "{} edges here, {} there", here.edge_count(), there.edge_count());
@@ -391,4 +394,38 @@ async fn a_build_ends_with_the_reason_when_the_game_goes_away() {
     let end = timeout(LIMIT, building).await.expect("the build ends").expect("no panic");
     let error = end.unwrap_err().to_string();
     assert!(error.starts_with("the game at http://127.0.0.1:"), "{error}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_body_is_fitted_to_the_characters_of_a_game() {
+    let server = start_server(ServerConfig::default());
+    let uri = server.uri.clone();
+    aside(move || {
+        let map = Arc::new(surefoot_generate::generate(&spec()));
+        let body = CharacterProfile::default();
+        let own = body
+            .with(|it| {
+                (it.forward_speed, it.side_speed_share, it.turn_speed) = (6.0, 0.9, 5.0);
+                (it.jump_speed, it.gravity, it.extra_jumps) = (7.0, 15.0, 0);
+                (it.ground_acceleration, it.air_acceleration) = (25.0, 8.0);
+            })
+            .expect("in range");
+        let level = Level { map: map.clone(), body: own.clone(), solid_npcs: false };
+        let recordings = record(&connect(&uri).expect("a server"), &level, 1).expect("room for lanes");
+        let fitted = fit(&map, &body, &recordings);
+        let values = |it: &CharacterProfile| {
+            let ground = [it.forward_speed, it.side_speed_share, it.turn_speed, it.ground_acceleration];
+            let air = [it.jump_speed, it.gravity, it.air_acceleration];
+            [&ground[..], &air].concat()
+        };
+        for (found, own) in values(&fitted).into_iter().zip(values(&own)) {
+            assert!((found / own - 1.0).abs() < 0.05, "{found} instead of {own}: {fitted:?}");
+        }
+        assert_eq!(fitted.extra_jumps, 0);
+        let [before, after] = [&body, &fitted].map(|it| drifts(&map, it, &recordings).pop().expect("all scripts"));
+        assert!(before.p90_m > 1.0, "{before:?}");
+        assert!(after.p90_m < 0.05, "{after:?}");
+    })
+    .await;
+    server.stop().await;
 }

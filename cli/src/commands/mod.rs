@@ -1,6 +1,7 @@
 //! One module per subcommand.
 
 mod agones;
+pub mod body;
 pub mod endpoint;
 pub mod fleet;
 pub mod game;

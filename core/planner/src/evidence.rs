@@ -88,6 +88,13 @@ impl Evidence {
         Self { tries: 1, successes: 1, ..Self::with_prior(1.0) }.with_mean(decisions)
     }
 
+    /// Returns evidence without any tries, whose prior is what this evidence expects.
+    #[must_use]
+    pub(crate) fn as_prior(&self) -> Self {
+        let Self { ability, death_share, price_factor, .. } = *self;
+        Self { ability, death_share, price_factor, ..Self::with_prior(self.chance().get() as f32) }
+    }
+
     /// Returns this evidence as that of an edge that is certain and costs the mean decisions of its tries that arrived,
     /// which is the metric of the paper.
     #[must_use]

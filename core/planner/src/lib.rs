@@ -33,7 +33,7 @@ pub mod store;
 pub mod threads;
 pub mod zones;
 
-pub use build::{BuildStats, Builder, Built, Progress, candidates, interim, is_perilous, placement, probe};
+pub use build::{BuildStats, Builder, Built, Progress, Rehearsed, candidates, interim, is_perilous, placement, probe};
 pub use change::{edits, live, update};
 pub use export::{assets, links};
 pub use graph::{Edge, NavGraph};

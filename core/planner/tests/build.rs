@@ -5,8 +5,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::{
-    BuildError, BuildSettings, Builder, Built, EdgeKey, GraphId, PolicyHash, Probing, Progress, Query, Router, Site,
-    VertexId,
+    BuildError, BuildSettings, Builder, Built, EdgeKey, GraphId, PolicyHash, Probing, Progress, Query, Rehearsed,
+    Router, Site, VertexId,
 };
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -40,6 +40,35 @@ impl ProbeExecutor for River {
         }
         self.tried.lock().unwrap().extend(trials);
         Some(show(trials.iter().map(outcome).collect(), watch))
+    }
+}
+
+/// A ford in the place of the river: all probes arrive.
+#[derive(Default)]
+struct Ford {
+    tried: AtomicU32,
+}
+
+impl ProbeExecutor for Ford {
+    fn run(&self, trials: &[Trial], _: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+        self.tried.fetch_add(trials.len() as u32, Ordering::Relaxed);
+        Some(show(trials.iter().map(|trial| Outcome { reached: true, ..outcome(trial) }).collect(), watch))
+    }
+}
+
+/// A floor on which probes over more than 9 m jump, and then arrive only if `jumps`.
+struct Hops {
+    jumps: bool,
+}
+
+impl ProbeExecutor for Hops {
+    fn run(&self, trials: &[Trial], _: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+        let probe = |trial: &Trial| {
+            let jumps = trial.start.distance(trial.goal) > 9.0;
+            let ability = if jumps { Ability::JUMP } else { Ability::WALK };
+            Outcome { reached: self.jumps || !jumps, ability, ..outcome(trial) }
+        };
+        Some(show(trials.iter().map(probe).collect(), watch))
     }
 }
 
@@ -149,6 +178,42 @@ fn a_frugal_build_finds_the_same_connections_with_fewer_probes() {
         connected(&frugal),
         connected(&exhaustive)
     );
+}
+
+fn build_rehearsed([executor, rehearsal]: [&dyn ProbeExecutor; 2]) -> Rehearsed {
+    let settings = settings().with(|it| (it.probing, it.vertices, it.neighbours) = (Probing::Frugal, 120, 10)).unwrap();
+    let (site, progress) = (site(), Progress::default());
+    let builder =
+        Builder { site: &site, settings: &settings, executor, thread_count: 2, clock: &|| 0.0, progress: &progress };
+    builder.build_rehearsed(rehearsal).unwrap()
+}
+
+#[test]
+fn what_plans_use_of_a_rehearsed_graph_is_proved_again() {
+    let (river, ford) = (River::default(), Ford::default());
+    let Rehearsed { built: Built { graph, stats }, of_draft } = build_rehearsed([&river, &ford]);
+    let (tried, rehearsed) = (river.tried.lock().unwrap().len(), ford.tried.load(Ordering::Relaxed) as usize);
+    assert_eq!(stats.probes as usize, tried + rehearsed);
+    assert!(tried < rehearsed, "{tried} probes after {rehearsed} rehearsals");
+    assert!(of_draft > 0 && of_draft < graph.edge_count() as u64, "{of_draft} of {} edges", graph.edge_count());
+    let side = |vertex| graph.position(vertex).x > 30.0;
+    assert!(graph.edges().all(|edge| !side(edge.key.from) || side(edge.key.to)), "an edge leads back over the river");
+    let router = Router::new(graph, 4096, 1);
+    let find = |start, goal| router.find_path(&Query::new(start, goal)).no_path;
+    let (west, east) = (Vec3::new(4.0, 1.0, 30.0), Vec3::new(56.0, 1.0, 30.0));
+    assert_eq!([find(west, east), find(east, west)], [None, Some(surefoot_planner::NoPath::OneWay)]);
+}
+
+#[test]
+fn edges_whose_ability_does_not_work_where_they_are_proved_are_dropped_untried() {
+    let longest = |jumps| {
+        let graph = build_rehearsed([&Hops { jumps }, &Hops { jumps: true }]).built.graph;
+        assert_eq!(graph.connected_share(), 1.0);
+        let length = |key: EdgeKey| graph.position(key.from).distance(graph.position(key.to));
+        graph.edges().map(|edge| length(edge.key)).fold(0.0, f32::max)
+    };
+    assert!(longest(true) > 9.0);
+    assert!(longest(false) <= 9.0);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::time::Instant;
 use surefoot_planner::edits::MapTerrain;
 use surefoot_planner::probe::ProbeExecutor;
 use surefoot_planner::update::{Update, Updated};
-use surefoot_planner::{BuildError, BuildSettings, Builder, Built, GraphId, NavGraph, Progress};
+use surefoot_planner::{BuildError, BuildSettings, Builder, Built, GraphId, NavGraph, Progress, Rehearsed};
 use surefoot_world::Map;
 
 /// Id of the graph that a build with `settings` in `context` gives.
@@ -72,9 +72,22 @@ pub fn build_by(
     thread_count: usize,
     progress: &Progress,
 ) -> Result<Built, BuildError> {
-    let started = Instant::now();
-    let clock = || started.elapsed().as_secs_f64();
-    Builder { site: &context.site(), settings, executor, thread_count, clock: &clock, progress }.build()
+    with_executor(executor, context, settings, thread_count, progress, |builder| builder.build())
+}
+
+/// Builds a graph whose draft `rehearsal` proves ([`Builder::build_rehearsed`]), and otherwise like [`build_by`].
+///
+/// # Errors
+/// Same as [`build_by`].
+pub fn build_rehearsed_by(
+    [executor, rehearsal]: [&dyn ProbeExecutor; 2],
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+) -> Result<Rehearsed, BuildError> {
+    let build = |builder: Builder<'_>| builder.build_rehearsed(rehearsal);
+    with_executor(executor, context, settings, thread_count, progress, build)
 }
 
 fn with_builder<T>(
@@ -84,13 +97,19 @@ fn with_builder<T>(
     progress: &Progress,
     run: impl FnOnce(Builder<'_>) -> T,
 ) -> T {
-    let started = Instant::now();
-    run(Builder {
-        site: &context.site(),
-        settings,
-        executor: &InProcess { context: context.clone(), thread_count },
-        thread_count,
-        clock: &|| started.elapsed().as_secs_f64(),
-        progress,
-    })
+    let executor = InProcess { context: context.clone(), thread_count };
+    with_executor(&executor, context, settings, thread_count, progress, run)
+}
+
+fn with_executor<T>(
+    executor: &dyn ProbeExecutor,
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+    run: impl FnOnce(Builder<'_>) -> T,
+) -> T {
+    let (site, started) = (context.site(), Instant::now());
+    let clock = || started.elapsed().as_secs_f64();
+    run(Builder { site: &site, settings, executor, thread_count, clock: &clock, progress })
 }

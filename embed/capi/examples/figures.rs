@@ -9,7 +9,7 @@ use std::ffi::CString;
 use std::hint::black_box;
 use std::ptr::{null, null_mut};
 use std::time::Instant;
-use surefoot::abi::{Action, Hit, Leg, Outcome, Query, RAY_COUNT, Ray, State, Vec3};
+use surefoot::abi::{Action, Hit, Leg, Query, RAY_COUNT, Ray, State, Vec3};
 use surefoot::exports::*;
 use surefoot_planner::Router;
 use surefoot_planner::export::import_json;
@@ -143,35 +143,57 @@ fn plans(path: &str) {
     unsafe { sf_graph_destroy(graph) };
 }
 
-/// Rollbacks of one NPC.
+/// Ticks that a game with rollback netcode runs again.
+const ROLLED_BACK: usize = 8;
+
+/// Rollbacks of NPCs with their agents and attempts.
 fn rollbacks(level: &str, graph: &str) {
     let text = std::fs::read_to_string(graph).expect("a graph");
     let graph = import_json(&text).expect("a graph");
     let places: Vec<Vec3> = graph.vertices().map(|vertex| graph.position(vertex).into()).collect();
-    let level = CString::new(level).expect("a path");
+    let (level, name) = (CString::new(level).expect("a path"), CString::new("general-lstm").expect("a name"));
     let map = handle(|out| unsafe { sf_map_load(level.as_ptr(), out, null_mut()) });
-    let world = handle(|out| unsafe { sf_world_create(map, null(), out, null_mut()) });
-    let snapshot = handle(|out| unsafe { sf_snapshot_create(out, null_mut()) });
-    let mut npc = 0;
-    ok(unsafe { sf_world_spawn(world, places[0], 0.0, &mut npc, null_mut()) });
-    ok(unsafe { sf_world_set_goal(world, npc, places[1], null_mut()) });
-    let action = Action { forward: 1.0, strafe: 0.0, turn: 0.2, jump: -1.0 };
-    let mut outcome = Outcome::default();
-    let again = |step: &mut dyn FnMut() -> i32| {
-        median_us(|| {
+    let policy = handle(|out| unsafe { sf_policy_shipped(name.as_ptr(), out, null_mut()) });
+    for (count, target) in [(1u32, None), (64, Some(4000.0))] {
+        let world = handle(|out| unsafe { sf_world_create(map, null(), out, null_mut()) });
+        let snapshot = handle(|out| unsafe { sf_snapshot_create(out, null_mut()) });
+        let agents = handle(|out| unsafe { sf_agents_create(policy, null(), count, out, null_mut()) });
+        let (mut followers, mut size) = (Vec::new(), 0);
+        for (npc, ends) in (0..count).zip(places.windows(2)) {
+            let mut slot = 0;
+            ok(unsafe { sf_world_spawn(world, ends[0], 0.0, &mut slot, null_mut()) });
+            ok(unsafe { sf_world_set_goal(world, slot, ends[1], null_mut()) });
+            ok(unsafe { sf_agents_begin(agents, npc, 1, null_mut()) });
+            let action = Action { forward: 1.0, strafe: 0.0, turn: 0.2, jump: -1.0 };
+            ok(unsafe { sf_world_decide(world, slot, action, null_mut()) });
+            let create = |()| handle(|out| unsafe { sf_follower_create(ends[1], out, null_mut()) });
+            followers.push([(); 2].map(create));
+            unsafe { sf_agents_save(agents, npc, null_mut(), 0, &mut size, null_mut()) };
+        }
+        let mut saved = vec![vec![0u8; size]; count as usize];
+        let us = median_us(|| {
             ok(unsafe { sf_world_save(world, snapshot, null_mut()) });
-            ok(step());
+            for ((npc, bytes), [follower, copy]) in (0..).zip(&mut saved).zip(&followers) {
+                ok(unsafe { sf_agents_save(agents, npc, bytes.as_mut_ptr().cast(), size, &mut size, null_mut()) });
+                ok(unsafe { sf_follower_copy(*follower, *copy, null_mut()) });
+            }
+            (0..ROLLED_BACK).for_each(|_| ok(unsafe { sf_world_tick(world, null_mut(), null_mut()) }));
             ok(unsafe { sf_world_restore(world, snapshot, null_mut()) });
-        })
-    };
-    ok(unsafe { sf_world_decide(world, npc, action, null_mut()) });
-    let tick = again(&mut || unsafe { sf_world_tick(world, null_mut(), null_mut()) });
-    print("save, tick, restore", tick, Some(20.0), None);
-    let decision = again(&mut || unsafe { sf_world_step(world, &npc, &action, &mut outcome, 1, null_mut()) });
-    print("save, ten ticks, restore", decision, Some(20.0), None);
+            for ((npc, bytes), [follower, copy]) in (0..).zip(&saved).zip(&followers) {
+                ok(unsafe { sf_agents_restore(agents, npc, bytes.as_ptr().cast(), bytes.len(), null_mut()) });
+                ok(unsafe { sf_follower_copy(*copy, *follower, null_mut()) });
+            }
+        });
+        print(&format!("save, {ROLLED_BACK} ticks, restore, {count} NPCs"), us, target, None);
+        unsafe {
+            followers.into_iter().flatten().for_each(|follower| sf_follower_destroy(follower));
+            sf_agents_destroy(agents);
+            sf_snapshot_destroy(snapshot);
+            sf_world_destroy(world);
+        }
+    }
     unsafe {
-        sf_snapshot_destroy(snapshot);
-        sf_world_destroy(world);
+        sf_policy_destroy(policy);
         sf_map_destroy(map);
     }
 }

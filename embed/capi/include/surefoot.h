@@ -734,6 +734,9 @@ sf_status sf_follower_create(sf_vec3 goal, sf_follower** follower, sf_error* err
 /* The same with all places of the follower in the coordinates that the graph has now. */
 sf_status sf_follower_create_on(const sf_graph* graph, sf_vec3 goal, sf_follower** follower, sf_error* error);
 void sf_follower_destroy(sf_follower* follower);
+/* Makes `to` the same attempt as `from`, for rollbacks: its plan, its legs that failed, and its traversals. Both may be
+ * followers of other goals. */
+sf_status sf_follower_copy(const sf_follower* from, sf_follower* to, sf_error* error);
 /* Reports, once for every decision, the position of the feet and whether they came within SF_REACHED_WITHIN of the
  * waypoint. At the last waypoint, pass what sf_agents_has_arrived says: other waypoints are passed in flight as well.
  * The caller checks whether the goal is reached: at the last waypoint, unless the plan leads near. */

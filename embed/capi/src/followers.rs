@@ -11,7 +11,7 @@ use surefoot_world::End;
 use surefoot_world::map::LevelFrame;
 
 /// `sf_follower`: an attempt at a goal.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Follower {
     rules: Rules,
     /// The level in whose coordinates the caller's places are; `None`: in those of the map.

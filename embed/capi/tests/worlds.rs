@@ -1,12 +1,12 @@
 //! Worlds through the C functions: a rollback repeats itself to the bit.
 #![expect(unsafe_code, reason = "calls C functions")]
 
-use crate::stage::{at, fails, handle, map, ok, state, world};
+use crate::stage::{agents, at, fails, graph, handle, map, ok, state, step, world};
 use std::mem::offset_of;
 use std::ptr::{null, null_mut};
-use surefoot::abi::{Action, Locomotion, Outcome, State, Vec3};
+use surefoot::abi::{Action, Hit, Locomotion, Outcome, RAY_COUNT, State, Vec3};
 use surefoot::exports::*;
-use surefoot::{Snapshot, World};
+use surefoot::{Agents, Follower, Graph, Snapshot, World};
 
 fn state_of(world: *const Handle<World>, npc: u32) -> State {
     let mut state = state();
@@ -45,6 +45,121 @@ fn what_follows_a_rollback_is_what_followed_before() {
         sf_snapshot_destroy(snapshot);
         sf_world_destroy(world);
     }
+}
+
+/// NPCs that follow plans in a world of the library, with the agents and the followers that decide for them.
+struct Crowd {
+    world: *mut Handle<World>,
+    snapshot: *mut Handle<Snapshot>,
+    graph: *mut Shared<Graph>,
+    agents: *mut Handle<Agents>,
+    followers: Vec<[*mut Handle<Follower>; 2]>,
+    saved: Vec<Vec<u8>>,
+}
+
+impl Crowd {
+    fn new(count: u32) -> Self {
+        let (world, graph) = (world(&map()), graph());
+        let mut followers = Vec::new();
+        let agents = agents(count);
+        for npc in 0..count {
+            let (start, goal) = (Vec3 { y: 60.0, ..at(20.0 + npc as f32, 20.0) }, at(80.0, 10.0 * npc as f32 + 20.0));
+            let mut slot = 9;
+            ok(|error| unsafe { sf_world_spawn(world, start, 0.0, &mut slot, error) });
+            assert_eq!(slot, npc);
+            ok(|error| unsafe { sf_world_set_goal(world, npc, goal, error) });
+            ok(|error| unsafe { sf_agents_begin(agents, npc, 5, error) });
+            let pair = [(); 2].map(|()| handle(|out, error| unsafe { sf_follower_create(goal, out, error) }));
+            ok(|error| unsafe { sf_follower_plan(pair[0], graph, start, 1.0, 0, &mut step(), error) });
+            followers.push(pair);
+        }
+        let snapshot = handle(|out, error| unsafe { sf_snapshot_create(out, error) });
+        Self { world, snapshot, graph, agents, followers, saved: Vec::new() }
+    }
+
+    /// Runs one decision of all NPCs, and returns what can be seen of them.
+    fn decide(&mut self) -> Vec<[u32; 6]> {
+        let mut seen = Vec::new();
+        let ids: Vec<u32> = (0..self.followers.len() as u32).collect();
+        let states: Vec<State> = ids.iter().map(|npc| state_of(self.world, *npc)).collect();
+        let mut hits = vec![Hit::default(); states.len() * RAY_COUNT];
+        for (npc, hits) in ids.iter().zip(hits.chunks_mut(RAY_COUNT)) {
+            ok(|error| unsafe { sf_world_look(self.world, *npc, hits.as_mut_ptr(), RAY_COUNT, error) });
+        }
+        let mut actions = vec![Action::default(); states.len()];
+        let count = states.len();
+        for ((npc, state), [follower, _]) in ids.iter().zip(&states).zip(&self.followers) {
+            let mut next = step();
+            ok(|error| unsafe { sf_follower_advance(*follower, state.feet, 0, &mut next, error) });
+            if next.kind == 2 {
+                ok(|error| unsafe { sf_follower_plan(*follower, self.graph, state.feet, 1.0, 0, &mut next, error) });
+            }
+            ok(|error| unsafe { sf_agents_set_goal(self.agents, *npc, state.feet, next.waypoint, error) });
+            seen.push([next.kind as u32, next.leg, next.plans, 0, 0, 0]);
+        }
+        ok(|error| unsafe {
+            sf_agents_observe(self.agents, ids.as_ptr(), states.as_ptr(), hits.as_ptr(), count, error)
+        });
+        ok(|error| unsafe { sf_agents_decide(self.agents, ids.as_ptr(), count, 1.0, actions.as_mut_ptr(), error) });
+        let mut outcomes = vec![Outcome::default(); count];
+        ok(|error| unsafe {
+            sf_world_step(self.world, ids.as_ptr(), actions.as_ptr(), outcomes.as_mut_ptr(), count, error)
+        });
+        for (npc, seen) in ids.iter().zip(&mut seen) {
+            let Vec3 { x, y, z } = state_of(self.world, *npc).feet;
+            [seen[3], seen[4], seen[5]] = [x, y, z].map(f32::to_bits);
+        }
+        seen
+    }
+
+    fn save(&mut self) {
+        ok(|error| unsafe { sf_world_save(self.world, self.snapshot, error) });
+        self.saved.clear();
+        for (npc, [follower, copy]) in (0..).zip(&self.followers) {
+            let (mut bytes, mut size) = (vec![0u8; 1 << 14], 0);
+            let room = bytes.len();
+            ok(|error| unsafe { sf_agents_save(self.agents, npc, bytes.as_mut_ptr().cast(), room, &mut size, error) });
+            bytes.truncate(size);
+            self.saved.push(bytes);
+            ok(|error| unsafe { sf_follower_copy(*follower, *copy, error) });
+        }
+    }
+
+    fn restore(&mut self) {
+        ok(|error| unsafe { sf_world_restore(self.world, self.snapshot, error) });
+        for ((npc, [follower, copy]), bytes) in (0..).zip(&self.followers).zip(&self.saved) {
+            ok(|error| unsafe { sf_agents_restore(self.agents, npc, bytes.as_ptr().cast(), bytes.len(), error) });
+            ok(|error| unsafe { sf_follower_copy(*copy, *follower, error) });
+        }
+    }
+}
+
+impl Drop for Crowd {
+    fn drop(&mut self) {
+        unsafe {
+            self.followers.iter().flatten().for_each(|follower| sf_follower_destroy(*follower));
+            sf_agents_destroy(self.agents);
+            sf_graph_destroy(self.graph);
+            sf_snapshot_destroy(self.snapshot);
+            sf_world_destroy(self.world);
+        }
+    }
+}
+
+#[test]
+fn npcs_with_their_attempts_repeat_themselves_after_a_rollback() {
+    let mut crowd = Crowd::new(6);
+    // Some lack progress for long, and take another plan.
+    (0..30).for_each(|_| _ = crowd.decide());
+    crowd.save();
+    let first: Vec<_> = (0..60).map(|_| crowd.decide()).collect();
+    crowd.restore();
+    let again: Vec<_> = (0..60).map(|_| crowd.decide()).collect();
+    assert_eq!(first, again);
+    let (begin, end) = (&first[0], &first[59]);
+    assert!(begin.iter().zip(end).any(|(begin, end)| begin[2] < end[2]), "some plan again: {end:?}");
+    let moving = begin.iter().zip(end).filter(|(begin, end)| begin[3..] != end[3..]);
+    assert!(moving.count() >= 3, "most move: {begin:?} {end:?}");
 }
 
 #[test]

@@ -8,13 +8,13 @@ use super::link::{Game, GameError, Level};
 use parking_lot::Mutex;
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::threads::map_indices;
-use surefoot_planner::{BuildError, BuildSettings, Built, Progress};
+use surefoot_planner::{BuildError, BuildSettings, Progress, Rehearsed};
 use surefoot_policy::Policy;
 use surefoot_rollout::env::Route;
 use surefoot_rollout::graphs;
 use surefoot_rollout::probe::{DecisionReport, ProbeStep, RunningProbe};
 use surefoot_rollout::style::npc_of;
-use surefoot_rollout::{Goal, ProbeContext};
+use surefoot_rollout::{Goal, InProcess, ProbeContext};
 use surefoot_world::{End, Episode, TaskConfig};
 
 /// NPCs of one environment.
@@ -47,7 +47,8 @@ pub enum InGameError {
     Build(#[from] BuildError),
 }
 
-/// Builds a graph of the level of `context` whose edges `game` proves in `env_count` environments at once.
+/// Builds a graph of the level of `context`. Characters of our own prove a draft; `game` proves again what plans use of
+/// it, in `env_count` environments at once. Exhaustive probing proves all edges in the game.
 ///
 /// # Errors
 /// If the game fails, the level has no navigable ground, or `progress.cancel` was set.
@@ -57,9 +58,10 @@ pub fn build(
     settings: &BuildSettings,
     env_count: usize,
     progress: &Progress,
-) -> Result<Built, InGameError> {
+) -> Result<Rehearsed, InGameError> {
     let executor = InGame::new(game, context, env_count);
-    let built = graphs::build_by(&executor, context, settings, env_count, progress);
+    let rehearsal = Rehearsal(InProcess { context: context.clone(), thread_count: env_count });
+    let built = graphs::build_rehearsed_by([&executor, &rehearsal], context, settings, env_count, progress);
     executor.take_error().map_or(Ok(()), Err)?;
     Ok(built?)
 }
@@ -124,6 +126,19 @@ impl ProbeExecutor for InGame<'_> {
             })
         });
         Some(results.into_iter().collect::<Option<Vec<_>>>()?.into_iter().flatten().collect())
+    }
+
+    fn steers_leaps(&self) -> bool {
+        false
+    }
+}
+
+/// Characters of our own, moved as those of the game are: by their policy alone.
+struct Rehearsal(InProcess);
+
+impl ProbeExecutor for Rehearsal {
+    fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+        self.0.run(trials, seed, watch)
     }
 
     fn steers_leaps(&self) -> bool {

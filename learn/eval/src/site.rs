@@ -53,7 +53,7 @@ impl Surveyed {
                     ProbeContext { map: self.map.clone(), profile: config.profile.clone(), policy: policy.clone() };
                 let (threads, progress) = (config.thread_count, Progress::default());
                 free.insert(match &config.game {
-                    Some(game) => probes::build(game, &context, &settings, threads, &progress)?,
+                    Some(game) => probes::build(game, &context, &settings, threads, &progress)?.built,
                     None => build(&context, &settings, threads, &progress)?,
                 })
             }

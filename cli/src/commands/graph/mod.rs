@@ -17,7 +17,7 @@ use std::sync::atomic::Ordering;
 use surefoot_game_client::probes;
 use surefoot_planner::edits::{Unapplied, apply_layers};
 use surefoot_planner::store::{GraphStore, LevelId};
-use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Progress};
+use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Progress, Rehearsed};
 use surefoot_planner_service::store::DiskStore;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
@@ -83,13 +83,16 @@ struct Loaded {
     unapplied: Vec<Unapplied>,
     /// Candidates that were probed again after a change of the map; `None` unless the graph was updated.
     retried: Option<u64>,
+    /// Edges that a game did not prove; `None` unless the graph was proved in a game.
+    of_draft: Option<u64>,
 }
 
 impl Loaded {
-    /// A graph without edits.
-    fn of(context: ProbeContext, id: Option<GraphId>, built: Built, cached: bool, retried: Option<u64>) -> Self {
+    /// A graph in our own physics, without edits.
+    fn of(context: ProbeContext, id: Option<GraphId>, built: Built, cached: bool) -> Self {
         let Built { graph, stats } = built;
-        Self { context, id, graph, stats, cached, unapplied: Vec::new(), retried }
+        let (unapplied, retried, of_draft) = Default::default();
+        Self { context, id, graph, stats, cached, unapplied, retried, of_draft }
     }
 }
 
@@ -130,8 +133,10 @@ impl Target {
                 bail!("--changed-from cannot be combined with --world: a game proves all edges again");
             }
             // It is not cached, because games have no identity.
-            let built = with_bar(|progress| probes::build(&game, &context, &settings, core_count(), progress))?;
-            return self.edited(store, Loaded::of(context, None, built, false, None), settings);
+            let Rehearsed { built, of_draft } =
+                with_bar(|progress| probes::build(&game, &context, &settings, core_count(), progress))?;
+            let loaded = Loaded { of_draft: Some(of_draft), ..Loaded::of(context, None, built, false) };
+            return self.edited(store, loaded, settings);
         }
         let mut retried = None;
         let (built, cached) = get_or_make(&store, &id, || {
@@ -145,7 +150,7 @@ impl Target {
             retried = Some(updated.retried);
             Ok(updated.built)
         })?;
-        self.edited(store, Loaded::of(context, Some(id), built, cached, retried), settings)
+        self.edited(store, Loaded { retried, ..Loaded::of(context, Some(id), built, cached) }, settings)
     }
 
     /// Applies the level's edits.

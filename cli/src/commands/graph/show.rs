@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
-    let Loaded { id, graph, stats, cached, unapplied, retried, .. } = loaded;
+    let Loaded { id, graph, stats, cached, unapplied, retried, of_draft, .. } = loaded;
     let by_ability = |ability: Ability| graph.edges().filter(|edge| edge.evidence.ability == ability).count();
     let counts = graph.abilities().map(|(ability, name)| (name, by_ability(ability))).filter(|(_, count)| *count > 0);
     if args.json {
@@ -80,6 +80,7 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
             "build_s": stats.seconds,
             "cached": cached,
             "retried": retried,
+            "of_draft": of_draft,
             "unapplied_edits": unapplied.len(),
         }));
     }
@@ -100,6 +101,9 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
         "{} probes of {} candidates ({} from devices and ledges) in {:.1} s",
         stats.probes, stats.candidates, stats.special, stats.seconds
     );
+    if let Some(of_draft) = of_draft {
+        println!("{of_draft} edges, which plans hardly use, were proved here and not in the game");
+    }
     if let Some(retried) = retried {
         println!("{retried} candidates were probed again because of changes");
     }

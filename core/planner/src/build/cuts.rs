@@ -50,12 +50,14 @@ pub(super) fn keep_lifelines(probed: &mut Probed<'_>) {
     let mut rare: Vec<usize> = (0..probed.candidates.len()).filter(rare).collect();
     let rate = |idx: &usize| probed.evidence[*idx].success_rate();
     rare.sort_by(|a, b| rate(b).total_cmp(&rate(a)).then(probed.candidates[*a].cmp(&probed.candidates[*b])));
-    loop {
-        let keys: Vec<EdgeKey> = rare.iter().map(|&idx| probed.candidates[idx]).collect();
-        let mut is_joined = probed.graph().connectivity().are_joined(&keys).into_iter();
-        rare.retain(|_| !is_joined.next().expect("there is one for each"));
-        let Some(&likeliest) = rare.first() else { return };
-        probed.lifelines.insert(likeliest as u32);
+    let graph = probed.graph();
+    let mut search = Detours::of(&graph);
+    for idx in rare {
+        let key = probed.candidates[idx];
+        if !search.has_detour(key) {
+            search.added.push(key);
+            probed.lifelines.insert(idx as u32);
+        }
     }
 }
 
@@ -67,6 +69,8 @@ fn is_doubtful(own: &Evidence) -> bool {
 /// Searches for paths around edges.
 struct Detours<'a> {
     graph: &'a NavGraph,
+    /// Edges besides those of the graph.
+    added: Vec<EdgeKey>,
     /// For each vertex, the number of the last search that reached it.
     reached_in: Vec<u32>,
     searches: u32,
@@ -75,7 +79,7 @@ struct Detours<'a> {
 
 impl<'a> Detours<'a> {
     fn of(graph: &'a NavGraph) -> Self {
-        Self { graph, reached_in: vec![0; graph.vertex_count()], searches: 0, open: Vec::new() }
+        Self { graph, added: Vec::new(), reached_in: vec![0; graph.vertex_count()], searches: 0, open: Vec::new() }
     }
 
     /// Whether a path without the edge leads from its one end to the other.
@@ -85,7 +89,9 @@ impl<'a> Detours<'a> {
         self.open.push(edge.from);
         self.reached_in[edge.from.idx()] = self.searches;
         while let Some(vertex) = self.open.pop() {
-            for next in self.graph.edges_from(vertex).map(|exit| exit.key).filter(|key| *key != edge) {
+            let added = self.added.iter().copied().filter(|key| key.from == vertex);
+            let exits = self.graph.edges_from(vertex).map(|exit| exit.key).chain(added);
+            for next in exits.filter(|key| *key != edge) {
                 if next.to == edge.to {
                     return true;
                 }

@@ -3,10 +3,12 @@
 //! [`Builder::build`] places vertices ([`placement`]), selects candidate edges ([`candidates`]), probes them through a
 //! [`probe::ProbeExecutor`] guided by a predictor, and keeps the edges that are proved. An [`interim`] graph shows the
 //! result so far. `stitch` and `join` add what it takes to connect islands, and `cuts` probes again what nothing
-//! replaces.
+//! replaces. Where probes are dear, [`Builder::build_rehearsed`] has the graph proved elsewhere first, and `confirm` proves
+//! again what plans use.
 
 mod builder;
 pub mod candidates;
+mod confirm;
 mod cuts;
 pub mod interim;
 mod join;
@@ -25,16 +27,18 @@ pub use progress::Progress;
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::grid::GrowingGrid;
+use crate::needs::Needs;
 use crate::ride_stops::RideStops;
 use crate::settings::{BuildError, MAX_VERTICES, Placement, Probing, Site};
 use candidates::Candidate;
 use placement::PlacementContext;
+use probe::ProbeExecutor;
 use prove::Prover;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
-use surefoot_world::{MoverAt, Vec3};
+use surefoot_world::{Ability, MoverAt, Vec3};
 
 /// A finished build.
 #[derive(Debug, Clone)]
@@ -43,6 +47,15 @@ pub struct Built {
     pub graph: NavGraph,
     /// Statistics of the build.
     pub stats: BuildStats,
+}
+
+/// A finished build of which the draft was proved elsewhere.
+#[derive(Debug, Clone)]
+pub struct Rehearsed {
+    /// The build.
+    pub built: Built,
+    /// Number of edges that are as in the draft.
+    pub of_draft: u64,
 }
 
 /// Statistics of a build.
@@ -70,6 +83,19 @@ impl<'a> Builder<'a> {
     /// # Errors
     /// If the map has no navigable ground, its movers have too many ride stops, or `progress.cancel` was set.
     pub fn build(&self) -> Result<Built, BuildError> {
+        self.build_in_stages(None).map(|done| done.built)
+    }
+
+    /// Builds a graph whose draft `rehearsal` proves. The executor proves again what plans use of it, all that connects
+    /// islands, and what nothing replaces; exhaustive probing leaves the rehearsal out.
+    ///
+    /// # Errors
+    /// Same as [`Self::build`].
+    pub fn build_rehearsed(&self, rehearsal: &dyn ProbeExecutor) -> Result<Rehearsed, BuildError> {
+        self.build_in_stages(Some(rehearsal).filter(|_| self.settings.probing == Probing::Frugal))
+    }
+
+    fn build_in_stages(&self, rehearsal: Option<&dyn ProbeExecutor>) -> Result<Rehearsed, BuildError> {
         let Self { site, settings, executor, progress, .. } = *self;
         let started_s = (self.clock)();
         let ride_stops = RideStops::on(&site.map, &site.profile);
@@ -88,6 +114,11 @@ impl<'a> Builder<'a> {
         let mut probed = Probed::new(*self, &draft.vertices, candidates);
         if settings.placement == Placement::Trajectories {
             probed.evidence = probed.candidates.iter().map(|candidate| draft.seen[candidate]).collect();
+        } else if let Some(rehearsal) = rehearsal {
+            probed.builder.executor = rehearsal;
+            self.probe(&mut probed)?;
+            probed.builder.executor = executor;
+            confirm::confirm(&mut probed)?;
         } else {
             self.probe(&mut probed)?;
         }
@@ -101,7 +132,9 @@ impl<'a> Builder<'a> {
             probing_s: seconds - placing_s,
             seconds,
         };
-        Ok(Built { graph: probed.graph(), stats })
+        let graph = probed.graph();
+        let of_draft = graph.edges().filter(|edge| probed.draft_index(edge.key).is_some()).count() as u64;
+        Ok(Rehearsed { built: Built { graph, stats }, of_draft })
     }
 
     /// Probes the candidates, and adds candidates where islands are left.
@@ -148,6 +181,8 @@ pub(crate) struct Probed<'a> {
     index: HashMap<Candidate, u32>,
     /// Indices of the candidates that stay although they succeed too rarely to be proved.
     lifelines: BTreeSet<u32>,
+    /// Indices of the candidates whose evidence comes from a draft.
+    of_draft: BTreeSet<u32>,
 }
 
 impl<'a> Probed<'a> {
@@ -156,7 +191,8 @@ impl<'a> Probed<'a> {
         let places = GrowingGrid::new(map.extent(), placement::even_spacing(map, vertices.len()), vertices);
         let ride_stops = RideStops::on(map, profile).of_vertices(vertices);
         let index = candidates.iter().copied().zip(0..).collect();
-        Self { builder, places, ride_stops, candidates, evidence: Vec::new(), index, lifelines: BTreeSet::new() }
+        let (evidence, [lifelines, of_draft]) = (Vec::new(), Default::default());
+        Self { builder, places, ride_stops, candidates, evidence, index, lifelines, of_draft }
     }
 
     /// The map and the character.
@@ -199,8 +235,38 @@ impl<'a> Probed<'a> {
         self.evidence[candidate].proves(self.builder.settings.threshold)
     }
 
+    /// Makes all evidence that of a draft: candidates that it does not prove have none any more, but what it expects of
+    /// them.
+    pub fn doubt(&mut self) {
+        self.lifelines.clear();
+        let is_kept =
+            |idx: &u32| self.is_proved(*idx as usize) && self.evidence[*idx as usize].needs == Needs::default();
+        self.of_draft = (0..self.candidates.len() as u32).filter(is_kept).collect();
+        let others = (0..).zip(&mut self.evidence).filter(|(idx, _)| !self.of_draft.contains(idx));
+        others.for_each(|(_, own)| *own = own.as_prior());
+    }
+
+    /// Drops the evidence that comes from a draft of edges with this ability.
+    pub fn doubt_ability(&mut self, ability: Ability) {
+        let is_doubted = |idx: &&u32| self.evidence[**idx as usize].ability == ability;
+        for idx in self.of_draft.iter().filter(is_doubted).copied().collect::<Vec<u32>>() {
+            self.of_draft.remove(&idx);
+            let own = &mut self.evidence[idx as usize];
+            *own = own.as_prior();
+        }
+    }
+
+    /// The index of a candidate whose evidence comes from a draft.
+    pub fn draft_index(&self, key: Candidate) -> Option<u32> {
+        self.index.get(&key).copied().filter(|idx| self.of_draft.contains(idx))
+    }
+
     /// Probes each listed candidate once per listing.
     pub fn try_once_each(&mut self, which: &[u32]) -> Result<(), BuildError> {
+        for idx in which.iter().filter(|idx| self.of_draft.remove(idx)) {
+            let own = &mut self.evidence[*idx as usize];
+            *own = own.as_prior();
+        }
         let (prover, evidence) = self.prover();
         prover.try_once_each(which, evidence)
     }

@@ -24,6 +24,12 @@ export! {
         hand_out(follower, "follower", Mutex::new(Follower::new(goal, frame)?))
     }
 
+    fn sf_follower_copy(from: *const Handle<Follower>, to: *mut Handle<Follower>) {
+        let state = lock(reference(from, "from")?, "from")?.clone();
+        *lock(reference(to, "to")?, "to")? = state;
+        Ok(())
+    }
+
     fn sf_follower_advance(follower: *mut Handle<Follower>, feet: abi::Vec3, reached: i32, step: *mut abi::Step) {
         let found = lock(reference(follower, "follower")?, "follower")?.advance(feet, reached != 0)?;
         write_growing(step, "step", found)

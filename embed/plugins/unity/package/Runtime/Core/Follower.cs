@@ -18,6 +18,14 @@ namespace Surefoot
             Native.Check(NativeMethods.sf_follower_create(goal, out handle, &error), &error);
         }
 
+        /// <summary>Makes this the same attempt as another follower, for rollbacks.</summary>
+        public void CopyFrom(Follower other)
+        {
+            Native.CheckGiven(nameof(other), other);
+            NativeError error;
+            Native.Check(NativeMethods.sf_follower_copy(other.handle, handle, &error), &error);
+        }
+
         /// <summary>
         /// Tells, once for every decision, where the feet are and whether they came within <see cref="Agents.ReachedWithin"/> of the waypoint
         /// meanwhile.

@@ -113,6 +113,8 @@ namespace Surefoot
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern void sf_follower_destroy(IntPtr follower);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_follower_copy(FollowerHandle from, FollowerHandle to, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_advance(FollowerHandle follower, Vec3 feet, int reached, FollowStep* step, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_move_goal(FollowerHandle follower, Vec3 goal, Vec3 feet, int reached, FollowStep* step, NativeError* error);
