@@ -1,9 +1,9 @@
-//! Proves again what plans use of a graph that was proved elsewhere: in a game, where probes are dear, after a draft that
-//! characters of our own have proved, which move much like those of the game.
+//! Proves again what plans use of a draft. Probes in a game are dear, so characters of our own, which move much like
+//! those of the game, prove the draft.
 //!
 //! Edges that plans hardly use keep the evidence of the draft, unless their ability does not work here: a game may have
-//! no jump pads. That is the lazy evaluation of edges of Bohlin and Kavraki
-//! (*Path planning using lazy PRM*, 2000), for all paths at once.
+//! no jump pads. Bohlin and Kavraki (*Path planning using lazy PRM*, 2000) probe the edges of one path so; here it is
+//! all paths at once.
 
 use super::Probed;
 use super::{cuts, join};
@@ -28,11 +28,13 @@ const MIN_PROBED: u32 = 4;
 /// Greatest number of vertices whose paths are counted.
 const MAX_STARTS: usize = 256;
 
-/// Probes the edges of a draft that plans use, then what connects islands, and what nothing replaces.
+/// Probes the edges of a draft that plans use, those beside which a miss is fatal also on the run, then what connects
+/// islands, and what nothing replaces.
 pub(super) fn confirm(probed: &mut Probed<'_>) -> Result<(), BuildError> {
     probed.doubt();
     // By ability: edges that got through, and edges that were probed.
     let mut by_ability: BTreeMap<Ability, [u32; 2]> = BTreeMap::new();
+    let mut probed_here = Vec::new();
     for _ in 0..ROUNDS {
         let busy = busiest(&probed.graph());
         let mut due: Vec<u32> = busy.into_iter().filter_map(|key| probed.draft_index(key)).collect();
@@ -46,6 +48,7 @@ pub(super) fn confirm(probed: &mut Probed<'_>) -> Result<(), BuildError> {
             due.retain(|&idx| probed.evidence[idx as usize].successes == 0);
         }
         for (idx, ability) in abilities {
+            probed_here.push(idx);
             let [through, all] = by_ability.entry(ability).or_default();
             *through += u32::from(probed.evidence[idx as usize].successes > 0);
             *all += 1;
@@ -56,6 +59,7 @@ pub(super) fn confirm(probed: &mut Probed<'_>) -> Result<(), BuildError> {
             }
         }
     }
+    probed.prove_on_the_run(probed_here)?;
     join::join_islands(probed)?;
     cuts::prove_cuts(probed)?;
     cuts::keep_lifelines(probed);

@@ -8,8 +8,8 @@ use surefoot_world::{CharacterProfile, Map, RawCharacterProfile};
 
 /// Distance up to which the loss is quadratic, m (Huber 1964): beyond, characters have taken different ways.
 const NEAR_M: f32 = 0.3;
-/// Share of the drifts of each script on open ground that count, the least first (least trimmed squares, Rousseeuw 1984):
-/// some controllers catch on the edges between triangles of a floor, for a tick or two.
+/// Share of the drifts of each script on open ground that count, the least first (least trimmed squares, Rousseeuw
+/// 1984): some controllers catch on the edges between triangles of a floor, for a tick or two.
 const KEPT: f64 = 0.5;
 /// Jumps in the air that are tried.
 const MOST_EXTRA_JUMPS: u8 = 2;
