@@ -3,7 +3,7 @@
 //! [`Builder::build`] places vertices ([`placement`]), selects candidate edges ([`candidates`]), probes them through a
 //! [`probe::ProbeExecutor`] guided by a predictor, and keeps the edges that are proved. An [`interim`] graph shows the
 //! result so far. `stitch` and `join` add what it takes to connect islands, and `cuts` probes again what nothing
-//! replaces. Where probes are dear, [`Builder::build_rehearsed`] has a draft proved elsewhere, and `confirm` proves again
+//! replaces. Where probes are dear, [`Builder::build_rehearsed`] has a draft proved elsewhere; `confirm` proves again
 //! what plans use of it.
 
 mod builder;
