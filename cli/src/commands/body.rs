@@ -17,7 +17,7 @@ use surefoot_world::CharacterProfile;
 pub enum Command {
     /// Fit a body to the characters of a game.
     ///
-    /// Characters run, turn, jump, and cross steps and slopes of the level in the game, for some ten seconds each.
+    /// Characters run, turn, jump, and cross steps and slopes of the level in the game, for about two seconds each.
     /// The body whose simulated characters move most like them is written, with how far they still part.
     Fit(Box<FitArgs>),
 }
@@ -48,6 +48,9 @@ pub struct FitArgs {
 
 /// A script whose drift is larger than this at the 90th percentile is not explained by the body, m.
 const EXPLAINED_M: f32 = 0.15;
+
+/// Reads a field of a body.
+type Value = fn(&CharacterProfile) -> f32;
 
 /// What was fitted, for output.
 #[derive(Serialize)]
@@ -100,7 +103,7 @@ impl FitArgs {
     fn text(&self, start: &CharacterProfile, report: &Report) -> String {
         let mut text =
             format!("{} characters moved in the game\n\nfield                   before    fitted\n", report.characters);
-        let fields: [(&str, fn(&CharacterProfile) -> f32); 10] = [
+        let fields: [(&str, Value); 10] = [
             ("forward_speed", |it| it.forward_speed),
             ("side_speed_share", |it| it.side_speed_share),
             ("turn_speed", |it| it.turn_speed),
