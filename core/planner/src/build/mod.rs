@@ -241,16 +241,22 @@ impl<'a> Probed<'a> {
         self.lifelines.clear();
         let is_kept =
             |idx: &u32| self.is_proved(*idx as usize) && self.evidence[*idx as usize].needs == Needs::default();
-        self.of_draft = (0..self.candidates.len() as u32).filter(is_kept).collect();
-        let others = (0..).zip(&mut self.evidence).filter(|(idx, _)| !self.of_draft.contains(idx));
-        others.for_each(|(_, own)| *own = own.as_prior());
+        let all = 0..self.candidates.len() as u32;
+        let lost: Vec<u32> = all.clone().filter(|idx| !is_kept(idx)).collect();
+        self.of_draft = all.collect();
+        lost.into_iter().for_each(|idx| self.doubt_edge(idx));
     }
 
     /// Drops the evidence that comes from a draft of edges with this ability.
     pub fn doubt_ability(&mut self, ability: Ability) {
-        let is_doubted = |idx: &&u32| self.evidence[**idx as usize].ability == ability;
-        for idx in self.of_draft.iter().filter(is_doubted).copied().collect::<Vec<u32>>() {
-            self.of_draft.remove(&idx);
+        let is_doubted = |idx: &u32| self.evidence[*idx as usize].ability == ability;
+        let doubted: Vec<u32> = self.of_draft.iter().copied().filter(is_doubted).collect();
+        doubted.into_iter().for_each(|idx| self.doubt_edge(idx));
+    }
+
+    /// Drops the evidence of a candidate if it comes from a draft.
+    fn doubt_edge(&mut self, idx: u32) {
+        if self.of_draft.remove(&idx) {
             let own = &mut self.evidence[idx as usize];
             *own = own.as_prior();
         }
@@ -263,10 +269,7 @@ impl<'a> Probed<'a> {
 
     /// Probes each listed candidate once per listing.
     pub fn try_once_each(&mut self, which: &[u32]) -> Result<(), BuildError> {
-        for idx in which.iter().filter(|idx| self.of_draft.remove(idx)) {
-            let own = &mut self.evidence[*idx as usize];
-            *own = own.as_prior();
-        }
+        which.iter().for_each(|&idx| self.doubt_edge(idx));
         let (prover, evidence) = self.prover();
         prover.try_once_each(which, evidence)
     }
