@@ -19,10 +19,8 @@ test('a player walks by keys and clicks, NPCs chase it, and it goes with its too
   await withGraph(page)
   const bar = page.getByRole('group', { name: 'Player' })
   await page.keyboard.press('9')
-  await lookAtOpenGround(page)
-  await clickMap(page, 0.5, 0.5)
+  await putPlayer(page)
   await expect(bar).toBeVisible()
-  await expect.poll(() => players(page)).toBe(1)
 
   // The camera, which has the same keys, goes with the player.
   const start = await place(page)
@@ -81,9 +79,9 @@ test('a player walks by keys and clicks, NPCs chase it, and it goes with its too
 
 test('a player that the user leaves behind with the page is removed', async ({ page, context }) => {
   await openOnMap(page, scene)
+  await withGraph(page)
   await page.keyboard.press('9')
-  await clickMap(page, 0.5, 0.5)
-  await expect.poll(() => players(page)).toBe(1)
+  await putPlayer(page)
   const other = await context.newPage()
   await openOnMap(other, scene)
   await expect.poll(() => players(other)).toBe(1)
@@ -91,6 +89,16 @@ test('a player that the user leaves behind with the page is removed', async ({ p
   await page.goto('about:blank')
   await expect.poll(() => players(other)).toBe(0)
 })
+
+/** Puts the player on open ground. An NPC that stands where the first click goes takes that click. */
+async function putPlayer(page: Page): Promise<void> {
+  await lookAtOpenGround(page)
+  const spots = [0.5, 0.45, 0.55, 0.4, 0.6]
+  await expect(async () => {
+    await clickMap(page, spots.shift()!, 0.5)
+    await expect.poll(() => players(page), { timeout: 6000 }).toBe(1)
+  }).toPass({ timeout: 40_000 })
+}
 
 /** Looks at a vertex of the largest island with 7 m of level ground ahead. */
 function lookAtOpenGround(page: Page): Promise<void> {
