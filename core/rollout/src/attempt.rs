@@ -32,12 +32,14 @@ const MARGIN_M: f32 = 1.0;
 const MAX_REHEARSALS: u32 = 96;
 
 /// An attempt of one NPC.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Attempt {
     /// The plan and the progress along it.
     pub follower: Follower,
     /// How the NPC will be after the legs that were rehearsed last.
     forecast: Option<Forecast>,
+    /// Distance between a body and its forecast up to which the forecast holds, m; at 0 they must be the same.
+    slack_m: f32,
     must_rehearse: bool,
     retries: RetryBudget,
 }
@@ -58,7 +60,13 @@ pub enum AfterRehearsal {
 impl Attempt {
     /// Starts an attempt, which rehearses before its first decision.
     pub fn new(follower: Follower) -> Self {
-        Self { follower, forecast: None, must_rehearse: false, retries: RetryBudget::default() }
+        Self { follower, forecast: None, slack_m: 0.0, must_rehearse: false, retries: RetryBudget::default() }
+    }
+
+    /// The same attempt in another simulation, where forecasts hold while the body keeps within `slack_m`, m.
+    #[must_use]
+    pub fn with_slack(self, slack_m: f32) -> Self {
+        Self { slack_m, ..self }
     }
 
     /// Takes a plan and returns its first waypoint, m.
@@ -178,11 +186,20 @@ impl Attempt {
     /// Compares the body after a decision with the forecast. Where they differ, the forecast is void; returns whether
     /// it holds.
     pub fn check_forecast(&mut self, body: &Body) -> bool {
-        let holds = self.forecast.as_mut().is_some_and(|forecast| forecast.matches(body));
+        let slack_m = self.slack_m;
+        let holds = self.forecast.as_mut().is_some_and(|forecast| forecast.matches(body, slack_m));
         if !holds && self.follower.waypoint().is_some() {
             self.forget_forecast();
         }
         holds
+    }
+
+    /// Takes a forecast that was made some decisions ago, and compares the body with it.
+    pub fn catch_up(&mut self, decisions: u32, body: &Body) {
+        if let Some(forecast) = self.forecast.as_mut().filter(|_| decisions > 0) {
+            forecast.skip(decisions - 1);
+            self.check_forecast(body);
+        }
     }
 
     /// Begins the rehearsals before a decision, whose retries are counted together.

@@ -2,7 +2,8 @@
 //!
 //! - [`decision`]: observe, act, ten ticks, close; [`style`] shapes the actions and [`motion`] measures how NPCs move.
 //! - [`attempt`]: the state machine of an NPC on its way to a goal; [`follow`] follows a plan and [`rehearse`] runs its
-//!   next legs ahead of time. [`attempts`] runs many of them in this process.
+//!   next legs ahead of time. [`attempts`] runs many of them in this process, and [`game`] those of NPCs whose bodies a
+//!   game moves.
 //! - [`probe`]: the short episodes that prove edges; [`graphs`] builds graphs with them, and [`shape`] measures where
 //!   the leaps of an edge begin and end, with [`drive`], a controller that follows a path without a policy.
 //! - [`env`](mod@env): NPCs whose actions the caller chooses; [`goals`] draws starts and goals, and [`crowd`] keeps
@@ -18,6 +19,7 @@ pub mod decision;
 pub mod drive;
 pub mod env;
 pub mod follow;
+pub mod game;
 pub mod goals;
 pub mod graphs;
 pub mod leap;

@@ -119,7 +119,7 @@ impl Sample {
 
 /// The last decision of one NPC.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Trace {
+pub struct Trace {
     /// Side to which the heading turns; 0 before the first turn.
     side: f32,
     /// How far the heading has turned back, rad.
@@ -161,7 +161,7 @@ impl Motion {
     }
 
     /// Adds a decision that ended with `now`, on a leg that needs `ability`, if the NPC follows a plan.
-    pub(crate) fn note(&mut self, trace: &mut Trace, now: &Sample, ability: Option<Ability>) {
+    pub fn note(&mut self, trace: &mut Trace, now: &Sample, ability: Option<Ability>) {
         let Trace { last, .. } = *trace;
         let mut gait = Gait { decisions: 1, ..Gait::default() };
         gait.in_air = u64::from(now.in_air);

@@ -7,6 +7,7 @@ use crate::decision::{DecidingNpc, DecisionBatch, DecisionLoop, Noise};
 use crate::follow::scene::Scene;
 use crate::follow::{Follower, Step};
 use crate::style::Style;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use surefoot_planner::LegKey;
@@ -30,7 +31,7 @@ const MAX_REST_DECISIONS: u32 = 18;
 const NEXT_STREAM: u64 = 1 << 32;
 
 /// The exploration noise of one NPC: a random stream of its own, which a rehearsal copies.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct NoiseStream {
     share: f32,
     seed: u64,
@@ -43,6 +44,12 @@ impl NoiseStream {
     /// Stream number `stream` under `seed`, with this share of the policy's exploration noise, 0 or more.
     pub fn new(share: f32, seed: u64, stream: u64) -> Self {
         Self { share, seed, stream, drawn: 0 }
+    }
+
+    /// The same stream with another share of the noise, 0 or more.
+    #[must_use]
+    pub fn with_share(self, share: f32) -> Self {
+        Self { share, ..self }
     }
 
     /// Noise for the next action of an NPC that moves in `style`, in units of the policy's standard deviation.
@@ -124,9 +131,16 @@ impl Forecast {
         Some(TakeOff { ticks: ticks as u8, ability })
     }
 
-    /// Whether the body after one more decision is the rehearsed one; false if that decision was not rehearsed.
-    pub fn matches(&mut self, body: &Body) -> bool {
-        self.ahead.pop_front().is_some_and(|rehearsed| rehearsed == *body)
+    /// Whether the body after one more decision is the rehearsed one, or with its feet at most `slack_m` away if that
+    /// is above 0; false if that decision was not rehearsed.
+    pub fn matches(&mut self, body: &Body, slack_m: f32) -> bool {
+        let is_near = |rehearsed: Body| slack_m > 0.0 && rehearsed.feet.distance(body.feet) <= slack_m;
+        self.ahead.pop_front().is_some_and(|rehearsed| rehearsed == *body || is_near(rehearsed))
+    }
+
+    /// Skips the next decisions.
+    pub fn skip(&mut self, decisions: u32) {
+        self.ahead.drain(..self.ahead.len().min(decisions as usize));
     }
 }
 

@@ -13,8 +13,8 @@ use std::f32::consts::{PI, TAU};
 use surefoot_policy::Policy;
 use surefoot_world::character::{Body, Ride, Support};
 use surefoot_world::float::hypot;
-use surefoot_world::sense::{FIELDS, LastDecision, STATE_BEGIN, field_idx};
-use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, ProfileIdx, Vec3};
+use surefoot_world::sense::{FIELDS, STATE_BEGIN, field_idx};
+use surefoot_world::{Ability, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, Vec3};
 
 /// Angle between facing and motion up to which a composed body does not turn, rad.
 const SLACK: f32 = 0.15;
@@ -130,15 +130,7 @@ pub fn npc_of(row: &[f32]) -> Npc {
     body.support = if state[GROUNDED] > 0.5 { Support::Ground } else { Support::Air };
     body.ride = (state[ON_ZIP_LINE] > 0.5).then_some(Ride { line_idx: 0, distance: 0.0 });
     let goal = vector(DIRECTION, FIELDS[DISTANCE].scale * state[DISTANCE]);
-    Npc {
-        profile: ProfileIdx::default(),
-        body,
-        action: Action::default(),
-        episode: Some(Episode::new(goal, body.feet)),
-        last: LastDecision::default(),
-        used_abilities: AbilitySet::default(),
-        harm: None,
-    }
+    Npc::outside(body, Episode::new(goal, body.feet))
 }
 
 /// Speed of the return to the place to stay, in m/s for each metre of distance.
@@ -198,7 +190,7 @@ fn ahead(body: &Body, profile: &CharacterProfile, x: f32, z: f32) -> (f32, f32) 
 }
 
 /// The angle in (-pi, pi] that equals `value`, rad, which is within two turns of it.
-pub(crate) fn angle(value: f32) -> f32 {
+pub fn angle(value: f32) -> f32 {
     let mut value = value;
     while value > PI {
         value -= TAU;

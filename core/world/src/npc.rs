@@ -58,6 +58,19 @@ pub struct Npc {
 pub const NPC_STATE_VERSION: u32 = 4;
 
 impl Npc {
+    /// An NPC outside a world: a body on its way, whose last decision and action are unknown.
+    pub fn outside(body: Body, episode: Episode) -> Self {
+        Self {
+            profile: ProfileIdx::default(),
+            body,
+            action: Action::default(),
+            episode: Some(episode),
+            last: LastDecision::default(),
+            used_abilities: AbilitySet::default(),
+            harm: None,
+        }
+    }
+
     /// Whether other bodies can touch it: not while it rides a zip line, and not once it is harmed.
     pub(crate) fn is_solid(&self) -> bool {
         self.harm.is_none() && !self.body.is_carried()

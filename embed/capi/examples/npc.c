@@ -66,24 +66,51 @@ static int has_arrived(game* self, const sf_agents* agents, sf_vec3 goal) {
     return arrived;
 }
 
-/* Moves the character for a decision. Returns whether it came to its waypoint meanwhile: it passes others on the run or
- * in flight, but stands at the last one. */
+/* Moves the character for a decision. Returns whether it came to its waypoint meanwhile: it passes most on the run or in
+ * flight, but stands at the last one. */
 static int move(game* self, const sf_agents* agents, sf_action action, const sf_step* step) {
-    const int is_last = step->leg + 1 == step->leg_count;
     sf_error error;
     uint32_t tick;
     int reached = 0;
     must(sf_world_decide(self->world, self->npc, action, &error), &error);
-    for (tick = 0; tick < SF_TICKS_PER_DECISION && !(is_last && reached); tick++) {
+    for (tick = 0; tick < SF_TICKS_PER_DECISION && !(step->stands && reached); tick++) {
         must(sf_world_tick(self->world, NULL, &error), &error);
-        reached |= is_last ? has_arrived(self, agents, step->waypoint)
-                           : distance(state_of(self).feet, step->waypoint) <= SF_REACHED_WITHIN;
+        reached |= step->stands ? has_arrived(self, agents, step->waypoint)
+                                : distance(state_of(self).feet, step->waypoint) <= SF_REACHED_WITHIN;
     }
     return reached;
 }
 
+/* What an NPC needs to find its way. */
+typedef struct guide {
+    sf_agents* agents;
+    sf_graph* graph;
+    sf_rehearsals* rehearsals;
+} guide;
+
+/* Does what the steps say until the next decision is prepared. Returns 0 if the attempt has failed. */
+static int prepare(const guide* by, sf_follower* follower, const sf_state* state, sf_step* step) {
+    const sf_vec3 origin = {0.0f, 0.0f, 0.0f}; /* Places of the simulation are on the map. */
+    int is_prepared = 0;
+    sf_error error;
+    while (!is_prepared || step->kind != SF_STEP_KEEP) {
+        if (step->kind == SF_STEP_GIVE_UP || step->kind == SF_STEP_UNREACHABLE) {
+            return 0;
+        }
+        if (step->kind == SF_STEP_PLAN) {
+            must(sf_follower_plan(follower, by->graph, state->feet, 1.0f, 0, step, &error), &error);
+        }
+        if (step->kind == SF_STEP_HEAD) {
+            must(sf_agents_set_goal(by->agents, 0, state->feet, step->waypoint, &error), &error);
+        }
+        must(sf_follower_prepare(follower, by->rehearsals, by->agents, 0, state, origin, step, &error), &error);
+        is_prepared = 1;
+    }
+    return 1;
+}
+
 /* Walks from one place to another by plan. Returns the number of decisions; 0 if it did not get there. */
-static unsigned walk(game* self, sf_agents* agents, sf_graph* graph, sf_vec3 goal) {
+static unsigned walk(game* self, const guide* by, sf_vec3 goal) {
     sf_follower* follower;
     sf_error error;
     sf_step step;
@@ -96,27 +123,21 @@ static unsigned walk(game* self, sf_agents* agents, sf_graph* graph, sf_vec3 goa
     for (;;) {
         const sf_state state = state_of(self);
         sf_action action;
-        if (has_arrived(self, agents, goal)) {
+        if (has_arrived(self, by->agents, goal)) {
             break;
         }
         must(sf_follower_advance(follower, state.feet, reached, &step, &error), &error);
-        if (step.kind == SF_STEP_PLAN) {
-            must(sf_follower_plan(follower, graph, state.feet, 1.0f, 0, &step, &error), &error);
-        }
-        if (step.kind == SF_STEP_GIVE_UP || step.kind == SF_STEP_UNREACHABLE || decisions == 3000) {
+        if (!prepare(by, follower, &state, &step) || decisions == 3000) {
             decisions = 0;
             break;
         }
-        if (step.kind == SF_STEP_HEAD) {
-            must(sf_agents_set_goal(agents, 0, state.feet, step.waypoint, &error), &error);
-        }
-        must(sf_agents_observe_with(agents, NULL, &state, 1, cast_rays, self, &error), &error);
-        must(sf_agents_decide(agents, NULL, 1, SF_DEFAULT_NOISE, &action, &error), &error);
-        reached = move(self, agents, action, &step);
+        must(sf_agents_observe_with(by->agents, NULL, &state, 1, cast_rays, self, &error), &error);
+        must(sf_agents_decide(by->agents, NULL, 1, SF_DEFAULT_NOISE, &action, &error), &error);
+        reached = move(self, by->agents, action, &step);
         decisions++;
     }
     must(sf_follower_take_traversals(follower, traversals, 64, &traversal_count, &error), &error);
-    must(sf_graph_note_traversals(graph, traversals, traversal_count, &error), &error);
+    must(sf_graph_note_traversals(by->graph, traversals, traversal_count, &error), &error);
     sf_follower_destroy(follower);
     return decisions;
 }
@@ -136,24 +157,24 @@ static void tell_devices(sf_agents* agents, const sf_map* map) {
 }
 
 /* Spawns a character at a vertex of the graph, and walks to others. Returns how many of `count` goals were reached. */
-static unsigned visit(sf_world* world, sf_agents* agents, sf_graph* graph, unsigned count) {
+static unsigned visit(sf_world* world, const guide* by, unsigned count) {
     sf_error error;
     size_t vertex_count;
     unsigned idx, arrived = 0;
     sf_vec3* vertices;
     sf_graph_info info;
     info.struct_size = sizeof(info);
-    must(sf_graph_describe(graph, &info, &error), &error);
+    must(sf_graph_describe(by->graph, &info, &error), &error);
     vertices = (sf_vec3*)malloc(info.vertex_count * sizeof(*vertices));
-    must(sf_graph_vertices(graph, vertices, info.vertex_count, &vertex_count, &error), &error);
+    must(sf_graph_vertices(by->graph, vertices, info.vertex_count, &vertex_count, &error), &error);
     for (idx = 0; idx < count; idx++) {
         const sf_vec3 start = vertices[idx * 7 % vertex_count], goal = vertices[(idx * 7 + vertex_count / 2) % vertex_count];
         game self;
         unsigned decisions;
         self.world = world;
         must(sf_world_spawn(world, start, 0.0f, &self.npc, &error), &error);
-        must(sf_agents_begin(agents, 0, idx, &error), &error);
-        decisions = walk(&self, agents, graph, goal);
+        must(sf_agents_begin(by->agents, 0, idx, &error), &error);
+        decisions = walk(&self, by, goal);
         if (decisions > 0) {
             printf("goal %u: arrived after %.1f s\n", idx, decisions / 6.0);
         } else {
@@ -188,8 +209,7 @@ int main(int argc, char** argv) {
     const unsigned goal_count = 12;
     sf_error error;
     sf_policy* policy;
-    sf_agents* agents;
-    sf_graph* graph;
+    guide by;
     sf_map* map;
     sf_world* world;
     unsigned arrived;
@@ -199,20 +219,23 @@ int main(int argc, char** argv) {
     }
     printf("libsurefoot %s\n", sf_version());
     must(sf_policy_shipped(NULL, &policy, &error), &error);
-    must(sf_agents_create(policy, NULL, 1, &agents, &error), &error);
-    sf_policy_destroy(policy);
+    must(sf_agents_create(policy, NULL, 1, &by.agents, &error), &error);
     must(sf_map_load(argv[1], &map, &error), &error);
-    tell_devices(agents, map);
+    tell_devices(by.agents, map);
+    /* A game passes 1 instead of 0, so that rehearsals run on another thread. */
+    must(sf_rehearsals_create(policy, map, NULL, 0, &by.rehearsals, &error), &error);
+    sf_policy_destroy(policy);
     must(sf_world_create(map, NULL, &world, &error), &error);
     sf_map_destroy(map);
-    must(sf_graph_load(argv[2], &graph, &error), &error);
+    must(sf_graph_load(argv[2], &by.graph, &error), &error);
 
-    show_errors(agents);
-    arrived = visit(world, agents, graph, goal_count);
+    show_errors(by.agents);
+    arrived = visit(world, &by, goal_count);
     printf("%u of %u arrived\n", arrived, goal_count);
 
-    sf_graph_destroy(graph);
+    sf_rehearsals_destroy(by.rehearsals);
+    sf_graph_destroy(by.graph);
     sf_world_destroy(world);
-    sf_agents_destroy(agents);
+    sf_agents_destroy(by.agents);
     return arrived * 4 >= goal_count * 3 ? 0 : 1;
 }

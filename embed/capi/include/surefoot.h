@@ -16,10 +16,10 @@
  * it once; destroying NULL does nothing. A policy or map may be destroyed before the agents or worlds made from it.
  * Arrays belong to the caller and are not kept beyond the call.
  *
- * Threads. Every function may be called on any thread, and the library has no state besides its handles. Policies
- * and maps never change, and any number of threads may use them. Many threads may search a graph at once; a change
- * waits for searches to end. Agents, followers, worlds and snapshots serve one thread at a time: a second call at
- * the same time returns SF_BUSY. Do not use a handle while it is being destroyed.
+ * Threads. Every function may be called on any thread, and the library has no state besides its handles. Policies,
+ * maps and rehearsals never change, and any number of threads may use them. Many threads may search a graph at
+ * once; a change waits for searches to end. Agents, followers, worlds and snapshots serve one thread at a time: a
+ * second call at the same time returns SF_BUSY. Do not use a handle while it is being destroyed.
  *
  * Compatibility. Programs run with later versions of the library as long as sf_abi_version() stays SF_ABI_VERSION.
  * Structs with a `struct_size` may grow at their end: set it to the struct's size, also in outputs. Other structs
@@ -160,6 +160,7 @@ typedef struct sf_policy sf_policy;
 typedef struct sf_agents sf_agents;
 typedef struct sf_graph sf_graph;
 typedef struct sf_follower sf_follower;
+typedef struct sf_rehearsals sf_rehearsals;
 typedef struct sf_map sf_map;
 typedef struct sf_world sf_world;
 typedef struct sf_snapshot sf_snapshot;
@@ -555,6 +556,9 @@ typedef struct sf_step {
     uint32_t leg_count;
     /* Number of plans so far. */
     uint32_t plans;
+    /* 1 if the NPC must stand at the waypoint: at the goal, and where it leaps from rest. 0 if it passes the waypoint
+     * on the run or in flight, and without a plan. */
+    int32_t stands;
 } sf_step;
 
 /* How an attempt of an NPC of a world ended. */
@@ -738,7 +742,8 @@ void sf_follower_destroy(sf_follower* follower);
  * followers of other goals. */
 sf_status sf_follower_copy(const sf_follower* from, sf_follower* to, sf_error* error);
 /* Reports, once for every decision, the position of the feet and whether they came within SF_REACHED_WITHIN of the
- * waypoint. At the last waypoint, pass what sf_agents_has_arrived says: other waypoints are passed in flight as well.
+ * waypoint. Where the last step says `stands`, pass what sf_agents_has_arrived says: other waypoints are passed in
+ * flight as well.
  * The caller checks whether the goal is reached: at the last waypoint, unless the plan leads near. */
 sf_status sf_follower_advance(sf_follower* follower, sf_vec3 feet, int32_t reached, sf_step* step, sf_error* error);
 /* Moves the goal of the attempt; `feet` and `reached` are as in sf_follower_advance. Call it whenever the target has
@@ -753,6 +758,22 @@ sf_status sf_follower_move_goal(sf_follower* follower, sf_vec3 goal, sf_vec3 fee
  * query. */
 sf_status sf_follower_plan(sf_follower* follower, const sf_graph* graph, sf_vec3 feet, float caution, uint32_t without,
     sf_step* step, sf_error* error);
+/* Rehearsals of legs for NPCs on `map` with a body and a policy: the same as those of their agents. They run on
+ * `thread_count` threads of their own, 0 to 64. With 0 threads they run in the calls of sf_follower_prepare, and equal
+ * inputs give equal results. Any number of threads may use them. Destroy them when no call with them is running; the
+ * policy and the map may be destroyed before. Movers stand as the level begins. */
+sf_status sf_rehearsals_create(const sf_policy* policy, const sf_map* map, const sf_body* body, uint32_t thread_count,
+    sf_rehearsals** rehearsals, sf_error* error);
+void sf_rehearsals_destroy(sf_rehearsals* rehearsals);
+/* Prepares the next decision of an agent, after sf_follower_advance and before sf_agents_observe: smooths the plan,
+ * rehearses the next two legs in a copy of the level, and lets the agent move calmly where a rehearsal has arrived.
+ * `state` is as in sf_agents_observe, and `origin` is where the origin of the agent's places lies on the map, m: zeros
+ * if they are places on the map. Do what the step says and call it again, until the step is SF_STEP_KEEP: after
+ * SF_STEP_HEAD call sf_agents_set_goal, after SF_STEP_PLAN call sf_follower_plan. An agent that stands waits up to
+ * 1.5 s for its first rehearsal. Where the character strays more than 0.4 m from its rehearsal, another begins.
+ * SF_BAD_STATE: the agent has no goal. */
+sf_status sf_follower_prepare(sf_follower* follower, const sf_rehearsals* rehearsals, sf_agents* agents, uint32_t agent,
+    const sf_state* state, sf_vec3 origin, sf_step* step, sf_error* error);
 /* Reports that the NPC died, which ends the attempt. */
 sf_status sf_follower_note_death(sf_follower* follower, sf_error* error);
 /* Copies the legs of the current plan. */

@@ -303,6 +303,7 @@ pub struct Step {
     pub leg: u32,
     pub leg_count: u32,
     pub plans: u32,
+    pub stands: i32,
 }
 
 /// `sf_outcome`: the outcome of a decision.
@@ -340,7 +341,7 @@ growing! {
     Query "sf_query" size_of::<Query>();
     GraphInfo "sf_graph_info" size_of::<GraphInfo>();
     AbilityInfo "sf_ability_info" size_of::<AbilityInfo>();
-    Step "sf_step" size_of::<Step>();
+    Step "sf_step" offset_of!(Step, stands);
     Locomotion "sf_locomotion" offset_of!(Locomotion, step_offset);
 }
 

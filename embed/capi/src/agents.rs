@@ -8,14 +8,15 @@ use crate::checks;
 use crate::error::{Fault, Status, chain};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use surefoot_policy::noise;
 use surefoot_policy::{Batch as Rows, Manifest, Scratch};
+use surefoot_rollout::rehearse::NoiseStream;
+use surefoot_rollout::{DEFAULT_NOISE_SHARE, Style};
 use surefoot_world::arrival::{self, LINE_COUNT};
 use surefoot_world::character::{ACTION_LEN, Ride, Support};
 use surefoot_world::map::{Device, DeviceKind, Placed};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{self, Found, LastDecision, RAY_RANGE_M, RayCone, SenseContext};
-use surefoot_world::{Action, Body, CharacterProfile, End, Episode, TaskConfig, Vec3};
+use surefoot_world::{Action, Arrival, Body, CharacterProfile, End, Episode, Npc, TaskConfig, Vec3};
 
 /// Most agents of one handle.
 const MAX_AGENTS: u32 = 65_536;
@@ -25,6 +26,9 @@ const MAX_DEVICES: usize = 20_000;
 const SAVED_LEN: usize = 192;
 /// Largest count in a saved agent; a larger one might overflow later.
 const MAX_COUNT: u32 = 1 << 30;
+
+/// Distance within which a goal is a waypoint, m: places are rounded on their way to the map.
+const SAME_M: f32 = 0.01;
 
 /// `sf_policy`: weights that agents share.
 #[derive(Debug)]
@@ -127,20 +131,23 @@ struct Mind {
     is_observed: bool,
     /// Whether it has decided since its goal was set.
     has_decided: bool,
-    seed: u64,
-    /// Actions drawn so far.
-    drawn: u32,
+    noise: NoiseStream,
 }
 
 /// `sf_agents`: agents of one body that share a policy.
 #[derive(Debug)]
 pub struct Agents {
     policy: surefoot_policy::Policy,
+    label: String,
     profile: CharacterProfile,
     task: TaskConfig,
     cone: RayCone,
     placed: Placed,
     minds: Vec<Mind>,
+    /// How each agent that was prepared carries out its next decision, with its NPC on the map.
+    prepared: Vec<Option<(Style, Npc)>>,
+    /// Share of the noise in the last decision.
+    noise_share: f32,
     /// An observation for each agent.
     observations: Vec<f32>,
     /// A row of the policy's memory for each agent.
@@ -170,7 +177,7 @@ impl Agents {
             return Err(Fault::argument(format!("max_agents is {count}, but must be 1 to {MAX_AGENTS}")));
         }
         let count = count as usize;
-        let policy = policy.inner.clone();
+        let (policy, label) = (policy.inner.clone(), policy.label.clone());
         let (observation_len, memory_len) = (policy.observation_len(), policy.memory_len());
         let batch = Batch {
             observations: vec![0.0; count * observation_len],
@@ -184,15 +191,28 @@ impl Agents {
             memories: batch.memories.clone(),
             batch,
             policy,
+            label,
             profile,
             task: TaskConfig::default(),
             cone: RayCone::default(),
             placed: Placed::default(),
             minds: vec![Mind::default(); count],
+            prepared: vec![None; count],
+            noise_share: DEFAULT_NOISE_SHARE,
             rays: vec![abi::Ray::default(); count * RAY_COUNT],
             hits: vec![abi::Hit::default(); count * RAY_COUNT],
             others: Vec::with_capacity(abi::MAX_OTHERS),
         })
+    }
+
+    /// Name and shortened hash of the policy's weights.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// The body.
+    pub fn profile(&self) -> &CharacterProfile {
+        &self.profile
     }
 
     /// Number of agents.
@@ -232,7 +252,8 @@ impl Agents {
     /// Clears an agent for a new body.
     pub fn begin(&mut self, agent: u32, seed: u64) -> Result<(), Fault> {
         let idx = self.check(agent)?;
-        self.minds[idx] = Mind { seed, ..Mind::default() };
+        self.minds[idx] = Mind { noise: NoiseStream::new(0.0, seed, 0), ..Mind::default() };
+        self.prepared[idx] = None;
         let len = self.policy.memory_len();
         self.memories[idx * len..(idx + 1) * len].fill(0.0);
         Ok(())
@@ -334,7 +355,8 @@ impl Agents {
             }
         }
         let count = actions.len();
-        self.gather(agents.clone(), noise_share);
+        self.noise_share = noise_share;
+        self.gather(agents.clone());
         let (observation_len, memory_len) = (self.policy.observation_len(), self.policy.memory_len());
         let Batch { observations, memories, noise, actions: decided, scratch } = &mut self.batch;
         let rows = Rows {
@@ -345,18 +367,21 @@ impl Agents {
         self.policy.act(rows, scratch, decided);
         for (row, (agent, action)) in agents.zip(actions).enumerate() {
             let idx = agent as usize;
-            *action = self.batch.actions[row].into();
+            let decided = self.batch.actions[row];
+            let shape = |(style, npc): (Style, Npc)| style.shape(decided, &npc, &self.profile);
+            let shaped = self.prepared[idx].take().map_or(decided, shape);
+            *action = shaped.into();
             let memory = &self.batch.memories[row * memory_len..(row + 1) * memory_len];
             self.memories[idx * memory_len..(idx + 1) * memory_len].copy_from_slice(memory);
             let mind = &mut self.minds[idx];
             (mind.is_observed, mind.has_decided) = (false, true);
-            (mind.last.velocity, mind.last.action) = (mind.velocity, self.batch.actions[row].to_array());
+            (mind.last.velocity, mind.last.action) = (mind.velocity, shaped.to_array());
         }
         Ok(())
     }
 
     /// Copies the rows of agents into the batch, and draws their noise.
-    fn gather(&mut self, agents: impl Iterator<Item = u32>, noise_share: f32) {
+    fn gather(&mut self, agents: impl Iterator<Item = u32>) {
         let (observation_len, memory_len) = (self.policy.observation_len(), self.policy.memory_len());
         for (row, agent) in agents.enumerate() {
             let (idx, mind) = (agent as usize, &mut self.minds[agent as usize]);
@@ -364,13 +389,45 @@ impl Agents {
             self.batch.observations[row * observation_len..(row + 1) * observation_len].copy_from_slice(observation);
             let memory = &self.memories[idx * memory_len..(idx + 1) * memory_len];
             self.batch.memories[row * memory_len..(row + 1) * memory_len].copy_from_slice(memory);
-            if noise_share > 0.0 {
-                let noise = noise::of_action((mind.seed, 0), mind.drawn.into(), noise_share);
-                self.batch.noise[row * ACTION_LEN..(row + 1) * ACTION_LEN].copy_from_slice(&noise);
-            }
-            // Noise depends on the number of decisions, not on the number of draws.
-            mind.drawn = mind.drawn.wrapping_add(1);
+            let style = self.prepared[idx].map_or(Style::Free, |(style, _)| style);
+            mind.noise = mind.noise.with_share(self.noise_share);
+            let noise = &mut self.batch.noise[row * ACTION_LEN..(row + 1) * ACTION_LEN];
+            noise.iter_mut().zip(mind.noise.draw(style)).for_each(|(value, drawn)| *value = drawn);
         }
+    }
+
+    /// What a rehearsal needs of an agent, on the map, where its places have their origin at `origin`, m: its NPC, its
+    /// row of the policy's memory, and its noise. `aim` is the waypoint on the map, m, and how the NPC arrives there.
+    pub fn rehearsing(
+        &mut self,
+        agent: u32,
+        sensed: &Sensed<'_>,
+        origin: Vec3,
+        aim: Option<(Vec3, Arrival)>,
+    ) -> Result<(Npc, &[f32], &mut NoiseStream), Fault> {
+        let idx = self.check(agent)?;
+        let mind = &mut self.minds[idx];
+        let mut episode = mind.episode.ok_or_else(|| no_goal(agent))?;
+        episode.goal += origin;
+        if let Some((waypoint, arrival)) = aim.filter(|(waypoint, _)| waypoint.distance(episode.goal) <= SAME_M) {
+            (episode.goal, episode.arrival) = (waypoint, arrival);
+        }
+        let mut body = sensed.body;
+        body.feet += origin;
+        let air_jumps = self.profile.extra_jumps;
+        body.air_jumps_left = if body.is_grounded() { air_jumps } else { air_jumps.min(body.air_jumps_left) };
+        let mut npc = Npc::outside(body, episode);
+        npc.last = LastDecision { ticks_in_water: sensed.ticks_in_water, ..mind.last };
+        mind.noise = mind.noise.with_share(self.noise_share);
+        let len = self.policy.memory_len();
+        Ok((npc, &self.memories[idx * len..(idx + 1) * len], &mut mind.noise))
+    }
+
+    /// Sets how an agent, with this NPC on the map, carries out its next decision.
+    pub fn prepare(&mut self, agent: u32, style: Style, npc: Npc) -> Result<(), Fault> {
+        let idx = self.check(agent)?;
+        self.prepared[idx] = Some((style, npc));
+        Ok(())
     }
 
     /// Records that an agent carries out another action than it decided.
@@ -420,7 +477,7 @@ impl Agents {
         if !mind.is_sound() || !rows.clone().all(f32::is_finite) {
             return Err(damaged());
         }
-        self.minds[idx] = mind;
+        (self.minds[idx], self.prepared[idx]) = (mind, None);
         let (memory, observation) = self.rows(idx);
         let values = self.memories[memory].iter_mut().chain(&mut self.observations[observation]);
         values.zip(rows).for_each(|(to, value)| *to = value);

@@ -1,19 +1,45 @@
-//! Followers: attempts of NPCs at goals by plan, with the rules of NPCs on a server.
+//! Followers: attempts of NPCs at goals by plan, with the rules of NPCs on a server, and rehearsals.
 
 use crate::abi;
+use crate::agents::{Agents, Policy, Sensed};
 use crate::error::{Fault, Status};
 use crate::graphs::{self, Graph};
+use crate::worlds::Map;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::{AbilitySet, Caution, Query};
 use surefoot_rollout::follow::Step;
+use surefoot_rollout::game::{self, GameAttempt, Prepared};
 use surefoot_rollout::{FollowConfig, Follower as Rules};
-use surefoot_world::End;
 use surefoot_world::map::LevelFrame;
+use surefoot_world::{Arrival, CharacterProfile, End, Vec3};
+
+/// Most threads of rehearsals.
+const MAX_THREADS: u32 = 64;
+
+/// `sf_rehearsals`: where legs of plans are run ahead of time.
+#[derive(Debug)]
+pub struct Rehearsals {
+    inner: game::Rehearsals,
+    /// Name and shortened hash of the policy's weights.
+    label: String,
+}
+
+impl Rehearsals {
+    /// Prepares rehearsals on a map, on `thread_count` threads; without threads they run in the calls.
+    pub fn new(policy: &Policy, map: &Map, profile: CharacterProfile, thread_count: u32) -> Result<Self, Fault> {
+        if thread_count > MAX_THREADS {
+            let message = format!("thread_count is {thread_count}, but must be 0 to {MAX_THREADS}");
+            return Err(Fault::argument(message));
+        }
+        let inner = game::Rehearsals::new(map.inner().clone(), profile, &policy.inner, thread_count as usize);
+        Ok(Self { inner, label: policy.label.clone() })
+    }
+}
 
 /// `sf_follower`: an attempt at a goal.
 #[derive(Debug, Clone)]
 pub struct Follower {
-    rules: Rules,
+    attempt: GameAttempt,
     /// The level in whose coordinates the caller's places are; `None`: in those of the map.
     frame: Option<LevelFrame>,
     /// Traversals that the caller has not taken.
@@ -27,7 +53,7 @@ impl Follower {
     pub fn new(goal: abi::Vec3, frame: Option<LevelFrame>) -> Result<Self, Fault> {
         let config = FollowConfig { composes: false, ..FollowConfig::default() };
         let rules = Rules::new(goal.on_map(frame.as_ref(), "goal")?, config);
-        Ok(Self { rules, frame, traversals: Vec::new(), end: None })
+        Ok(Self { attempt: GameAttempt::new(rules), frame, traversals: Vec::new(), end: None })
     }
 
     /// Moves the goal. The plan stays, and its last leg leads to the new goal, until the goal has drifted far: then the
@@ -38,8 +64,9 @@ impl Follower {
         if let Some(end) = self.end {
             return Ok(self.step(Step::End(end)));
         }
-        let waypoint = self.rules.move_goal(goal, feet, reached);
-        let needs_plan = self.rules.current_plan().is_none() || self.rules.has_goal_drifted(feet);
+        let waypoint = self.attempt.follow_goal(goal, feet, reached);
+        let rules = self.attempt.follower();
+        let needs_plan = rules.current_plan().is_none() || rules.has_goal_drifted(feet);
         let step = if needs_plan { Step::Plan } else { waypoint.map_or(Step::Keep, Step::HeadFor) };
         Ok(self.step(step))
     }
@@ -51,9 +78,10 @@ impl Follower {
             return Ok(self.step(Step::End(end)));
         }
         // The last waypoint may lag behind a goal that has moved a little: then the goal itself is next.
-        let goal_ahead = if reached { self.rules.move_goal(self.rules.goal(), feet, true) } else { None };
+        let goal = self.attempt.follower().goal();
+        let goal_ahead = if reached { self.attempt.follow_goal(goal, feet, true) } else { None };
         let reached = reached && goal_ahead.is_none();
-        let step = match (self.rules.record_decision(feet, reached.then_some(End::Reached)), goal_ahead) {
+        let step = match (self.attempt.record_decision(feet, reached.then_some(End::Reached)), goal_ahead) {
             (Step::Keep, Some(goal)) => Step::HeadFor(goal),
             (step, _) => step,
         };
@@ -78,21 +106,53 @@ impl Follower {
         if let Some(end) = self.end {
             return Ok(self.step(Step::End(end)));
         }
-        self.rules.drop_plan();
-        loop {
-            let query = Query { caution, without, ..self.rules.query(feet) };
-            let plan = graph.find(&query);
-            if !self.rules.reconsiders(&plan) {
-                let waypoint = self.rules.take_plan(plan);
-                return Ok(self.step(Step::HeadFor(waypoint)));
-            }
+        self.attempt.follower_mut().drop_plan();
+        let waypoint = self.attempt.plan(feet, |query| {
+            let without = query.without.union(without);
+            graph.find(&Query { caution, without, ..query.clone() })
+        });
+        Ok(self.step(Step::HeadFor(waypoint)))
+    }
+
+    /// Prepares the next decision of an agent, whose places have their origin at `origin` on the map, m.
+    pub fn prepare(
+        &mut self,
+        rehearsals: &Rehearsals,
+        (agents, agent): (&mut Agents, u32),
+        sensed: &Sensed<'_>,
+        origin: Vec3,
+    ) -> Result<abi::Step, Fault> {
+        if let Some(end) = self.end {
+            return Ok(self.step(Step::End(end)));
         }
+        if rehearsals.label != agents.label() || *rehearsals.inner.profile() != *agents.profile() {
+            return Err(Fault::argument("rehearsals are of another policy or body than agents: create both alike"));
+        }
+        let rules = self.attempt.follower_mut();
+        rules.compose();
+        let aim = rules.waypoint().map(|waypoint| (waypoint, rules.arrival()));
+        let (npc, memory, noise) = agents.rehearsing(agent, sensed, origin, aim)?;
+        let prepared = self.attempt.prepare(&rehearsals.inner, &npc, memory, noise);
+        self.collect();
+        let step = match prepared {
+            Prepared::Act(style) => {
+                agents.prepare(agent, style, npc)?;
+                Step::Keep
+            }
+            Prepared::HeadFor(waypoint) => Step::HeadFor(waypoint),
+            Prepared::Plan => Step::Plan,
+            Prepared::End(end) => {
+                self.end = Some(end);
+                Step::End(end)
+            }
+        };
+        Ok(self.step(step))
     }
 
     /// Records that the NPC died, which ends the attempt.
     pub fn record_death(&mut self) {
         if self.end.is_none() {
-            self.rules.record_harm();
+            self.attempt.follower_mut().record_harm();
             self.collect();
             self.end = Some(End::NoProgress);
         }
@@ -102,7 +162,7 @@ impl Follower {
     pub fn legs(&self) -> Result<Vec<abi::Leg>, Fault> {
         let missing = || Fault::new(Status::BadState, "the follower has no plan: call sf_follower_plan first");
         let legs = |plan| graphs::legs(plan, self.frame.as_ref()).collect();
-        self.rules.current_plan().map(legs).ok_or_else(missing)
+        self.attempt.follower().current_plan().map(legs).ok_or_else(missing)
     }
 
     /// Traversals since the last call of [`forget_traversals`](Self::forget_traversals).
@@ -116,14 +176,16 @@ impl Follower {
     }
 
     fn collect(&mut self) {
-        self.traversals.extend(self.rules.take_traversals().into_iter().map(|traversal| abi::Traversal {
-            key: abi::LegKey { from: traversal.edge.from.0, to: traversal.edge.to.0 },
-            decisions: traversal.decisions,
-            end: match traversal.end {
-                TryEnd::Arrived => 0,
-                TryEnd::Failed => 1,
-                TryEnd::Died => 2,
-            },
+        self.traversals.extend(self.attempt.follower_mut().take_traversals().into_iter().map(|traversal| {
+            abi::Traversal {
+                key: abi::LegKey { from: traversal.edge.from.0, to: traversal.edge.to.0 },
+                decisions: traversal.decisions,
+                end: match traversal.end {
+                    TryEnd::Arrived => 0,
+                    TryEnd::Failed => 1,
+                    TryEnd::Died => 2,
+                },
+            }
         }));
     }
 
@@ -136,14 +198,16 @@ impl Follower {
             Step::End(_) => 3,
         };
         let waypoint = |at| abi::Vec3::of_map(at, self.frame.as_ref());
-        let plan = self.rules.current_plan();
+        let rules = self.attempt.follower();
+        let plan = rules.current_plan();
         abi::Step {
             struct_size: 0,
             kind,
-            waypoint: self.rules.waypoint().map(waypoint).unwrap_or_default(),
-            leg: plan.map_or(0, |_| self.rules.leg_idx() as u32),
+            waypoint: rules.waypoint().map(waypoint).unwrap_or_default(),
+            leg: plan.map_or(0, |_| rules.leg_idx() as u32),
             leg_count: plan.map_or(0, |plan| plan.legs.len() as u32),
-            plans: self.rules.plans(),
+            plans: rules.plans(),
+            stands: (plan.is_some() && rules.arrival() == Arrival::Stand).into(),
         }
     }
 }

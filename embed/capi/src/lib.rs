@@ -4,8 +4,8 @@
 //! ([`checks`]), calls the safe Rust of [`agents`], [`locomotion`], [`graphs`], [`followers`] and [`worlds`], and
 //! returns a status ([`error`]). [`abi`] has the structs that both sides share.
 //!
-//! This crate has no state besides its handles, starts no thread that outlives a call, and writes nothing. It catches
-//! all panics.
+//! This crate has no state besides its handles, and writes nothing. Only rehearsals have threads, which end with their
+//! handle. It catches all panics.
 
 #![warn(clippy::undocumented_unsafe_blocks)]
 
@@ -23,6 +23,6 @@ mod memory;
 mod worlds;
 
 pub use agents::{Agents, Policy};
-pub use followers::Follower;
+pub use followers::{Follower, Rehearsals};
 pub use graphs::Graph;
 pub use worlds::{Map, Snapshot, World};

@@ -37,6 +37,11 @@ impl Map {
         self.map.placed().devices().map(device).collect()
     }
 
+    /// The map itself.
+    pub fn inner(&self) -> &Arc<surefoot_world::Map> {
+        &self.map
+    }
+
     /// The map's extent, m.
     pub fn extent(&self) -> Vec3 {
         self.map.extent()

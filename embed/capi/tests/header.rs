@@ -234,7 +234,7 @@ fn structs_and_constants_are_those_of_the_source() {
     compare!(program, "sf_ability_info", AbilityInfo { struct_size, name, animation });
     compare!(program, "sf_edit", Edit { kind, value, from, to });
     compare!(program, "sf_traversal", Traversal { key, decisions, end });
-    compare!(program, "sf_step", Step { struct_size, kind, waypoint, leg, leg_count, plans });
+    compare!(program, "sf_step", Step { struct_size, kind, waypoint, leg, leg_count, plans, stands });
     compare!(program, "sf_outcome", Outcome { reward, end });
     for (name, value) in [
         ("SF_ABI_VERSION", abi::ABI_VERSION as usize),

@@ -3,5 +3,6 @@
 mod agents;
 mod header;
 mod plans;
+mod rehearsals;
 mod stage;
 mod worlds;

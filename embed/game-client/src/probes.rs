@@ -205,7 +205,7 @@ impl<'a> TrialRunner<'a> {
         let (mut deciding, mut noise) = (Vec::new(), Vec::new());
         for (npc_idx, slot) in self.slots.iter_mut().enumerate() {
             let Some(slot) = slot.as_mut().filter(|slot| !slot.is_arriving) else { continue };
-            deciding.push(Deciding { npc_idx, style: slot.probe.style });
+            deciding.push(Deciding { npc_idx, style: slot.probe.style, npc: None });
             noise.extend(slot.probe.noise());
         }
         let routes = std::mem::take(&mut self.routes);

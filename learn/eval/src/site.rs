@@ -22,7 +22,7 @@ use surefoot_planner::{BuildSettings, BuildStats, Built, NavGraph, Progress, Rou
 use surefoot_policy::Policy;
 use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
-use surefoot_rollout::attempts::{Figures, GuideTimes};
+use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{AttemptResult, FollowConfig, Goal, Motion, Rollout};
 use surefoot_world::character::MoveScratch;
@@ -351,13 +351,13 @@ impl<'a> Site<'a> {
         (attempts, figures)
     }
 
-    /// Attempts the goals of a batch in a game, without rehearsals and without measuring motion.
+    /// Attempts the goals of a batch in a game.
     fn attempt_in(&self, game: &Game, batch: Batch) -> Result<(Vec<AttemptResult>, Figures), EvalError> {
-        let EvalConfig { profile, follow, noise_share, .. } = self.config;
+        let EvalConfig { profile, follow, rehearses, noise_share, .. } = self.config;
         let level = Level { map: self.map.clone(), body: profile.clone(), solid_npcs: false };
-        let rules = Rules { follow: *follow, noise_share: *noise_share, seed: self.seed_of(batch) };
-        let (attempts, search_us) = attempt(game, &level, self.policy, self.router(), (&self.goals_of(batch), rules))?;
-        Ok((attempts, Figures { times: GuideTimes { search_us, ..GuideTimes::default() }, ..Figures::default() }))
+        let (rehearses, noise_share, seed) = (*rehearses, *noise_share, self.seed_of(batch));
+        let rules = Rules { follow: *follow, rehearses, noise_share, seed };
+        Ok(attempt(game, &level, self.policy, self.router(), (&self.goals_of(batch), rules))?)
     }
 }
 

@@ -64,7 +64,7 @@ impl ValidationSet {
                     Some((uris, connect)) => {
                         let level = Level { map: map.clone(), body: self.body.clone(), solid_npcs: false };
                         let game = connect(&uris[map_idx % uris.len()])?;
-                        let rules = Rules { follow: self.follow(), noise_share, seed: 0 };
+                        let rules = Rules { follow: self.follow(), rehearses: false, noise_share, seed: 0 };
                         attempt(&game, &level, policy, None, (goals, rules))?.0
                     }
                 };

@@ -70,6 +70,11 @@ impl Follower {
         self.config.gait
     }
 
+    /// Lets the NPC move composed on legs on which a rehearsal has arrived.
+    pub fn compose(&mut self) {
+        self.config.composes = true;
+    }
+
     /// Changes how the NPC goes; returns whether that differs from before.
     pub fn set_gait(&mut self, gait: Gait) -> bool {
         std::mem::replace(&mut self.config.gait, gait) != gait

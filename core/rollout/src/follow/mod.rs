@@ -267,6 +267,21 @@ impl Follower {
         self.plan.as_ref().map_or(&[], |plan| &plan.waypoints[self.leg..])
     }
 
+    /// The places for which the NPC heads one after another until it has to rest at one, m; none without a plan.
+    pub fn way_ahead(&self) -> Vec<Vec3> {
+        let Some(plan) = &self.plan else { return Vec::new() };
+        let mut way = Vec::from_iter(self.detour.via);
+        let mut leg = self.leg;
+        loop {
+            way.push(plan.waypoints[leg]);
+            let next = self.shortcuts.end(leg + 1);
+            if next >= plan.waypoints.len() || self.rests_after(leg) {
+                return way;
+            }
+            leg = next;
+        }
+    }
+
     /// The ability that the current leg needs; `None` without a plan.
     pub fn ability(&self) -> Option<Ability> {
         self.plan.as_ref().map(|plan| plan.legs[self.leg].ability)

@@ -290,7 +290,7 @@ fn arrival_radius(radius: f32) -> Result<f32, Fault> {
 ///
 /// # Safety
 /// As for [`growing_at`], and `others` of the state as for [`slice`].
-unsafe fn sensed<'a>(states: *const abi::State, idx: usize, agents: &Agents) -> Result<Sensed<'a>, Fault> {
+pub(super) unsafe fn sensed<'a>(states: *const abi::State, idx: usize, agents: &Agents) -> Result<Sensed<'a>, Fault> {
     // SAFETY: passed on.
     let state = unsafe { growing_at(states, idx, "states[]") }?;
     let count = state.other_count as usize;

@@ -1,14 +1,17 @@
-//! Followers.
+//! Followers and rehearsals.
 
+use super::agents::sensed;
 use super::graphs::{Shared, view};
-use super::{Handle, destroy, export};
+use super::{Handle, destroy, export, profile};
 use crate::abi;
-use crate::followers::Follower;
+use crate::agents::{Agents, Policy};
+use crate::followers::{Follower, Rehearsals};
 use crate::graphs::{Graph, abilities, caution as checked_caution};
 use crate::memory::{fill, hand_out, lock, reference, write_growing};
+use crate::worlds::Map;
 use std::sync::Mutex;
 
-destroy!(sf_follower_destroy Handle<Follower>);
+destroy!(sf_follower_destroy Handle<Follower>, sf_rehearsals_destroy Rehearsals);
 
 export! {
     fn sf_follower_create(goal: abi::Vec3, follower: *mut *mut Handle<Follower>) {
@@ -57,6 +60,35 @@ export! {
         let (caution, without) = (checked_caution(caution)?, abilities(without)?);
         let graph = view(graph)?;
         let found = lock(reference(follower, "follower")?, "follower")?.plan(&graph, feet, caution, without)?;
+        write_growing(step, "step", found)
+    }
+
+    fn sf_rehearsals_create(
+        policy: *const Policy,
+        map: *const Map,
+        body: *const abi::Body,
+        thread_count: u32,
+        rehearsals: *mut *mut Rehearsals,
+    ) {
+        let (policy, map) = (reference(policy, "policy")?, reference(map, "map")?);
+        hand_out(rehearsals, "rehearsals", Rehearsals::new(policy, map, profile(body)?, thread_count)?)
+    }
+
+    fn sf_follower_prepare(
+        follower: *mut Handle<Follower>,
+        rehearsals: *const Rehearsals,
+        agents: *mut Handle<Agents>,
+        agent: u32,
+        state: *const abi::State,
+        origin: abi::Vec3,
+        step: *mut abi::Step,
+    ) {
+        let origin = origin.checked("origin")?;
+        let rehearsals = reference(rehearsals, "rehearsals")?;
+        let mut agents = lock(reference(agents, "agents")?, "agents")?;
+        let sensed = sensed(state, 0, &agents)?;
+        let mut follower = lock(reference(follower, "follower")?, "follower")?;
+        let found = follower.prepare(rehearsals, (&mut agents, agent), &sensed, origin)?;
         write_growing(step, "step", found)
     }
 

@@ -63,11 +63,15 @@ pub fn map() -> Map {
     surefoot_generate::generate(&MapSpec::try_from(spec).expect("a spec"))
 }
 
+/// That map, as a level.
+pub fn level(map: &Map) -> *mut LevelMap {
+    let bytes = encode(map);
+    handle(|out, error| unsafe { sf_map_load_memory(bytes.as_ptr().cast::<c_void>(), bytes.len(), out, error) })
+}
+
 /// A world on that map.
 pub fn world(map: &Map) -> *mut Handle<World> {
-    let bytes = encode(map);
-    let level: *mut LevelMap =
-        handle(|out, error| unsafe { sf_map_load_memory(bytes.as_ptr().cast::<c_void>(), bytes.len(), out, error) });
+    let level = level(map);
     let world = handle(|out, error| unsafe { sf_world_create(level, std::ptr::null(), out, error) });
     unsafe { sf_map_destroy(level) };
     world

@@ -16,13 +16,15 @@ namespace Surefoot.Tests
             private readonly SightRay[] rays = new SightRay[Agents.RayCount];
             private readonly SightHit[] hits = new SightHit[Agents.RayCount];
             private readonly AgentAction[] actions = new AgentAction[1];
+            private readonly Rehearsals rehearsals;
             private readonly uint npc;
 
-            internal Walker(Map map, Vec3 start, ulong seed)
+            internal Walker(Map map, Vec3 start, ulong seed, bool rehearses = false)
             {
                 using (Policy policy = Policy.Shipped())
                 {
                     agents = new Agents(policy, 1);
+                    rehearsals = rehearses ? new Rehearsals(policy, map, Body.Default, 0) : null;
                 }
                 agents.SetDevices(map.Devices());
                 agents.Begin(0, seed);
@@ -32,10 +34,13 @@ namespace Surefoot.Tests
 
             internal CharacterState State => world.State(npc);
 
+            /// <summary>Decisions with a jump.</summary>
+            internal int Jumps { get; private set; }
+
             internal Vec3 Feet => State.Feet;
 
             internal Attempt Begin(Graph graph, Vec3 goal) =>
-                new Attempt(agents, 0, graph, Feet, goal, cast: world.CastRays);
+                new Attempt(agents, 0, graph, Feet, goal, cast: world.CastRays) { Rehearsals = rehearsals };
 
             internal Attempt Begin(Vec3 goal, CastRays cast) => new Attempt(agents, 0, null, Feet, goal, cast: cast);
 
@@ -58,6 +63,7 @@ namespace Surefoot.Tests
                     agents.Observe(default(ReadOnlySpan<uint>), states, hits);
                     agents.Decide(default(ReadOnlySpan<uint>), actions);
                     world.Decide(npc, actions[0]);
+                    Jumps += actions[0].Jump > 0 ? 1 : 0;
                     // An attempt may end at any tick; where the NPC goes afterwards is not part of it.
                     for (int tick = 0; tick < World.TicksPerDecision && attempt.State == AttemptState.GoesOn; tick++)
                     {
@@ -71,6 +77,7 @@ namespace Surefoot.Tests
 
             public void Dispose()
             {
+                rehearsals?.Dispose();
                 agents.Dispose();
                 world.Dispose();
             }
@@ -79,7 +86,18 @@ namespace Surefoot.Tests
         internal static void WalksByPlan(Files files)
         {
             const int goals = 8;
+            (int arrived, int jumps) = Visit(files, goals, false);
+            Expect.That(arrived * 4 >= goals * 3, $"{arrived} of {goals} arrived");
+            (int rehearsed, int fewer) = Visit(files, goals, true);
+            Expect.That(rehearsed == goals, $"{rehearsed} of {goals} arrived with rehearsals");
+            Expect.That(fewer * 2 < jumps, $"{fewer} jumps with rehearsals, {jumps} without");
+        }
+
+        /// <summary>How many of some goals NPCs reached, and how often they jumped.</summary>
+        private static (int, int) Visit(Files files, int goals, bool rehearses)
+        {
             int arrived = 0;
+            int jumps = 0;
             using (Map map = Map.Load(files.Level))
             using (Graph graph = Graph.Load(files.Graph))
             {
@@ -87,7 +105,7 @@ namespace Surefoot.Tests
                 for (int idx = 0; idx < goals; idx++)
                 {
                     Vec3 goal = places[(idx * 7 + places.Length / 2) % places.Length];
-                    using (Walker walker = new Walker(map, places[idx * 7], (ulong)idx))
+                    using (Walker walker = new Walker(map, places[idx * 7], (ulong)idx, rehearses))
                     using (Attempt attempt = walker.Begin(graph, goal))
                     {
                         int decisions = walker.Walk(attempt);
@@ -97,10 +115,11 @@ namespace Surefoot.Tests
                         Expect.That(stands || !isThere, "an NPC that has arrived stands at its goal");
                         Console.WriteLine($"        goal {idx}: {attempt.State} after {decisions * Agents.DecisionSeconds:0.0} s");
                         arrived += isThere ? 1 : 0;
+                        jumps += walker.Jumps;
                     }
                 }
             }
-            Expect.That(arrived * 4 >= goals * 3, $"{arrived} of {goals} arrived");
+            return (arrived, jumps);
         }
 
         internal static void WalksStraight(string square)

@@ -32,6 +32,11 @@ namespace UnityEngine
         public static T CreateInstance<T>() where T : ScriptableObject => null;
     }
 
+    public class TextAsset : Object
+    {
+        public byte[] bytes => null;
+    }
+
     public sealed class GameObject : Object
     {
         public GameObject(string name)

@@ -51,6 +51,8 @@ namespace Surefoot
             Native.Check(NativeMethods.sf_agents_create(policy.Handle, &body, maxAgents, out handle, &error), &error);
         }
 
+        internal AgentsHandle Handle => handle;
+
         /// <summary>Replaces the devices of the level, at most 20000, which agents sense within 50 m.</summary>
         public void SetDevices(ReadOnlySpan<Device> devices)
         {

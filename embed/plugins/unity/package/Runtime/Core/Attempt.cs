@@ -33,7 +33,7 @@ namespace Surefoot
         private readonly CastRays cast;
         private bool isAtWaypoint;
         private bool hasPlan;
-        private bool isLastLeg;
+        private bool stands;
         private bool needsPlan;
         private Vec3 stoodAt;
         private uint standing;
@@ -70,6 +70,9 @@ namespace Surefoot
 
         /// <summary>Distance from the goal within which the NPC must stand, 0 to 30 m.</summary>
         public float Radius { get; set; } = Agents.ReachedWithin;
+
+        /// <summary>Rehearsals for the agent's policy and body; null: the NPC follows its plans without.</summary>
+        public Rehearsals Rehearsals { get; set; }
 
         /// <summary>Where the NPC heads for now: the end of a leg, or the goal.</summary>
         public Vec3 Waypoint { get; private set; }
@@ -126,9 +129,9 @@ namespace Surefoot
                 return;
             }
             bool isPassed = agents.Note(agent, state.Feet);
-            // Waypoints are passed on the run or in flight, but the last one is a place to stand. If it is the goal
-            // itself, the follower counts the time until the NPC has arrived there.
-            isAtWaypoint |= isLastLeg
+            // Waypoints are passed on the run or in flight, but at some the NPC stands. If that is the goal itself, the
+            // follower counts the time until the NPC has arrived there.
+            isAtWaypoint |= stands
                 ? !Waypoint.Equals(Goal) && HasArrived(state, Waypoint, Agents.ReachedWithin)
                 : isPassed;
             if (HasArrived(state, Goal, Radius))
@@ -152,7 +155,7 @@ namespace Surefoot
                 AdvanceStraight(state.Feet);
                 return State;
             }
-            Follow(state.Feet);
+            Follow(state);
             return State;
         }
 
@@ -194,18 +197,37 @@ namespace Surefoot
             }
         }
 
-        private void Follow(Vec3 feet)
+        private void Follow(in CharacterState state)
         {
-            FollowStep step = follower.Advance(feet, isAtWaypoint);
+            FollowStep step = follower.Advance(state.Feet, isAtWaypoint);
             bool goesOn = step.Kind == StepKind.Keep || step.Kind == StepKind.Head;
-            if (step.Kind == StepKind.Plan || needsPlan && goesOn)
+            if (needsPlan && goesOn)
             {
-                step = follower.PlanFrom(graph, feet, caution, without);
-                needsPlan = false;
+                step.Kind = StepKind.Plan;
+            }
+            needsPlan = false;
+            Take(ref step, state.Feet);
+            while (Rehearsals != null && State == AttemptState.GoesOn)
+            {
+                step = follower.Prepare(Rehearsals, agents, agent, state);
+                if (step.Kind == StepKind.Keep)
+                {
+                    break;
+                }
+                Take(ref step, state.Feet);
             }
             hasPlan = step.LegCount > 0;
             LegIndex = (int)step.Leg;
-            isLastLeg = hasPlan && step.Leg + 1 == step.LegCount;
+            stands = step.Stands != 0;
+        }
+
+        /// <summary>Does what a step says, which may be to take another plan, with a step of its own.</summary>
+        private void Take(ref FollowStep step, Vec3 feet)
+        {
+            if (step.Kind == StepKind.Plan)
+            {
+                step = follower.PlanFrom(graph, feet, caution, without);
+            }
             switch (step.Kind)
             {
                 case StepKind.Head:

@@ -60,6 +60,22 @@ namespace Surefoot
             return step;
         }
 
+        /// <summary>
+        /// Prepares the next decision of an agent, whose places are on the map: smooths the plan and rehearses its next two legs. Do what the step
+        /// says and call it again, until the step is <see cref="StepKind.Keep"/>.
+        /// </summary>
+        public FollowStep Prepare(Rehearsals rehearsals, Agents agents, uint agent, CharacterState state)
+        {
+            Native.CheckGiven(nameof(rehearsals), rehearsals);
+            Native.CheckGiven(nameof(agents), agents);
+            NativeError error;
+            state.StructSize = (uint)sizeof(CharacterState);
+            FollowStep step = new FollowStep { StructSize = (uint)sizeof(FollowStep) };
+            Native.Check(
+                NativeMethods.sf_follower_prepare(handle, rehearsals.Handle, agents.Handle, agent, &state, default(Vec3), &step, &error), &error);
+            return step;
+        }
+
         /// <summary>Reports that the NPC died, which ends the attempt.</summary>
         public void NoteDeath()
         {

@@ -42,6 +42,11 @@ namespace Surefoot
         protected override void Destroy(IntPtr pointer) => NativeMethods.sf_follower_destroy(pointer);
     }
 
+    internal sealed class RehearsalsHandle : NativeHandle
+    {
+        protected override void Destroy(IntPtr pointer) => NativeMethods.sf_rehearsals_destroy(pointer);
+    }
+
     internal sealed class MapHandle : NativeHandle
     {
         protected override void Destroy(IntPtr pointer) => NativeMethods.sf_map_destroy(pointer);

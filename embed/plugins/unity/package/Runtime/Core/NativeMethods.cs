@@ -121,11 +121,18 @@ namespace Surefoot
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_plan(FollowerHandle follower, GraphHandle graph, Vec3 feet, float caution, uint without, FollowStep* step, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_follower_prepare(FollowerHandle follower, RehearsalsHandle rehearsals, AgentsHandle agents, uint agent, CharacterState* state, Vec3 origin, FollowStep* step, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_note_death(FollowerHandle follower, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_legs(FollowerHandle follower, Leg* legs, UIntPtr capacity, UIntPtr* count, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_take_traversals(FollowerHandle follower, Traversal* traversals, UIntPtr capacity, UIntPtr* count, NativeError* error);
+
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_rehearsals_create(PolicyHandle policy, MapHandle map, Body* body, uint threadCount, out RehearsalsHandle rehearsals, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern void sf_rehearsals_destroy(IntPtr rehearsals);
 
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_map_load(byte* path, out MapHandle map, NativeError* error);

@@ -176,5 +176,7 @@ namespace Surefoot
         public uint LegCount;
         /// <summary>Number of plans so far.</summary>
         public uint Plans;
+        /// <summary>1 if the NPC must stand at the waypoint, 0 if it passes it on the run or in flight.</summary>
+        public int Stands;
     }
 }

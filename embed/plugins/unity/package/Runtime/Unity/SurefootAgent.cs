@@ -74,6 +74,7 @@ namespace Surefoot.Unity
             attempt = new Attempt(brain.Agents, Number, brain.Graph, FeetOnMap, wanted, caution, cast: brain.CastRays)
             {
                 Radius = within,
+                Rehearsals = brain.Rehearsals,
             };
         }
 

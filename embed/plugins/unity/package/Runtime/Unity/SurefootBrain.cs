@@ -13,6 +13,8 @@ namespace Surefoot.Unity
     public sealed class SurefootBrain : MonoBehaviour
     {
         [SerializeField, Tooltip("Proved graph of the level; without one, agents head straight for their goals")] private SurefootGraphAsset graph;
+        [SerializeField, Tooltip("The level that the graph was proved on, as a .sfmap.bytes file; without one, agents rehearse nothing")]
+        private TextAsset level;
         [SerializeField] private SurfaceLayers surfaces = new SurfaceLayers();
         [SerializeField] private BodySettings body = new BodySettings();
         [SerializeField, Tooltip("general-reactive, general-lstm, or a folder of a model")] private string policy = "general-reactive";
@@ -32,6 +34,8 @@ namespace Surefoot.Unity
         private int knownDeviceChanges = -1;
 
         internal Agents Agents { get; private set; }
+
+        internal Rehearsals Rehearsals { get; private set; }
 
         internal BodySettings BodySettings => body;
 
@@ -80,6 +84,13 @@ namespace Surefoot.Unity
             using (Policy weights = IsFolder(policy) ? Policy.Load(policy) : Policy.Shipped(policy))
             {
                 Agents = new Agents(weights, (uint)maxAgents, body.ToBody());
+                if (level != null && graph != null)
+                {
+                    using (Map map = Map.Load(level.bytes))
+                    {
+                        Rehearsals = new Rehearsals(weights, map, body.ToBody());
+                    }
+                }
             }
             deciding = new SurefootAgent[maxAgents];
             ids = new uint[maxAgents];
@@ -167,6 +178,7 @@ namespace Surefoot.Unity
         private void OnDestroy()
         {
             rayBatch?.Dispose();
+            Rehearsals?.Dispose();
             Agents?.Dispose();
         }
     }
