@@ -1,8 +1,11 @@
 //! Attempts of NPCs whose bodies a game moves, with rehearsals in a copy of the level.
 //!
-//! A game's physics differs a little from ours: a forecast holds while the body keeps within [`SLACK_M`] of it, and
-//! beyond that the NPC rehearses again. For each decision the game calls [`GameAttempt::record_decision`], then
-//! [`GameAttempt::prepare`] until it says how to act. docs/adr/0073-rehearsals-beside-a-game.md has measurements.
+//! A game's physics differs a little from ours. A forecast holds while the body keeps within [`SLACK_M`] of it, and
+//! beyond that the NPC rehearses again. A rehearsal that makes no progress on an edge says less than the edge's proof
+//! in the game: the NPC then moves freely there, as it does where it cannot do what was rehearsed. Rehearsals are no
+//! evidence about edges. For each decision the game
+//! calls [`GameAttempt::record_decision`], then [`GameAttempt::prepare`] until it says how to act.
+//! docs/adr/0073-rehearsals-beside-a-game.md has measurements.
 
 use crate::attempt::{AfterRehearsal, Attempt};
 use crate::follow::{Follower, Step};
@@ -19,6 +22,11 @@ use surefoot_world::{CharacterProfile, End, Map, MoverState, Npc, TaskConfig, Ve
 pub const SLACK_M: f32 = 0.4;
 /// Decisions for which an NPC that stands waits for a rehearsal.
 const HOLD_DECISIONS: u32 = 9;
+/// Forecasts that fail around one place, and how far around it, m, until the NPC moves freely to the end of its leg.
+const MAX_DIVERGENCES: u32 = 3;
+const DIVERGENCE_M: f32 = 1.0;
+/// Distance within which the place for which an NPC heads is its waypoint, m: games round places on their way to the map.
+const SAME_M: f32 = 0.01;
 /// How far an NPC that waits may drift before it returns, m.
 const HOLD_WITHIN_M: f32 = 1.0;
 
@@ -50,11 +58,19 @@ struct Job {
     npc: Npc,
     hidden: Vec<f32>,
     noise: NoiseStream,
-    reply: Sender<Results>,
+    reply: Sender<Rehearsed>,
 }
 
-/// How the rehearsals of a job ended, in order: the last one ended well, or it has no retry on the same plan.
-type Results = Vec<Result<Forecast, RehearsalFailure>>;
+/// How the rehearsals of a job ended.
+#[derive(Debug)]
+struct Rehearsed {
+    /// The failures, after each of which but the last the NPC tried again on the same plan.
+    failures: Vec<RehearsalFailure>,
+    /// What will happen, if the last one ended well.
+    forecast: Option<Forecast>,
+    /// What follows.
+    then: AfterRehearsal,
+}
 
 impl Rehearsals {
     /// Prepares rehearsals on `map` by the body `profile`, on `thread_count` threads; without threads they run in the
@@ -122,14 +138,18 @@ impl Stage {
 
     fn run(&self, rehearsal: &mut Rehearsal, job: Job) {
         let Job { mut attempt, npc, hidden, mut noise, reply } = job;
-        let mut results = Results::new();
+        let (mut failures, mut forecast) = (Vec::new(), None);
         loop {
             let start = attempt.rehearsal(npc, hidden.clone(), noise);
             let result = rehearsal.run(&self.policy, vec![start], &self.movers).remove(0);
-            results.push(result.clone());
-            if attempt.record_rehearsal(result, &mut noise) != AfterRehearsal::Rehearse {
+            match result.clone() {
+                Ok(found) => forecast = Some(found),
+                Err(failure) => failures.push(failure),
+            }
+            let then = attempt.record_rehearsal(result, &mut noise);
+            if then != AfterRehearsal::Rehearse {
                 // The NPC may be gone.
-                let _ = reply.send(results);
+                let _ = reply.send(Rehearsed { failures, forecast, then });
                 return;
             }
         }
@@ -145,8 +165,6 @@ pub enum Prepared {
     HeadFor(Vec3),
     /// It needs another plan; then it prepares again.
     Plan,
-    /// Its attempt ends.
-    End(End),
 }
 
 /// An attempt of an NPC of a game.
@@ -160,12 +178,23 @@ pub struct GameAttempt {
     has_acted: bool,
     /// Whether the plan was made because rehearsals of the last one failed.
     is_retrying: bool,
+    /// The legs of the plan before which the NPC moves freely and rehearses nothing.
+    free_until: usize,
+    diverged: Diverged,
+}
+
+/// Forecasts that failed one after another.
+#[derive(Debug, Clone, Copy, Default)]
+struct Diverged {
+    /// Where the first one did, m.
+    at: Vec3,
+    count: u32,
 }
 
 /// A rehearsal that is under way.
 #[derive(Debug)]
 struct Pending {
-    results: Receiver<Results>,
+    results: Receiver<Rehearsed>,
     /// Decisions since it began that were carried out, and those for which the NPC waited.
     acted: u32,
     held: u32,
@@ -186,7 +215,16 @@ impl GameAttempt {
     /// Starts an attempt, which rehearses before its first decision.
     pub fn new(follower: Follower) -> Self {
         let attempt = Attempt::new(follower).with_slack(SLACK_M);
-        Self { attempt, pending: None, is_compared: true, has_acted: false, is_retrying: false }
+        let (is_compared, has_acted, is_retrying) = (true, false, false);
+        Self {
+            attempt,
+            pending: None,
+            is_compared,
+            has_acted,
+            is_retrying,
+            free_until: 0,
+            diverged: Diverged::default(),
+        }
     }
 
     /// The plan and the progress along it.
@@ -201,7 +239,7 @@ impl GameAttempt {
 
     /// Plans from `feet`, m, with `search`, and returns the first waypoint of the plan, m.
     pub fn plan(&mut self, feet: Vec3, search: impl FnMut(&Query) -> Plan) -> Vec3 {
-        (self.pending, self.is_compared) = (None, true);
+        (self.pending, self.is_compared, self.free_until) = (None, true, 0);
         self.attempt.plan(feet, search)
     }
 
@@ -228,33 +266,31 @@ impl GameAttempt {
     /// is its row of the policy's hidden state.
     pub fn prepare(&mut self, on: &Rehearsals, npc: &Npc, hidden: &[f32], noise: &mut NoiseStream) -> Prepared {
         let Stage { map, profile, .. } = &*on.stage;
-        if self.attempt.follower.waypoint().is_none() {
-            return Prepared::Plan;
+        let Some(waypoint) = self.attempt.follower.waypoint() else { return Prepared::Plan };
+        let mut npc = *npc;
+        if let Some(episode) = npc.episode.as_mut().filter(|episode| episode.goal.distance(waypoint) <= SAME_M) {
+            (episode.goal, episode.arrival) = (waypoint, self.attempt.follower.arrival());
         }
+        let npc = &npc;
         self.compare(map, profile, npc);
-        // Rides have a state that games do not tell.
-        if npc.body.is_carried() {
-            self.pending = None;
-            self.attempt.forget_forecast();
-            self.has_acted = true;
-            return Prepared::Act(Style::Free);
-        }
         if self.attempt.review(map, profile, &npc.body, |_, _| true) {
             return Prepared::Plan;
         }
-        self.attempt.skip_plain_rehearsal(map, profile, &npc.body);
-        self.rehearse(on, npc, hidden, *noise);
-        match self.collect(npc, noise) {
-            Some(AfterRehearsal::Plan) => return Prepared::Plan,
-            Some(AfterRehearsal::End) => return Prepared::End(End::Unreachable),
-            _ => {}
+        if !self.is_free(npc) {
+            self.attempt.skip_plain_rehearsal(map, profile, &npc.body);
+            self.rehearse(on, npc, hidden, *noise);
+            if self.collect(npc, noise) == Some(AfterRehearsal::Plan) {
+                return Prepared::Plan;
+            }
         }
         if let Some(waypoint) = self.attempt.changed_waypoint(npc) {
             return Prepared::HeadFor(waypoint);
         }
         let holds = self.holds(npc);
         self.has_acted = !holds;
-        Prepared::Act(if holds {
+        Prepared::Act(if self.is_free(npc) {
+            Style::Free
+        } else if holds {
             Style::Stay { at: npc.body.feet, within: HOLD_WITHIN_M }
         } else if self.pending.is_some() && !self.attempt.is_forecast() {
             // The way in which it is being rehearsed, so that the rehearsal forecasts this decision as well.
@@ -272,8 +308,31 @@ impl GameAttempt {
         if let Some(pending) = &mut self.pending {
             *(if self.has_acted { &mut pending.acted } else { &mut pending.held }) += 1;
         }
-        if self.has_acted && !self.attempt.check_forecast(&npc.body) && npc.body.is_grounded() {
+        if !self.has_acted {
+            return;
+        }
+        let was_forecast = self.attempt.is_forecast();
+        if self.attempt.check_forecast(&npc.body) {
+            return;
+        }
+        if was_forecast {
+            self.note_divergence(npc.body.feet);
+        }
+        if npc.body.is_grounded() {
             self.attempt.follower.return_to_way(map, profile, npc.body.feet);
+        }
+    }
+
+    /// Notes that a forecast has failed. An NPC that cannot do what is rehearsed moves freely.
+    fn note_divergence(&mut self, feet: Vec3) {
+        let Diverged { at, count } = &mut self.diverged;
+        if *count == 0 || at.distance(feet) > DIVERGENCE_M {
+            (*at, *count) = (feet, 0);
+        }
+        *count += 1;
+        if *count >= MAX_DIVERGENCES {
+            self.diverged = Diverged::default();
+            self.free_until = self.attempt.follower.leg_idx() + 1;
         }
     }
 
@@ -292,23 +351,50 @@ impl GameAttempt {
 
     /// Takes the results of the rehearsal that is under way, if it has ended.
     fn collect(&mut self, npc: &Npc, noise: &mut NoiseStream) -> Option<AfterRehearsal> {
-        let pending = self.pending.as_ref()?;
-        let results = match pending.results.try_recv() {
-            Ok(results) => results,
-            Err(TryRecvError::Empty) => return None,
-            // Its thread has panicked.
-            Err(TryRecvError::Disconnected) => Results::new(),
-        };
-        let acted = pending.acted;
-        self.pending = None;
-        // What the rehearsal did to its copy of the attempt.
-        let outcome = results.into_iter().map(|result| self.attempt.record_rehearsal(result, noise)).last()?;
-        match outcome {
-            AfterRehearsal::Act => self.attempt.catch_up(acted, &npc.body),
-            AfterRehearsal::Plan => self.is_retrying = true,
-            AfterRehearsal::Rehearse | AfterRehearsal::End => {}
+        let Pending { results, acted, .. } = self.pending.as_ref()?;
+        let (rehearsed, acted) = (results.try_recv(), *acted);
+        if matches!(rehearsed, Err(TryRecvError::Empty)) {
+            return None;
         }
-        Some(outcome)
+        self.pending = None;
+        // Without results, its thread has panicked.
+        let Rehearsed { mut failures, forecast, then } = rehearsed.ok()?;
+        let last = failures.last().copied().filter(|_| forecast.is_none());
+        let is_trusted =
+            last.is_some_and(|last| then == AfterRehearsal::End || !last.is_harm && last.leg.edge().is_some());
+        if is_trusted {
+            failures.pop();
+        }
+        let run = self.attempt.follower.take_traversals();
+        // What the rehearsals did to their copy of the attempt.
+        for failure in failures {
+            self.attempt.record_rehearsal(Err(failure), noise);
+        }
+        if let Some(forecast) = forecast {
+            self.attempt.record_rehearsal(Ok(forecast), noise);
+            self.attempt.catch_up(acted, &npc.body);
+        }
+        self.attempt.follower.set_traversals(run);
+        let trusted = last.filter(|_| is_trusted).zip(self.attempt.follower.current_plan());
+        if let Some((failure, plan)) = trusted {
+            let legs = &plan.legs;
+            self.free_until =
+                legs.iter().rposition(|leg| leg.key == failure.leg).unwrap_or(self.attempt.follower.leg_idx()) + 1;
+            return Some(AfterRehearsal::Act);
+        }
+        self.is_retrying = then == AfterRehearsal::Plan;
+        Some(then)
+    }
+
+    /// Whether the NPC moves freely without a rehearsal: on a leg that it trusts, and on rides, whose state games do not
+    /// tell.
+    fn is_free(&mut self, npc: &Npc) -> bool {
+        let is_free = npc.body.is_carried() || self.attempt.follower.leg_idx() < self.free_until;
+        if is_free {
+            self.pending = None;
+            self.attempt.forget_forecast();
+        }
+        is_free
     }
 
     /// Whether an NPC that stands waits for its rehearsal.

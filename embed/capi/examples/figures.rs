@@ -9,8 +9,9 @@ use std::ffi::CString;
 use std::hint::black_box;
 use std::ptr::{null, null_mut};
 use std::time::Instant;
-use surefoot::abi::{Action, Hit, Leg, Query, RAY_COUNT, Ray, State, Vec3};
+use surefoot::abi::{Action, Hit, Leg, Query, RAY_COUNT, Ray, State, Step, Vec3};
 use surefoot::exports::*;
+use surefoot::{Graph, Map, Policy, Rehearsals};
 use surefoot_planner::Router;
 use surefoot_planner::export::import_json;
 use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
@@ -198,6 +199,113 @@ fn rollbacks(level: &str, graph: &str) {
     }
 }
 
+/// Walks of an NPC along plans, with rehearsals in the calls and on a thread.
+fn rehearsals(level: &str, graph: &str) {
+    let (level, path) = (CString::new(level).expect("a path"), CString::new(graph).expect("a path"));
+    let text = std::fs::read_to_string(graph).expect("a graph");
+    let vertices = import_json(&text).expect("a graph");
+    let places: Vec<Vec3> = vertices.vertices().map(|vertex| vertices.position(vertex).into()).collect();
+    let map = handle(|out| unsafe { sf_map_load(level.as_ptr(), out, null_mut()) });
+    let policy = handle(|out| unsafe { sf_policy_shipped(null(), out, null_mut()) });
+    let graph = handle(|out| unsafe { sf_graph_load(path.as_ptr(), out, null_mut()) });
+    for thread_count in [0, 1] {
+        let rehearsals =
+            handle(|out| unsafe { sf_rehearsals_create(policy, map, null(), thread_count, out, null_mut()) });
+        let walk = Walk { map, policy, graph, rehearsals, is_paced: thread_count > 0 };
+        let (mut decisions, mut legs, mut us) = (0, 0, 0.0);
+        for idx in 0..40 {
+            let ends = [idx * 7, idx * 7 + places.len() / 2].map(|at| places[at % places.len()]);
+            let (more_decisions, more_legs, more_us) = walk.run(ends);
+            (decisions, legs, us) = (decisions + more_decisions, legs + more_legs, us + more_us);
+        }
+        match thread_count {
+            0 => print("rehearse in calls, each leg", us / f64::from(legs), Some(1000.0), None),
+            _ => print("prepare, rehearsals on a thread, each", us / f64::from(decisions), None, None),
+        }
+        unsafe { sf_rehearsals_destroy(rehearsals) };
+    }
+    unsafe {
+        sf_graph_destroy(graph);
+        sf_policy_destroy(policy);
+        sf_map_destroy(map);
+    }
+}
+
+/// What a walk needs.
+struct Walk {
+    map: *mut Map,
+    policy: *mut Policy,
+    graph: *mut Shared<Graph>,
+    rehearsals: *mut Rehearsals,
+    /// Whether decisions take their time, as in a game.
+    is_paced: bool,
+}
+
+impl Walk {
+    /// Walks for up to 20 s. Returns the number of decisions and of legs, and the time spent on preparing, us.
+    fn run(&self, [start, goal]: [Vec3; 2]) -> (u32, u32, f64) {
+        let world = handle(|out| unsafe { sf_world_create(self.map, null(), out, null_mut()) });
+        let agents = handle(|out| unsafe { sf_agents_create(self.policy, null(), 1, out, null_mut()) });
+        let follower = handle(|out| unsafe { sf_follower_create(goal, out, null_mut()) });
+        let (mut npc, mut decisions, mut legs, mut us, mut reached) = (0, 0, 0, 0.0, false);
+        ok(unsafe { sf_world_spawn(world, start, 0.0, &mut npc, null_mut()) });
+        let mut step = Step { struct_size: size_of::<Step>() as u32, ..Step::default() };
+        let mut state = state(&mut ChaCha8Rng::seed_from_u64(0));
+        while decisions < 120 {
+            ok(unsafe { sf_world_state(world, npc, &mut state, null_mut()) });
+            ok(unsafe { sf_follower_advance(follower, state.feet, reached.into(), &mut step, null_mut()) });
+            legs += u32::from(step.kind == 1);
+            let mut is_prepared = false;
+            while !is_prepared || step.kind != 0 {
+                match step.kind {
+                    1 => ok(unsafe { sf_agents_set_goal(agents, 0, state.feet, step.waypoint, null_mut()) }),
+                    2 => {
+                        ok(unsafe {
+                            sf_follower_plan(follower, self.graph, state.feet, 1.0, 0, &mut step, null_mut())
+                        });
+                        ok(unsafe { sf_agents_set_goal(agents, 0, state.feet, step.waypoint, null_mut()) });
+                    }
+                    3.. => break,
+                    _ => {}
+                }
+                let started = Instant::now();
+                let (origin, by) = (Vec3::default(), self.rehearsals);
+                ok(unsafe { sf_follower_prepare(follower, by, agents, 0, &state, origin, &mut step, null_mut()) });
+                us += started.elapsed().as_secs_f64() * 1.0e6;
+                is_prepared = true;
+            }
+            if step.kind != 0 || distance(state.feet, goal) <= 1.0 {
+                break;
+            }
+            let (mut hits, mut action) = ([Hit::default(); RAY_COUNT], Action::default());
+            ok(unsafe { sf_world_look(world, npc, hits.as_mut_ptr(), RAY_COUNT, null_mut()) });
+            ok(unsafe { sf_agents_observe(agents, null(), &state, hits.as_ptr(), 1, null_mut()) });
+            ok(unsafe { sf_agents_decide(agents, null(), 1, 0.5, &mut action, null_mut()) });
+            ok(unsafe { sf_world_decide(world, npc, action, null_mut()) });
+            reached = false;
+            for _ in 0..10 {
+                ok(unsafe { sf_world_tick(world, null_mut(), null_mut()) });
+                ok(unsafe { sf_world_state(world, npc, &mut state, null_mut()) });
+                reached |= distance(state.feet, step.waypoint) <= 1.0;
+            }
+            if self.is_paced {
+                std::thread::sleep(std::time::Duration::from_millis(20));
+            }
+            decisions += 1;
+        }
+        unsafe {
+            sf_follower_destroy(follower);
+            sf_agents_destroy(agents);
+            sf_world_destroy(world);
+        }
+        (decisions, legs, us)
+    }
+}
+
+fn distance(a: Vec3, b: Vec3) -> f32 {
+    ((a.x - b.x).powi(2) + (a.y - b.y).powi(2) + (a.z - b.z).powi(2)).sqrt()
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [level, graph] = &arguments[..] else { panic!("usage: figures LEVEL GRAPH") };
@@ -205,4 +313,5 @@ fn main() {
     decisions("general-lstm");
     plans(graph);
     rollbacks(level, graph);
+    rehearsals(level, graph);
 }

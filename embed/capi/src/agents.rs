@@ -16,7 +16,7 @@ use surefoot_world::character::{ACTION_LEN, Ride, Support};
 use surefoot_world::map::{Device, DeviceKind, Placed};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{self, Found, LastDecision, RAY_RANGE_M, RayCone, SenseContext};
-use surefoot_world::{Action, Arrival, Body, CharacterProfile, End, Episode, Npc, TaskConfig, Vec3};
+use surefoot_world::{Action, Body, CharacterProfile, End, Episode, Npc, TaskConfig, Vec3};
 
 /// Most agents of one handle.
 const MAX_AGENTS: u32 = 65_536;
@@ -26,9 +26,6 @@ const MAX_DEVICES: usize = 20_000;
 const SAVED_LEN: usize = 192;
 /// Largest count in a saved agent; a larger one might overflow later.
 const MAX_COUNT: u32 = 1 << 30;
-
-/// Distance within which a goal is a waypoint, m: places are rounded on their way to the map.
-const SAME_M: f32 = 0.01;
 
 /// `sf_policy`: weights that agents share.
 #[derive(Debug)]
@@ -397,21 +394,17 @@ impl Agents {
     }
 
     /// What a rehearsal needs of an agent, on the map, where its places have their origin at `origin`, m: its NPC, its
-    /// row of the policy's memory, and its noise. `aim` is the waypoint on the map, m, and how the NPC arrives there.
+    /// row of the policy's memory, and its noise.
     pub fn rehearsing(
         &mut self,
         agent: u32,
         sensed: &Sensed<'_>,
         origin: Vec3,
-        aim: Option<(Vec3, Arrival)>,
     ) -> Result<(Npc, &[f32], &mut NoiseStream), Fault> {
         let idx = self.check(agent)?;
         let mind = &mut self.minds[idx];
         let mut episode = mind.episode.ok_or_else(|| no_goal(agent))?;
         episode.goal += origin;
-        if let Some((waypoint, arrival)) = aim.filter(|(waypoint, _)| waypoint.distance(episode.goal) <= SAME_M) {
-            (episode.goal, episode.arrival) = (waypoint, arrival);
-        }
         let mut body = sensed.body;
         body.feet += origin;
         let air_jumps = self.profile.extra_jumps;

@@ -128,10 +128,8 @@ impl Follower {
         if rehearsals.label != agents.label() || *rehearsals.inner.profile() != *agents.profile() {
             return Err(Fault::argument("rehearsals are of another policy or body than agents: create both alike"));
         }
-        let rules = self.attempt.follower_mut();
-        rules.compose();
-        let aim = rules.waypoint().map(|waypoint| (waypoint, rules.arrival()));
-        let (npc, memory, noise) = agents.rehearsing(agent, sensed, origin, aim)?;
+        self.attempt.follower_mut().compose();
+        let (npc, memory, noise) = agents.rehearsing(agent, sensed, origin)?;
         let prepared = self.attempt.prepare(&rehearsals.inner, &npc, memory, noise);
         self.collect();
         let step = match prepared {
@@ -141,10 +139,6 @@ impl Follower {
             }
             Prepared::HeadFor(waypoint) => Step::HeadFor(waypoint),
             Prepared::Plan => Step::Plan,
-            Prepared::End(end) => {
-                self.end = Some(end);
-                Step::End(end)
-            }
         };
         Ok(self.step(step))
     }

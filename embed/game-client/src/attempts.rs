@@ -243,10 +243,6 @@ impl Walker {
                 }
                 Prepared::HeadFor(_) => {}
                 Prepared::Plan => guide.plan(attempt, feet),
-                Prepared::End(end) => {
-                    self.measured.end = Some(end);
-                    return;
-                }
             }
         }
     }

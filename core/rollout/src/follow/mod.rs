@@ -441,6 +441,11 @@ impl Follower {
         std::mem::take(&mut self.traversals)
     }
 
+    /// Replaces the traversals: rehearsals say nothing about the edges of a game.
+    pub fn set_traversals(&mut self, traversals: Vec<Traversal>) {
+        self.traversals = traversals;
+    }
+
     // Failure.
 
     /// The fault if the attempt failed now, either by harm or by running out of patience or re-plans.

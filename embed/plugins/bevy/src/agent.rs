@@ -41,6 +41,13 @@ impl Default for SurefootAgent {
     }
 }
 
+impl SurefootAgent {
+    /// Seed of the noise of the agent `agent`.
+    pub(crate) fn seed_of(&self, agent: Entity) -> u64 {
+        self.seed ^ agent.to_bits()
+    }
+}
+
 /// Where an agent is to go: the place for its feet, m. Inserting or changing it begins an attempt; removing it ends the
 /// attempt. Near the goal of an attempt under way, within 4 m or a quarter of the agent's distance, a change moves that
 /// goal, and the plan stays until the goal has drifted far. So a target that moves may be written in every tick.

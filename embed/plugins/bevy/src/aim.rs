@@ -5,15 +5,17 @@ use crate::agent::{
 };
 use crate::events::{AgentDied, GoalFailed, GoalReached, LegFailed};
 use crate::graph::SurefootGraph;
-use crate::mind::{Arriving, Attempt, Mind, Route, body_of};
+use crate::mind::{Arriving, Attempt, Memory, Mind, Route, body_of, npc_of};
+use crate::policy::{DefaultPolicy, SurefootPolicy};
 use bevy_ecs::prelude::*;
 use bevy_math::Vec3;
 use bevy_time::{Fixed, Time};
 use surefoot_planner::{Leg, NoPath};
 use surefoot_rollout::follow::Step;
+use surefoot_rollout::game::Prepared;
 use surefoot_world::arrival::{LINE_COUNT, Line, lines_to_goal};
 use surefoot_world::sense::RayCone;
-use surefoot_world::{CharacterProfile, DECISION_SECONDS, End, TaskConfig};
+use surefoot_world::{Arrival, CharacterProfile, DECISION_SECONDS, End, TaskConfig};
 
 /// A waypoint this near to the goal is the goal: places are rounded on their way to the map and back, m.
 const SAME_M: f32 = 0.01;
@@ -41,7 +43,7 @@ type Agents<'w, 's> = Query<
         &'static SurefootAgent,
         &'static AgentState,
         (Option<Ref<'static, Goal>>, Option<&'static GoalRadius>),
-        Option<&'static SurefootGraph>,
+        (Option<&'static SurefootGraph>, Option<&'static SurefootPolicy>),
         &'static mut Mind,
         &'static mut AgentPlan,
         &'static mut AgentAction,
@@ -52,12 +54,14 @@ type Agents<'w, 's> = Query<
 /// Begins and ends attempts, follows plans, and says which rays are needed.
 pub(crate) fn aim(
     clock: Res<'_, Clock>,
+    policy: Res<'_, DefaultPolicy>,
     mut agents: Agents<'_, '_>,
     cone: Local<'_, RayCone>,
     mut commands: Commands<'_, '_>,
 ) {
     let task = TaskConfig::default();
-    for (agent, settings, state, (goal, radius), graph, mut mind, mut plan, mut action, sights) in &mut agents {
+    for (agent, settings, state, (goal, radius), (graph, own), mut mind, mut plan, mut action, sights) in &mut agents {
+        let policy = own.unwrap_or(&policy.0);
         let (mut sight, mut goal_sight) = sights;
         action.is_first = false;
         sight.is_wanted = false;
@@ -71,7 +75,7 @@ pub(crate) fn aim(
             }
             Some(goal) if goal.is_changed() => {
                 *plan = AgentPlan::default();
-                begin(&mut mind, settings, state, goal, graph)
+                begin(&mut mind, (settings, policy), state, goal, graph)
             }
             None if mind.attempt.is_some() || plan.status != AgentStatus::Idle => {
                 mind.attempt = None;
@@ -80,8 +84,9 @@ pub(crate) fn aim(
             }
             _ => None,
         };
-        if let Some(attempt) = &mut mind.attempt {
-            let mut course = Course { agent, settings, state, attempt, plan: &mut plan, commands: &mut commands };
+        if let Some((attempt, memory)) = mind.parts() {
+            let (plan, commands) = (&mut *plan, &mut commands);
+            let mut course = Course { agent, settings, policy, state, attempt, memory, plan, commands };
             if outcome.is_none() {
                 goal_sight.lines = course.note(radius.map_or(task.goal_radius, |radius| radius.0), &task);
             }
@@ -143,7 +148,7 @@ pub(crate) fn arrive(mut agents: Nearing<'_, '_>, mut commands: Commands<'_, '_>
 /// Begins an attempt, or returns how it has ended.
 fn begin(
     mind: &mut Mind,
-    settings: &SurefootAgent,
+    (settings, policy): (&SurefootAgent, &SurefootPolicy),
     state: &AgentState,
     goal: &Goal,
     graph: Option<&SurefootGraph>,
@@ -155,7 +160,8 @@ fn begin(
     if graph.and_then(SurefootGraph::body).is_some_and(|proved| !moves_alike(proved, &settings.body)) {
         return Some(AgentStatus::Failed(Failure::OtherBody));
     }
-    mind.attempt = Some(Attempt::new(goal.0, state.feet, graph.cloned()));
+    let route = graph.map(|graph| (graph.clone(), graph.rehearsals(policy, &settings.body)));
+    mind.attempt = Some(Attempt::new(goal.0, state.feet, route));
     None
 }
 
@@ -184,10 +190,10 @@ fn moves_alike(one: &CharacterProfile, other: &CharacterProfile) -> bool {
 
 /// Ends an attempt, and lets the app and later plans know how it went.
 fn end(agent: Entity, status: AgentStatus, (mind, plan): (&mut Mind, &mut AgentPlan), commands: &mut Commands<'_, '_>) {
-    if let Some(Attempt { route: Some(Route { graph, follower }), .. }) = &mut mind.attempt {
-        follower.take_traversals().iter().for_each(|traversal| graph.note(traversal));
+    if let Some(Attempt { route: Some(Route { graph, attempt, .. }), .. }) = &mut mind.attempt {
+        attempt.follower_mut().take_traversals().iter().for_each(|traversal| graph.note(traversal));
     }
-    mind.attempt = None;
+    (mind.attempt, mind.prepared) = (None, None);
     (plan.status, plan.waypoint) = (status, None);
     match status {
         AgentStatus::Failed(failure) => {
@@ -204,8 +210,10 @@ fn end(agent: Entity, status: AgentStatus, (mind, plan): (&mut Mind, &mut AgentP
 struct Course<'a, 'w, 's> {
     agent: Entity,
     settings: &'a SurefootAgent,
+    policy: &'a SurefootPolicy,
     state: &'a AgentState,
     attempt: &'a mut Attempt,
+    memory: Memory<'a>,
     plan: &'a mut AgentPlan,
     commands: &'a mut Commands<'w, 's>,
 }
@@ -219,13 +227,13 @@ impl Course<'_, '_, '_> {
             attempt.episode.note_tick(feet, task);
         }
         let waypoint = attempt.episode.goal;
-        let is_last = attempt.route.as_ref().is_none_or(|route| route.follower.is_last_leg());
-        // Waypoints are passed on the run or in flight, but the last one is a place to stand.
-        attempt.has_reached |= !is_last && feet.distance(waypoint) <= task.goal_radius;
+        let stands = attempt.route.as_ref().is_none_or(|route| route.attempt.follower().arrival() == Arrival::Stand);
+        // Waypoints are passed on the run or in flight, but at some the agent stands.
+        attempt.has_reached |= !stands && feet.distance(waypoint) <= task.goal_radius;
         let body = body_of(self.state);
         let lines_to = |place: Vec3, radius: f32| lines_to_goal(&self.settings.body, &body, place, radius);
         let to_goal = lines_to(attempt.goal, radius);
-        let is_elsewhere = is_last && waypoint.distance(attempt.goal) > SAME_M;
+        let is_elsewhere = stands && waypoint.distance(attempt.goal) > SAME_M;
         let to_waypoint = || lines_to(waypoint, task.goal_radius).filter(|_| is_elsewhere);
         attempt.arriving = to_goal.map(|_| Arriving::Goal);
         to_goal.or_else(|| to_waypoint().inspect(|_| attempt.arriving = Some(Arriving::Waypoint)))
@@ -249,32 +257,31 @@ impl Course<'_, '_, '_> {
     fn follow(&mut self) -> Option<AgentStatus> {
         let feet = self.state.feet;
         let has_reached = std::mem::take(&mut self.attempt.has_reached);
-        let Route { graph, follower } = self.attempt.route.as_mut()?;
+        let Route { graph, attempt, .. } = self.attempt.route.as_mut()?;
+        let follower = attempt.follower();
         let on_map = feet + graph.origin();
         let leg = self.plan.plan.as_ref().filter(|_| follower.leg_key().is_some()).map(|plan| plan.legs[self.plan.leg]);
         // The last waypoint may lag behind a goal that has moved a little: then the goal itself is next.
-        let goal_ahead = if has_reached { follower.move_goal(follower.goal(), on_map, true) } else { None };
+        let goal = follower.goal();
+        let goal_ahead = if has_reached { attempt.follow_goal(goal, on_map, true) } else { None };
         let is_there = has_reached && goal_ahead.is_none();
-        let mut step = match (follower.record_decision(on_map, is_there.then_some(End::Reached)), goal_ahead) {
+        let mut step = match (attempt.record_decision(on_map, is_there.then_some(End::Reached)), goal_ahead) {
             (Step::Keep, Some(goal)) => Step::HeadFor(goal),
             (step, _) => step,
         };
-        follower.take_traversals().iter().for_each(|traversal| graph.note(traversal));
+        attempt.follower_mut().take_traversals().iter().for_each(|traversal| graph.note(traversal));
         if let (Some(leg), Step::Plan | Step::End(End::NoProgress)) = (leg, step) {
             self.commands.trigger(LegFailed { agent: self.agent, leg, died: false });
         }
         let goes_on = matches!(step, Step::Keep | Step::HeadFor(_));
-        if step == Step::Plan || goes_on && follower.has_goal_drifted(on_map) {
-            let SurefootAgent { caution, without, .. } = *self.settings;
-            let mut made = None;
-            let waypoint = follower.plan(on_map, |query| {
-                let plan = graph.find(&surefoot_planner::Query { caution, without, ..query.clone() });
-                made = Some(plan.clone());
-                plan
-            });
-            self.plan.plan = made.map(|plan| graph.in_scene(plan));
+        if step == Step::Plan || goes_on && attempt.follower().has_goal_drifted(on_map) {
+            step = Step::HeadFor(self.make_plan());
+        }
+        if let Some(waypoint) = self.prepare().filter(|_| matches!(step, Step::Keep | Step::HeadFor(_))) {
             step = Step::HeadFor(waypoint);
         }
+        let Route { graph, attempt, .. } = self.attempt.route.as_ref()?;
+        let follower = attempt.follower();
         let no_path = self.plan.plan.as_ref().and_then(|plan| plan.no_path);
         let is_lost = self.plan.plan.as_ref().is_some_and(|plan| plan.no_path.is_some() && plan.nearest.is_none());
         (self.plan.leg, self.plan.plan_count) = (follower.leg_idx(), follower.plans());
@@ -295,6 +302,46 @@ impl Course<'_, '_, '_> {
             }
         }
     }
+
+    /// Plans from where the agent is, and returns the first waypoint on the map, m.
+    fn make_plan(&mut self) -> Vec3 {
+        let Route { graph, attempt, .. } = self.attempt.route.as_mut().expect("an agent with a graph");
+        let SurefootAgent { caution, without, .. } = *self.settings;
+        let mut made = None;
+        let waypoint = attempt.plan(self.state.feet + graph.origin(), |query| {
+            let plan = graph.find(&surefoot_planner::Query { caution, without, ..query.clone() });
+            made = Some(plan.clone());
+            plan
+        });
+        self.plan.plan = made.map(|plan| graph.in_scene(plan));
+        waypoint
+    }
+
+    /// Rehearses what lies ahead, and chooses how the agent carries out its next decision. Returns the waypoint on the
+    /// map, m, if it has changed.
+    fn prepare(&mut self) -> Option<Vec3> {
+        let (mut aim, feet) = (None, self.state.feet);
+        loop {
+            let Route { graph, attempt, rehearsals } = self.attempt.route.as_mut()?;
+            let rehearsals = rehearsals.clone()?;
+            let Memory { last, memory, noise, prepared } = &mut self.memory;
+            let origin = graph.origin();
+            let npc = npc_of(self.state, origin, (&self.attempt.episode, last), &self.settings.body);
+            memory.resize(self.policy.inner.memory_len(), 0.0);
+            let noise = Mind::noise(noise, self.settings.seed_of(self.agent), self.settings.noise_share);
+            let waypoint = match attempt.prepare(&rehearsals, &npc, memory, noise) {
+                Prepared::Act(style) => {
+                    **prepared = Some((style, npc));
+                    self.plan.plan = attempt.follower().current_plan().cloned().map(|plan| graph.in_scene(plan));
+                    return aim;
+                }
+                Prepared::HeadFor(waypoint) => waypoint,
+                Prepared::Plan => self.make_plan(),
+            };
+            aim = Some(waypoint);
+            self.attempt.head_for(waypoint - origin, feet);
+        }
+    }
 }
 
 fn unreachable(no_path: Option<NoPath>) -> AgentStatus {
@@ -311,7 +358,8 @@ pub(crate) fn note_death(
     let Ok((mut mind, mut plan, mut action)) = agents.get_mut(agent) else { return };
     *action = AgentAction::default();
     if let Some(attempt) = &mut mind.attempt {
-        if let Some(Route { follower, .. }) = &mut attempt.route {
+        if let Some(Route { attempt, .. }) = &mut attempt.route {
+            let follower = attempt.follower_mut();
             let leg: Option<Leg> = follower.leg_key().and(plan.plan.as_ref()).map(|made| made.legs[plan.leg]);
             follower.record_harm();
             if let Some(leg) = leg {

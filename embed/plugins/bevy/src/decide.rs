@@ -6,9 +6,9 @@ use crate::mind::{Mind, body_of};
 use crate::policy::{DefaultPolicy, SurefootPolicy};
 use bevy_ecs::prelude::*;
 use surefoot_policy::{Batch as Rows, Scratch};
-use surefoot_world::character::ACTION_LEN;
+use surefoot_rollout::Style;
 use surefoot_world::sense::{self, Found, RAY_COUNT, SenseContext};
-use surefoot_world::{Action, TaskConfig};
+use surefoot_world::{Action, Npc, TaskConfig};
 
 /// Room for the rows of each policy.
 #[derive(Resource, Debug, Default)]
@@ -59,10 +59,13 @@ pub(crate) fn decide(
         batch.act();
         let memory_len = batch.policy.inner.memory_len();
         for (row, agent) in batch.agents.drain(..).enumerate() {
-            let Ok((_, _, state, _, _, mut mind, mut action)) = agents.get_mut(agent) else { continue };
-            *action = AgentAction { action: batch.actions[row], is_first: true };
+            let Ok((_, settings, state, _, _, mut mind, mut action)) = agents.get_mut(agent) else { continue };
+            let decided = batch.actions[row];
+            let shape = |(style, npc): (Style, Npc)| style.shape(decided, &npc, &settings.body);
+            let shaped = mind.prepared.take().map_or(decided, shape);
+            *action = AgentAction { action: shaped, is_first: true };
             mind.memory.copy_from_slice(&batch.memories[row * memory_len..(row + 1) * memory_len]);
-            (mind.last.velocity, mind.last.action) = (state.velocity, batch.actions[row].to_array());
+            (mind.last.velocity, mind.last.action) = (state.velocity, shaped.to_array());
             if let Some(attempt) = &mut mind.attempt {
                 attempt.has_decided = true;
             }
@@ -113,10 +116,7 @@ impl Batch {
         );
         mind.memory.resize(self.policy.inner.memory_len(), 0.0);
         self.memories.extend(&mind.memory);
-        let mut noise = [0.0; ACTION_LEN];
-        let share = if settings.noise_share.is_finite() { settings.noise_share.clamp(0.0, 1.0) } else { 0.0 };
-        mind.draw(settings.seed ^ agent.to_bits(), share, &mut noise);
-        self.noise.extend(noise);
+        self.noise.extend(mind.draw(settings.seed_of(agent), settings.noise_share));
         self.agents.push(agent);
     }
 

@@ -2,18 +2,20 @@
 
 use crate::error::{SurefootError, chain};
 use crate::level::SurefootLevel;
+use crate::policy::SurefootPolicy;
 use bevy_ecs::prelude::*;
 use bevy_math::Vec3;
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use surefoot_planner::export::{body_of, import_json};
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::price::{EdgeCost, EdgeCosts};
 use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{EdgeKey, NavGraph, Plan, Query, Router};
+use surefoot_rollout::game::Rehearsals;
 use surefoot_world::character::MoveScratch;
-use surefoot_world::{CharacterProfile, navigable};
+use surefoot_world::{CharacterProfile, Map, navigable};
 
 /// Largest share of vertices that may be nowhere to stand: a level may have been changed a little since.
 const MAX_ASTRAY: f32 = 0.1;
@@ -28,6 +30,16 @@ pub struct SurefootGraph {
     shared: Arc<RwLock<Paths>>,
     origin: Vec3,
     body: Option<CharacterProfile>,
+    stage: Option<Arc<Stage>>,
+}
+
+/// Where agents rehearse.
+#[derive(Debug)]
+struct Stage {
+    map: Arc<Map>,
+    thread_count: usize,
+    /// The rehearsals of each policy and body.
+    made: Mutex<Vec<(SurefootPolicy, CharacterProfile, Arc<Rehearsals>)>>,
 }
 
 #[derive(Debug)]
@@ -55,7 +67,7 @@ impl SurefootGraph {
             live: LiveEvidence::default(),
             reported: EdgeCosts::new(),
         };
-        Ok(Self { shared: Arc::new(RwLock::new(paths)), origin: Vec3::ZERO, body: body_of(text) })
+        Ok(Self { shared: Arc::new(RwLock::new(paths)), origin: Vec3::ZERO, body: body_of(text), stage: None })
     }
 
     /// Reads a graph from its file.
@@ -90,6 +102,28 @@ impl SurefootGraph {
             return Err(SurefootError::OtherLevel { astray, count });
         }
         Ok(self.with_origin(level.origin()))
+    }
+
+    /// The same graph with rehearsals: agents run the next legs of their plans in a copy of `level`, on `thread_count`
+    /// threads. They then move calmly, and take another way where a leg would fail. With 0 threads they rehearse in the
+    /// fixed ticks, which take milliseconds longer, and equal seeds give equal bits. Call
+    /// [`aligned_to`](Self::aligned_to) as well.
+    #[must_use]
+    pub fn rehearsed_on(self, level: &SurefootLevel, thread_count: usize) -> Self {
+        let stage = Stage { map: level.map().clone(), thread_count, made: Mutex::default() };
+        Self { stage: Some(Arc::new(stage)), ..self }
+    }
+
+    /// The rehearsals for agents with this policy and body, if they rehearse.
+    pub(crate) fn rehearsals(&self, policy: &SurefootPolicy, body: &CharacterProfile) -> Option<Arc<Rehearsals>> {
+        let stage = self.stage.as_ref()?;
+        let mut made = stage.made.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((.., known)) = made.iter().find(|(of, profile, _)| of == policy && profile == body) {
+            return Some(known.clone());
+        }
+        let new = Arc::new(Rehearsals::new(stage.map.clone(), body.clone(), &policy.inner, stage.thread_count));
+        made.push((policy.clone(), body.clone(), new.clone()));
+        Some(new)
     }
 
     /// Whether a graph is a clone of this one.

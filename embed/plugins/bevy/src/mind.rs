@@ -4,11 +4,13 @@ use crate::agent::{AgentPlan, AgentState};
 use crate::graph::SurefootGraph;
 use bevy_ecs::prelude::*;
 use bevy_math::Vec3;
-use surefoot_policy::noise::of_action;
-use surefoot_rollout::{FollowConfig, Follower};
-use surefoot_world::character::{ACTION_LEN, Ride, Support};
+use std::sync::Arc;
+use surefoot_rollout::game::{GameAttempt, Rehearsals};
+use surefoot_rollout::rehearse::NoiseStream;
+use surefoot_rollout::{FollowConfig, Follower, Style};
+use surefoot_world::character::{Ride, Support};
 use surefoot_world::sense::LastDecision;
-use surefoot_world::{Body, Episode};
+use surefoot_world::{Body, CharacterProfile, Episode, Npc};
 
 /// How far a place is from the goal at most to be near it: in metres, and as a share of the agent's distance from the
 /// goal.
@@ -24,8 +26,10 @@ pub(crate) struct Mind {
     pub last: LastDecision,
     /// The policy's memory; empty before the first decision.
     pub memory: Vec<f32>,
-    /// Actions drawn so far.
-    drawn: u64,
+    /// Its noise; `None` before the first decision.
+    noise: Option<NoiseStream>,
+    /// How it carries out its next decision, with its NPC on the map, if it rehearses.
+    pub prepared: Option<(Style, Npc)>,
 }
 
 /// An attempt at a goal. Places are those of the scene, but in the follower, where they are on the map.
@@ -58,13 +62,16 @@ pub(crate) enum Arriving {
 #[derive(Debug)]
 pub(crate) struct Route {
     pub graph: SurefootGraph,
-    pub follower: Follower,
+    pub attempt: GameAttempt,
+    pub rehearsals: Option<Arc<Rehearsals>>,
 }
 
 impl Attempt {
-    pub fn new(goal: Vec3, feet: Vec3, graph: Option<SurefootGraph>) -> Self {
-        let config = FollowConfig { composes: false, ..FollowConfig::default() };
-        let route = graph.map(|graph| Route { follower: Follower::new(goal + graph.origin(), config), graph });
+    pub fn new(goal: Vec3, feet: Vec3, route: Option<(SurefootGraph, Option<Arc<Rehearsals>>)>) -> Self {
+        let route = route.map(|(graph, rehearsals)| {
+            let config = FollowConfig { composes: rehearsals.is_some(), ..FollowConfig::default() };
+            Route { attempt: GameAttempt::new(Follower::new(goal + graph.origin(), config)), graph, rehearsals }
+        });
         Self {
             goal,
             episode: Episode::new(goal, feet),
@@ -91,15 +98,15 @@ impl Attempt {
     /// Moves the goal of an agent at `feet`, m. The plan stays, and its last leg leads to the new goal.
     pub fn move_goal(&mut self, goal: Vec3, feet: Vec3, plan: &mut AgentPlan) {
         self.goal = goal;
-        let Some(Route { graph, follower }) = &mut self.route else {
+        let Some(Route { graph, attempt, .. }) = &mut self.route else {
             if goal != self.episode.goal {
                 self.head_for(goal, feet);
             }
             return;
         };
         let origin = graph.origin();
-        let waypoint = follower.move_goal(goal + origin, feet + origin, self.has_reached);
-        let last = follower.current_plan().and_then(|plan| plan.waypoints.last());
+        let waypoint = attempt.follow_goal(goal + origin, feet + origin, self.has_reached);
+        let last = attempt.follower().current_plan().and_then(|plan| plan.waypoints.last());
         if let (Some(last), Some(shown)) = (last, plan.plan.as_mut().and_then(|plan| plan.waypoints.last_mut())) {
             *shown = *last - origin;
         }
@@ -127,14 +134,53 @@ impl Attempt {
 impl Mind {
     /// Forgets all but how much randomness was drawn.
     pub fn forget(&mut self) {
-        *self = Self { drawn: self.drawn, ..Self::default() };
+        *self = Self { noise: self.noise, ..Self::default() };
     }
 
-    /// Draws the noise of an action.
-    pub fn draw(&mut self, seed: u64, share: f32, noise: &mut [f32; ACTION_LEN]) {
-        *noise = of_action((seed, 0), self.drawn, share);
-        self.drawn += 1;
+    /// The noise under `seed`, with this share of the policy's exploration noise; a share that is not a number is 0.
+    pub fn noise(noise: &mut Option<NoiseStream>, seed: u64, share: f32) -> &mut NoiseStream {
+        let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
+        let noise = noise.get_or_insert_with(|| NoiseStream::new(share, seed, 0));
+        *noise = noise.with_share(share);
+        noise
     }
+
+    /// Draws the noise of the next action.
+    pub fn draw(&mut self, seed: u64, share: f32) -> impl Iterator<Item = f32> + use<> {
+        let style = self.prepared.map_or(Style::Free, |(style, _)| style);
+        Self::noise(&mut self.noise, seed, share).draw(style)
+    }
+
+    /// The attempt, if there is one, and what else its rehearsals need.
+    pub fn parts(&mut self) -> Option<(&mut Attempt, Memory<'_>)> {
+        let Self { attempt, last, memory, noise, prepared } = self;
+        attempt.as_mut().map(|attempt| (attempt, Memory { last, memory, noise, prepared }))
+    }
+}
+
+/// What an agent remembers beside its attempt.
+#[derive(Debug)]
+pub(crate) struct Memory<'a> {
+    pub last: &'a LastDecision,
+    pub memory: &'a mut Vec<f32>,
+    pub noise: &'a mut Option<NoiseStream>,
+    pub prepared: &'a mut Option<(Style, Npc)>,
+}
+
+/// The NPC on the map for which an agent stands whose scene has its origin at `origin` there, m.
+pub(crate) fn npc_of(
+    state: &AgentState,
+    origin: Vec3,
+    (episode, last): (&Episode, &LastDecision),
+    profile: &CharacterProfile,
+) -> Npc {
+    let mut body = body_of(state);
+    body.feet += origin;
+    body.air_jumps_left =
+        if state.is_grounded { profile.extra_jumps } else { profile.extra_jumps.min(state.can_jump.into()) };
+    let mut episode = *episode;
+    episode.goal += origin;
+    Npc { last: *last, ..Npc::outside(body, episode) }
 }
 
 /// The body of which an observation tells.

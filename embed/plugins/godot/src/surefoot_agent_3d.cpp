@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace surefoot {
 
@@ -56,11 +57,13 @@ void SurefootAgent3D::begin() {
     if (!read_body(body, feet_offset)) {
         return;
     }
-    sf_agents* agents = make_agents();
+    sf_policy* policy = nullptr;
+    sf_agents* agents = make_agents(policy);
     if (agents == nullptr) {
+        sf_policy_destroy(policy);
         return;
     }
-    life_ = std::make_unique<Life>(body, profile_, agents, feet_offset);
+    life_ = std::make_unique<Life>(body, profile_, policy, agents, feet_offset);
     life_->sight.set_mask(ray_mask_);
     life_->sight.set_sees_areas(sees_areas_);
     const std::vector<sf_device> devices = find_devices(self());
@@ -101,9 +104,8 @@ bool SurefootAgent3D::read_body(const Variant& body, double& feet_offset) {
     return false;
 }
 
-sf_agents* SurefootAgent3D::make_agents() {
+sf_agents* SurefootAgent3D::make_agents(sf_policy*& policy) {
     sf_error error;
-    sf_policy* policy = nullptr;
     sf_agents* agents = nullptr;
     const bool is_folder = policy_.find('/') != std::string::npos;
     if (is_folder) {
@@ -117,7 +119,6 @@ sf_agents* SurefootAgent3D::make_agents() {
         return nullptr;
     }
     succeeded(sf_agents_create(policy, &profile_, 1, &agents, &error), error);
-    sf_policy_destroy(policy);
     return agents;
 }
 
@@ -166,11 +167,11 @@ bool SurefootAgent3D::note() {
         fail("error");
         return life_ != nullptr;
     }
-    // Waypoints are passed on the run or in flight, but the last one is a place to stand. If it is the goal itself, the
+    // Waypoints are passed on the run or in flight, but at some the character stands. If that is the goal itself, the
     // follower counts the time until the character has arrived there.
     const bool is_goal = distance(waypoint_, goal_) <= same_m;
     life_->waypoint_was_reached |=
-        life_->is_last_leg ? !is_goal && has_arrived(now, waypoint_, SF_REACHED_WITHIN) : passed != 0;
+        life_->stands ? !is_goal && has_arrived(now, waypoint_, SF_REACHED_WITHIN) : passed != 0;
     if (has_arrived(now, goal_, goal_radius_)) {
         arrive();
     }
@@ -268,23 +269,25 @@ bool SurefootAgent3D::choose_waypoint() {
 }
 
 bool SurefootAgent3D::follow_plan(SurefootGraph& plans) {
-    const sf_vec3 place = plans.to_map(feet());
     sf_step step{};
     step.struct_size = sizeof step;
     sf_error error;
-    bool is_sound = succeeded(sf_follower_advance(life_->follower, place, life_->waypoint_was_reached, &step, &error), error);
+    bool is_sound = succeeded(sf_follower_advance(life_->follower, plans.to_map(feet()), life_->waypoint_was_reached, &step, &error), error);
     life_->waypoint_was_reached = false;
-    const bool goes_on = step.kind == SF_STEP_KEEP || step.kind == SF_STEP_HEAD;
-    if (is_sound && (step.kind == SF_STEP_PLAN || (life_->needs_plan && goes_on))) {
-        life_->needs_plan = false;
-        is_sound = plans.loaded() != nullptr && succeeded(sf_follower_plan(life_->follower, plans.loaded(), place, static_cast<float>(caution_),
-                                                                          static_cast<uint32_t>(without_), &step, &error), error);
+    const auto goes_on = [&] { return is_sound && step.kind != SF_STEP_GIVE_UP && step.kind != SF_STEP_UNREACHABLE; };
+    if (goes_on() && std::exchange(life_->needs_plan, false)) {
+        step.kind = SF_STEP_PLAN;
     }
-    life_->is_last_leg = step.leg_count > 0 && step.leg + 1 == step.leg_count;
-    if (is_sound && step.kind == SF_STEP_HEAD) {
-        is_sound = head_for(plans.from_map(step.waypoint));
+    is_sound = is_sound && take_step(plans, step);
+    sf_rehearsals* rehearsals = goes_on() ? plans.rehearsals_of(life_->policy, profile_) : nullptr;
+    const sf_state now = state();
+    for (bool is_prepared = false; rehearsals != nullptr && goes_on() && !is_prepared;) {
+        is_sound = succeeded(sf_follower_prepare(life_->follower, rehearsals, life_->agents, 0, &now, plans.get_origin(), &step, &error), error);
+        is_prepared = step.kind == SF_STEP_KEEP;
+        is_sound = is_sound && take_step(plans, step);
     }
-    if (!is_sound || step.kind == SF_STEP_GIVE_UP || step.kind == SF_STEP_UNREACHABLE) {
+    life_->stands = step.stands != 0;
+    if (!goes_on()) {
         fail(!is_sound ? "error" : step.kind == SF_STEP_GIVE_UP ? "gave_up" : "unreachable");
         return false;
     }
@@ -293,6 +296,17 @@ bool SurefootAgent3D::follow_plan(SurefootGraph& plans) {
         self().call("emit_signal", "plan_changed");
     }
     return is_navigating_;
+}
+
+// Does what a step says, which may be to take another plan, with a step of its own. False if a call fails.
+bool SurefootAgent3D::take_step(SurefootGraph& plans, sf_step& step) {
+    sf_error error;
+    if (step.kind == SF_STEP_PLAN &&
+        (plans.loaded() == nullptr || !succeeded(sf_follower_plan(life_->follower, plans.loaded(), plans.to_map(feet()), static_cast<float>(caution_),
+                                                                  static_cast<uint32_t>(without_), &step, &error), error))) {
+        return false;
+    }
+    return step.kind != SF_STEP_HEAD || head_for(plans.from_map(step.waypoint));
 }
 
 bool SurefootAgent3D::head_for(sf_vec3 waypoint) {

@@ -85,7 +85,7 @@ private:
     void begin();
     void end();
     bool read_body(const engine::Variant& body, double& feet_offset);
-    sf_agents* make_agents();
+    sf_agents* make_agents(sf_policy*& policy);
     sf_vec3 feet() const;
     SurefootGraph* graph() const { return dynamic_cast<SurefootGraph*>(engine::Instance::of(graph_)); }
 
@@ -101,7 +101,8 @@ private:
     bool begin_attempt(sf_vec3 goal);
     bool move_goal(sf_vec3 goal);
     bool choose_waypoint();
-    bool follow_plan(SurefootGraph& graph);
+    bool follow_plan(SurefootGraph& plans);
+    bool take_step(SurefootGraph& plans, sf_step& step);
     void halt();
     bool head_for(sf_vec3 waypoint);
     void arrive();

@@ -144,7 +144,7 @@ void SurefootAgent3D::close_attempt() {
     sf_follower_destroy(life_->follower);
     life_->follower = nullptr;
     life_->plans = 0;
-    life_->waypoint_was_reached = life_->is_last_leg = life_->needs_plan = false;
+    life_->waypoint_was_reached = life_->stands = life_->needs_plan = false;
 }
 
 void SurefootAgent3D::note_traversals(SurefootGraph& plans) {

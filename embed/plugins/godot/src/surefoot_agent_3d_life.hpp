@@ -23,13 +23,14 @@ inline bool succeeded(sf_status status, const sf_error& error) {
 inline float distance(sf_vec3 a, sf_vec3 b) { return frames::length(frames::minus(a, b)); }
 
 struct SurefootAgent3D::Life {
-    Life(const engine::Variant& body, const sf_body& profile, sf_agents* agents, double feet_offset)
-        : body(body), sight(body), walker(body, profile), agents(agents), feet_offset(feet_offset) {
+    Life(const engine::Variant& body, const sf_body& profile, sf_policy* policy, sf_agents* agents, double feet_offset)
+        : body(body), sight(body), walker(body, profile), policy(policy), agents(agents), feet_offset(feet_offset) {
         motion.struct_size = sizeof motion;
     }
     ~Life() {
         sf_follower_destroy(follower);
         sf_agents_destroy(agents);
+        sf_policy_destroy(policy);
     }
     Life(const Life&) = delete;
     Life& operator=(const Life&) = delete;
@@ -37,6 +38,7 @@ struct SurefootAgent3D::Life {
     engine::Variant body;
     Sight sight;
     Walker walker;
+    sf_policy* policy;
     sf_agents* agents;
     // The attempt at the goal, if there is a graph.
     sf_follower* follower = nullptr;
@@ -46,7 +48,8 @@ struct SurefootAgent3D::Life {
     double feet_offset;
     int64_t tick = next_phase();
     bool waypoint_was_reached = false;
-    bool is_last_leg = false;
+    // Whether the character must stand at its waypoint.
+    bool stands = false;
     // Whether the goal has drifted so far that another plan is needed.
     bool needs_plan = false;
     uint32_t plans = 0;

@@ -3,6 +3,8 @@
 #include "frames.hpp"
 #include "names.hpp"
 
+#include <cstring>
+
 namespace surefoot {
 
 using engine::Array;
@@ -63,6 +65,11 @@ bool read_file(const std::string& what, const std::string& path, std::vector<uin
     return true;
 }
 
+SurefootGraph::~SurefootGraph() {
+    forget_rehearsals();
+    sf_graph_destroy(graph_);
+}
+
 void SurefootGraph::set_file(const std::string& file) {
     if (file != file_) {
         sf_graph_destroy(graph_);
@@ -90,18 +97,70 @@ bool SurefootGraph::load() {
     return graph_ != nullptr;
 }
 
-bool SurefootGraph::align_to(const std::string& level) {
+void SurefootGraph::set_level(const std::string& level) {
+    if (level != level_) {
+        forget_rehearsals();
+        is_level_unreadable_ = false;
+        level_ = level;
+    }
+}
+
+void SurefootGraph::forget_rehearsals() {
+    for (const Stage& stage : stages_) {
+        sf_rehearsals_destroy(stage.rehearsals);
+    }
+    stages_.clear();
+}
+
+// The level as a map; null, and an error in the log, if it cannot be read.
+sf_map* SurefootGraph::read_level(const char* where) {
     std::vector<uint8_t> bytes;
     sf_error error;
     sf_map* map = nullptr;
-    if (!read_file("SurefootGraph.align_to", level, bytes) ||
-        !succeeded(sf_map_load_memory(bytes.data(), bytes.size(), &map, &error), error, ("SurefootGraph.align_to '" + level + "'").c_str())) {
+    const std::string what = std::string(where) + " '" + level_ + "'";
+    if (read_file(where, level_, bytes)) {
+        succeeded(sf_map_load_memory(bytes.data(), bytes.size(), &map, &error), error, what.c_str());
+    }
+    return map;
+}
+
+bool SurefootGraph::align_to(const std::string& level) {
+    constexpr const char* where = "SurefootGraph.align_to";
+    const std::string before = level_;
+    set_level(level);
+    sf_map* map = read_level(where);
+    if (map == nullptr) {
+        set_level(before);
         return false;
     }
     sf_vec3 extent;
-    const bool is_known = succeeded(sf_map_extent(map, &extent, &origin_, &error), error, "SurefootGraph.align_to");
+    sf_error error;
+    const bool is_known = succeeded(sf_map_extent(map, &extent, &origin_, &error), error, where);
     sf_map_destroy(map);
     return is_known;
+}
+
+sf_rehearsals* SurefootGraph::rehearsals_of(const sf_policy* policy, const sf_body& body) {
+    char label[64];
+    size_t length = 0;
+    if (level_.empty() || is_level_unreadable_ || sf_policy_label(policy, label, sizeof label, &length, nullptr) != SF_OK) {
+        return nullptr;
+    }
+    for (const Stage& stage : stages_) {
+        if (stage.policy == label && std::memcmp(&stage.body, &body, sizeof body) == 0) {
+            return stage.rehearsals;
+        }
+    }
+    sf_map* map = read_level("SurefootGraph.level");
+    sf_rehearsals* rehearsals = nullptr;
+    sf_error error;
+    is_level_unreadable_ =
+        map == nullptr || !succeeded(sf_rehearsals_create(policy, map, &body, 1, &rehearsals, &error), error, "SurefootGraph.level");
+    sf_map_destroy(map);
+    if (rehearsals != nullptr) {
+        stages_.push_back({label, body, rehearsals});
+    }
+    return rehearsals;
 }
 
 sf_vec3 SurefootGraph::to_map(sf_vec3 place) const { return frames::plus(place, origin_); }
@@ -222,6 +281,7 @@ void SurefootGraph::register_class() {
     constexpr uint32_t hint_file = 13;
     ClassBuilder("SurefootGraph", "Resource", false, []() -> std::unique_ptr<engine::Instance> { return std::make_unique<G>(); })
         .property<&G::get_file, &G::set_file>({"file", GDEXTENSION_VARIANT_TYPE_STRING, hint_file, "*.json", ""})
+        .property<&G::get_level, &G::set_level>({"level", GDEXTENSION_VARIANT_TYPE_STRING, hint_file, "*.sfmap,*.glb,*.gltf,*.obj", ""})
         .property<&G::get_origin, &G::set_origin>({"origin", GDEXTENSION_VARIANT_TYPE_VECTOR3, 0, "", ""})
         .method<&G::load>("load")
         .method<&G::align_to>("align_to", {"level"})
