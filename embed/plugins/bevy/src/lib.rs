@@ -8,8 +8,8 @@
 //! [`AgentAction`] in [`SurefootSystems::Move`]. [`AgentPlan`] and the events of [`events`] report how attempts go,
 //! and [`AgentLocomotion`] says how an agent moves, for its animation.
 //!
-//! The crate has no physics of its own, and depends on neither Surefoot's servers nor its worlds. Agents observe,
-//! follow plans and decide with the same code as the server's NPCs.
+//! The crate has no physics of its own, and depends on none of Surefoot's servers. Agents observe, follow plans,
+//! rehearse and decide with the same code as the server's NPCs.
 
 mod agent;
 mod aim;

@@ -290,8 +290,8 @@ void chases_straight(const std::string& square) {
 
 // ----------------------------------------------------------------------------------------------------------------- plans
 
-void walks_by_plan(const std::string& level, const std::string& graph_path) {
-    constexpr int goal_count = 8;
+// Walks to some goals, and returns how many were reached and how many decisions had a jump.
+std::pair<int, int> visit(const std::string& level, const std::string& graph_path, int goal_count, const surefoot::Rehearsals* rehearsals) {
     // Any place does for a level that the simulation moves in; one off the origin shows what is not shifted.
     const LevelFrame frame(Vector{1234.0, -4321.0, 500.0});
     const Graph graph = must(Graph::load(graph_path));
@@ -307,6 +307,7 @@ void walks_by_plan(const std::string& level, const std::string& graph_path) {
         const Vector goal = frame.from_map(places[(std::size_t(idx) * 7 + places.size() / 2) % places.size()]);
         const std::uint32_t npc = game.spawn(start, 0.0);
         Attempt attempt = must(Attempt::begin(agents, 0, &graph, start, goal));
+        attempt.set_rehearsals(rehearsals);
         const int decisions = walk(game, npc, agents, attempt);
         const Character character = game.character(npc);
         const bool is_there = attempt.state() == AttemptState::Reached;
@@ -316,7 +317,21 @@ void walks_by_plan(const std::string& level, const std::string& graph_path) {
         std::printf("goal %d: %s after %.1f s\n", idx, is_there ? "arrived" : "did not arrive", decisions * Agents::decision_seconds);
         arrived += is_there;
     }
-    expect(arrived * 4 >= goal_count * 3, std::to_string(arrived) + " arrived");
+    return {arrived, game.jumps};
+}
+
+void walks_by_plan(const std::string& level, const std::string& graph_path) {
+    constexpr int goal_count = 8;
+    const std::pair<int, int> free = visit(level, graph_path, goal_count, nullptr);
+    expect(free.first * 4 >= goal_count * 3, std::to_string(free.first) + " arrived");
+    std::ostringstream bytes;
+    bytes << std::ifstream(level, std::ios::binary).rdbuf();
+    const std::string file = bytes.str();
+    const surefoot::Rehearsals rehearsals =
+        must(surefoot::Rehearsals::create("general-reactive", must(surefoot::default_body()), file.data(), file.size(), 0));
+    const std::pair<int, int> calm = visit(level, graph_path, goal_count, &rehearsals);
+    expect(calm.first == goal_count, std::to_string(calm.first) + " arrived with rehearsals");
+    expect(3 * calm.second < 2 * free.second, std::to_string(calm.second) + " jumps with rehearsals, " + std::to_string(free.second) + " without");
 }
 
 void chases_by_plan(const std::string& level, const std::string& graph_path) {

@@ -40,7 +40,12 @@ public:
         sf_error error;
         const sf_action action{float(controls.forward), float(controls.right), float(-controls.turn), controls.jump ? 1.0f : -1.0f};
         must(sf_world_decide(world_, npc, action, &error), error);
+        jumps += controls.jump;
     }
+
+    // Decisions with a jump.
+    int jumps = 0;
+
 
     void tick() {
         sf_error error;

@@ -9,7 +9,8 @@ use bevy::math::Vec3;
 use bevy_surefoot::avian::SurefootAvianPlugin;
 use bevy_surefoot::events::{AgentDied, LegFailed};
 use bevy_surefoot::{
-    AgentPlan, AgentState, AgentStatus, Failure, Goal, NoPath, SurefootAgent, SurefootCharacter, SurefootSurface,
+    AgentPlan, AgentState, AgentStatus, Failure, Goal, NoPath, SurefootAgent, SurefootCharacter, SurefootGraph,
+    SurefootSurface,
 };
 
 fn app() -> App {
@@ -27,18 +28,24 @@ fn app() -> App {
 }
 
 #[test]
-fn a_crowd_arrives_by_plan_and_equal_seeds_give_equal_bits() {
-    let attempt = || {
+fn a_crowd_arrives_by_plan_calmly_if_it_rehearses_and_equal_seeds_give_equal_bits() {
+    let attempt = |graph: &SurefootGraph| {
         let mut app = app();
-        let crowd = crowd::spawn(&mut app, ());
-        let ticks = crowd::run(&mut app, crowd.len());
+        let crowd = crowd::spawn(&mut app, graph, ());
+        let (ticks, jumps) = crowd::run(&mut app, crowd.len());
         let ends = app.world().resource::<Ends>();
-        println!("{} of {} arrived within {ticks} ticks", ends.reached.len(), crowd.len());
+        println!("{} of {} arrived within {ticks} ticks, with {jumps} jumps", ends.reached.len(), crowd.len());
         assert!(ends.failed.is_empty(), "{:?}", ends.failed);
         let state = |agent: &Entity| *app.world().get::<AgentState>(*agent).unwrap();
-        (ticks, crowd.iter().map(state).collect::<Vec<_>>())
+        (jumps, (ticks, crowd.iter().map(state).collect::<Vec<_>>()))
     };
-    assert_eq!(attempt(), attempt());
+    let free = stage::graph();
+    let (jumps, run) = attempt(&free);
+    assert_eq!(attempt(&free).1, run);
+    let rehearsed = || stage::graph().rehearsed_on(&stage::level(), 0);
+    let (fewer, calm) = attempt(&rehearsed());
+    assert_eq!(attempt(&rehearsed()).1, calm);
+    assert!(2 * fewer < jumps, "{fewer} jumps with rehearsals, {jumps} without");
 }
 
 /// The scene of docs/guides/bevy.md.
@@ -75,7 +82,7 @@ fn a_death_ends_the_attempt_and_another_goal_begins_one() {
     app.init_resource::<Dead>().add_observer(|event: On<'_, '_, LegFailed>, mut dead: ResMut<'_, Dead>| {
         dead.0 += usize::from(event.died);
     });
-    let crowd = crowd::spawn(&mut app, ());
+    let crowd = crowd::spawn(&mut app, &stage::graph(), ());
     for _ in 0..30 {
         app.update();
     }
@@ -96,7 +103,7 @@ struct Dead(usize);
 #[test]
 fn without_a_goal_an_agent_stands_and_forgets_its_plan() {
     let mut app = app();
-    let crowd = crowd::spawn(&mut app, ());
+    let crowd = crowd::spawn(&mut app, &stage::graph(), ());
     for _ in 0..60 {
         app.update();
     }

@@ -1,10 +1,10 @@
 //! Agents that go to goals by plan.
 
-use crate::stage::{Ends, graph};
+use crate::stage::Ends;
 use bevy::app::App;
 use bevy::ecs::prelude::*;
 use bevy::math::Vec3;
-use bevy_surefoot::{AgentPlan, Goal, SurefootAgent, SurefootCharacter};
+use bevy_surefoot::{AgentAction, AgentPlan, Goal, SurefootAgent, SurefootCharacter, SurefootGraph};
 
 /// Agents of a crowd.
 pub const CROWD: usize = 32;
@@ -12,8 +12,7 @@ pub const CROWD: usize = 32;
 const MAX_TICKS: usize = 7200;
 
 /// Spawns agents at vertices of the graph, each with a goal that can be reached from there.
-pub fn spawn(app: &mut App, extras: impl Bundle + Clone) -> Vec<Entity> {
-    let graph = graph();
+pub fn spawn(app: &mut App, graph: &SurefootGraph, extras: impl Bundle + Clone) -> Vec<Entity> {
     let vertices = graph.vertices();
     let agent = SurefootAgent { seed: 7, ..SurefootAgent::default() };
     let reachable = |start: usize, idx: usize| {
@@ -34,13 +33,15 @@ pub fn spawn(app: &mut App, extras: impl Bundle + Clone) -> Vec<Entity> {
     crowd.into_iter().map(spawned).collect()
 }
 
-/// Runs the app until everybody has arrived or failed. Returns the number of ticks.
-pub fn run(app: &mut App, count: usize) -> usize {
+/// Runs the app until everybody has arrived or failed. Returns the number of ticks, and of decisions to jump.
+pub fn run(app: &mut App, count: usize) -> (usize, usize) {
+    let (mut jumps, mut actions) = (0, app.world_mut().query::<&AgentAction>());
     for tick in 0..MAX_TICKS {
         app.update();
+        jumps += actions.iter(app.world()).filter(|it| it.is_first && it.action.jump > 0.0).count();
         let ends = app.world().resource::<Ends>();
         if ends.reached.len() + ends.failed.len() >= count {
-            return tick;
+            return (tick, jumps);
         }
     }
     let mut plans = app.world_mut().query::<&AgentPlan>();

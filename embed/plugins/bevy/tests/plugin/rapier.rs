@@ -31,8 +31,8 @@ fn a_crowd_arrives_by_plan() {
     let mut app = app();
     let controller =
         KinematicCharacterController { filter_groups: Some(CHARACTERS), ..KinematicCharacterController::default() };
-    let crowd = crowd::spawn(&mut app, (controller, CHARACTERS));
-    let ticks = crowd::run(&mut app, crowd.len());
+    let crowd = crowd::spawn(&mut app, &stage::graph(), (controller, CHARACTERS));
+    let (ticks, _) = crowd::run(&mut app, crowd.len());
     let ends = app.world().resource::<Ends>();
     println!("{} of {} arrived within {ticks} ticks", ends.reached.len(), crowd.len());
     assert!(ends.failed.is_empty(), "{:?}", ends.failed);

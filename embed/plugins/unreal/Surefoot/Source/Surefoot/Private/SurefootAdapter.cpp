@@ -325,6 +325,28 @@ Result<std::vector<sf_vec3>> Graph::vertices() const {
     return places;
 }
 
+// ----------------------------------------------------------------------------------------------------------------- rehearsals
+
+Result<Rehearsals> Rehearsals::create(const std::string& policy, const sf_body& body, const void* level, std::size_t size,
+                                      std::uint32_t thread_count) {
+    const Result<Handle<sf_policy>> weights = load_policy(policy);
+    if (!weights) {
+        return weights.error;
+    }
+    sf_map* loaded = nullptr;
+    Error error = error_of(sf_map_load_memory, level, size, &loaded);
+    const Handle<sf_map> map(loaded);
+    sf_rehearsals* native = nullptr;
+    if (!error.is_set()) {
+        error = error_of(sf_rehearsals_create, static_cast<const sf_policy*>(weights.value->get()), static_cast<const sf_map*>(map.get()), &body,
+                         thread_count, &native);
+    }
+    if (error.is_set()) {
+        return error;
+    }
+    return Rehearsals(Handle<sf_rehearsals>(native));
+}
+
 // ----------------------------------------------------------------------------------------------------------------- attempts
 
 Attempt::Attempt(Agents& agents, std::uint32_t agent, const Graph* graph, const Vector& goal, float caution)
@@ -405,7 +427,7 @@ Error Attempt::advance(const Character& character, RayBatch& rays) {
         return error;
     }
     const sf_vec3 feet = frame_.to_map(character.feet);
-    return follower_ ? follow(feet) : advance_straight(feet);
+    return follower_ ? follow(character) : advance_straight(feet);
 }
 
 Error Attempt::note_death() {
@@ -419,11 +441,11 @@ Error Attempt::note_death() {
 Error Attempt::note_waypoint(const Character& character, RayBatch& rays) {
     std::int32_t passed = 0;
     const Error error = error_of(sf_agents_note, agents_->handle(), agent_, frame_.to_map(character.feet), &passed);
-    if (error.is_set() || !is_last_leg_) {
+    if (error.is_set() || !stands_) {
         is_at_waypoint_ = is_at_waypoint_ || passed != 0;
         return error;
     }
-    // Waypoints are passed on the run or in flight, but the last one is a place to stand. If it is the goal itself, the
+    // Waypoints are passed on the run or in flight, but at some the character stands. If that is the goal itself, the
     // follower counts the time until the character has arrived there.
     if (distance(waypoint_, goal_) <= same_cm) {
         return {};
@@ -455,19 +477,36 @@ Error Attempt::advance_straight(const sf_vec3& feet) {
     return error.is_set() || std::max(progress.stalled_decisions, standing_) < hopeless_after ? error : end(AttemptState::GaveUp);
 }
 
-Error Attempt::follow(const sf_vec3& feet) {
+Error Attempt::follow(const Character& character) {
+    const sf_vec3 feet = frame_.to_map(character.feet);
     sf_step step{};
     step.struct_size = sizeof step;
     Error error = error_of(sf_follower_advance, follower_.get(), feet, std::int32_t(is_at_waypoint_), &step);
-    const bool goes_on = step.kind == SF_STEP_KEEP || step.kind == SF_STEP_HEAD;
-    if (!error.is_set() && (step.kind == SF_STEP_PLAN || (needs_plan_ && goes_on))) {
-        needs_plan_ = false;
-        error = error_of(sf_follower_plan, follower_.get(), static_cast<const sf_graph*>(graph_->handle()), feet, caution_, std::uint32_t(0), &step);
+    if (needs_plan_ && (step.kind == SF_STEP_KEEP || step.kind == SF_STEP_HEAD)) {
+        step.kind = SF_STEP_PLAN;
     }
-    if (error.is_set()) {
-        return error;
+    needs_plan_ = needs_plan_ && error.is_set();
+    error = error.is_set() ? error : take(step, feet);
+    const sf_state now = state_of(character, frame_);
+    const sf_state* state = &now;
+    while (!error.is_set() && rehearsals_ != nullptr && state_ == AttemptState::GoesOn) {
+        error = error_of(sf_follower_prepare, follower_.get(), rehearsals_->handle(), agents_->handle(), agent_, state, sf_vec3{}, &step);
+        if (error.is_set() || step.kind == SF_STEP_KEEP) {
+            break;
+        }
+        error = take(step, feet);
     }
-    is_last_leg_ = step.leg_count > 0 && step.leg + 1 == step.leg_count;
+    stands_ = step.stands != 0;
+    return error;
+}
+
+Error Attempt::take(sf_step& step, const sf_vec3& feet) {
+    if (step.kind == SF_STEP_PLAN) {
+        const Error error = error_of(sf_follower_plan, follower_.get(), static_cast<const sf_graph*>(graph_->handle()), feet, caution_, std::uint32_t(0), &step);
+        if (error.is_set()) {
+            return error;
+        }
+    }
     switch (step.kind) {
     case SF_STEP_HEAD: return head_for(feet, step.waypoint);
     case SF_STEP_GIVE_UP: return end(AttemptState::GaveUp);

@@ -104,6 +104,7 @@ void USurefootAgentComponent::GoTo(const FVector& Goal, float Radius)
     {
         Attempt.Emplace(MoveTemp(*Begun.value));
         Attempt->set_radius(Radius);
+        Attempt->set_rehearsals(Subsystem->GetRehearsals());
     }
 }
 

@@ -65,6 +65,8 @@ private:
     FCollisionQueryParams Query{SCENE_QUERY_STAT(SurefootRays), false};
 };
 
+constexpr const char* Policy = "general-reactive";
+
 sf_surface KindOf(ESurefootDeviceKind Kind)
 {
     switch (Kind)
@@ -96,7 +98,7 @@ void USurefootSubsystem::Initialize(FSubsystemCollectionBase& Collection)
         return;
     }
     Body = *Default.value;
-    surefoot::Result<surefoot::Agents> Made = surefoot::Agents::create("general-reactive", Body, MaxAgents);
+    surefoot::Result<surefoot::Agents> Made = surefoot::Agents::create(Policy, Body, MaxAgents);
     if (LogSurefootError(Made.error, TEXT("Surefoot")))
     {
         Agents = MakeUnique<surefoot::Agents>(MoveTemp(*Made.value));
@@ -118,6 +120,24 @@ bool USurefootSubsystem::LoadGraph(const FString& File, const FVector& MapCorner
     }
     Graphs.Add(MakeUnique<surefoot::Graph>(MoveTemp(*Loaded.value)));
     Agents->set_frame(surefoot::LevelFrame(ToSurefoot(MapCorner)));
+    return true;
+}
+
+bool USurefootSubsystem::LoadLevel(const FString& File)
+{
+    TArray<uint8> Bytes;
+    if (!Agents || !FFileHelper::LoadFileToArray(Bytes, *File))
+    {
+        UE_LOG(LogSurefoot, Error, TEXT("%s cannot be read: give the path of a level, and package its folder as non-asset files"), *File);
+        return false;
+    }
+    surefoot::Result<surefoot::Rehearsals> Made =
+        surefoot::Rehearsals::create(Policy, Body, Bytes.GetData(), std::size_t(Bytes.Num()));
+    if (!LogSurefootError(Made.error, File))
+    {
+        return false;
+    }
+    Rehearsals.Add(MakeUnique<surefoot::Rehearsals>(MoveTemp(*Made.value)));
     return true;
 }
 

@@ -136,6 +136,7 @@ struct DestroyHandle {
     void operator()(sf_graph* graph) const { sf_graph_destroy(graph); }
     void operator()(sf_follower* follower) const { sf_follower_destroy(follower); }
     void operator()(sf_map* map) const { sf_map_destroy(map); }
+    void operator()(sf_rehearsals* rehearsals) const { sf_rehearsals_destroy(rehearsals); }
 };
 template <typename Native>
 using Handle = std::unique_ptr<Native, DestroyHandle>;
@@ -247,7 +248,23 @@ enum class AttemptState {
     Unreachable,
 };
 
-// One try of an agent to reach a goal: along plans of a graph, or straight on without one. Agents and graph must outlive it.
+// Runs the next legs of plans in a copy of the level, ahead of agents with one policy and body.
+class Rehearsals {
+public:
+    // `policy` and `body` are those of the agents; `level` has the bytes of .sfmap, .glb, .gltf with embedded buffers, or .obj. Rehearsals run
+    // on `thread_count` threads of their own, at most 64; with 0 threads they run in Attempt::advance, and repeat themselves.
+    static Result<Rehearsals> create(const std::string& policy, const sf_body& body, const void* level, std::size_t size,
+                                     std::uint32_t thread_count = 1);
+
+    const sf_rehearsals* handle() const { return handle_.get(); }
+
+private:
+    explicit Rehearsals(Handle<sf_rehearsals> handle) : handle_(std::move(handle)) {}
+
+    Handle<sf_rehearsals> handle_;
+};
+
+// One try of an agent to reach a goal: along plans of a graph, or straight on without one. Agents, graph and rehearsals must outlive it.
 class Attempt {
 public:
     // Begins an attempt of an agent whose feet are at `feet`. `graph` may be null. `caution` is 0, bold, to 1, careful.
@@ -261,6 +278,8 @@ public:
     Error move_goal(const Vector& goal, const Vector& feet);
     // Distance from the goal within which the character must stand, cm; 1 m unless it is set.
     void set_radius(double radius) { radius_ = radius; }
+    // Rehearses before each decision of an attempt with a graph: the character then moves calmly. Null: it does not.
+    void set_rehearsals(const Rehearsals* rehearsals) { rehearsals_ = rehearsals; }
     // Tells, every frame, where the character is, so that it passes nothing unnoticed between decisions.
     Error note(const Character& character, RayBatch& rays);
     // Plans, heads for the next waypoint, or ends the attempt: to be called before each decision of the agent.
@@ -279,7 +298,9 @@ private:
     Error note_waypoint(const Character& character, RayBatch& rays);
     Error head_for(const sf_vec3& feet, const sf_vec3& waypoint);
     Error advance_straight(const sf_vec3& feet);
-    Error follow(const sf_vec3& feet);
+    Error follow(const Character& character);
+    // Does what a step says, which may be to take another plan, with a step of its own.
+    Error take(sf_step& step, const sf_vec3& feet);
     // Ends the attempt, and adds to the graph what the character met on edges.
     Error end(AttemptState state);
 
@@ -292,7 +313,8 @@ private:
     Vector waypoint_;
     float caution_;
     double radius_ = SF_REACHED_WITHIN * 100.0;
-    bool is_last_leg_ = false;
+    const Rehearsals* rehearsals_ = nullptr;
+    bool stands_ = false;
     bool is_at_waypoint_ = false;
     bool needs_plan_ = false;
     // Where a character without a plan stood, on the map, and decisions since it was 1 m away from there.

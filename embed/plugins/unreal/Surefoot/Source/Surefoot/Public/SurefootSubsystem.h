@@ -61,6 +61,13 @@ public:
     UFUNCTION(BlueprintCallable, Category = "Surefoot")
     bool LoadGraph(const FString& File, const FVector& MapCorner);
 
+    /**
+     * Reads the level that the graph was proved on, as a .sfmap, .glb or .obj: attempts that begin later rehearse the next legs of their plans in
+     * a copy of it, on a thread of the library.
+     */
+    UFUNCTION(BlueprintCallable, Category = "Surefoot")
+    bool LoadLevel(const FString& File);
+
     /** Replaces the devices of the level; to be called after LoadGraph. */
     UFUNCTION(BlueprintCallable, Category = "Surefoot")
     bool SetDevices(const TArray<FSurefootDevice>& Devices);
@@ -75,6 +82,9 @@ public:
     surefoot::RayBatch& GetRays() { return *Rays; }
     /** The graph that was loaded last; null without one. */
     const surefoot::Graph* GetGraph() const { return Graphs.IsEmpty() ? nullptr : Graphs.Last().Get(); }
+
+    /** The rehearsals on the level that was loaded last; null without one. */
+    const surefoot::Rehearsals* GetRehearsals() const { return Rehearsals.IsEmpty() ? nullptr : Rehearsals.Last().Get(); }
 
     virtual void Initialize(FSubsystemCollectionBase& Collection) override;
     virtual void Tick(float DeltaTime) override;
@@ -93,6 +103,7 @@ private:
     TUniquePtr<surefoot::Agents> Agents;
     /** Graphs outlive the attempts that follow their plans: all that were loaded stay until the world ends. */
     TArray<TUniquePtr<surefoot::Graph>> Graphs;
+    TArray<TUniquePtr<surefoot::Rehearsals>> Rehearsals;
     double SecondsLeft = 0.0;
 
     // One element for each agent that decides, kept to spare allocations.
