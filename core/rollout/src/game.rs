@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use surefoot_planner::{Plan, Query};
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, End, Map, MoverState, Npc, TaskConfig, Vec3, World};
+use surefoot_world::{CharacterProfile, End, Gait, Map, MoverState, Npc, TaskConfig, Vec3, World};
 
 /// Distance between a body in a game and its forecast up to which the forecast holds, m.
 pub const SLACK_M: f32 = 0.4;
@@ -250,6 +250,12 @@ impl GameAttempt {
             self.pending = None;
         }
         waypoint
+    }
+
+    /// Changes how the NPC goes. Returns whether it needs another plan, because it would take another way.
+    pub fn set_gait(&mut self, gait: Gait) -> bool {
+        self.pending = None;
+        self.attempt.set_gait(gait)
     }
 
     /// Records one decision: see [`Follower::record_decision`].

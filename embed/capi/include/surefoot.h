@@ -561,6 +561,22 @@ typedef struct sf_step {
     int32_t stands;
 } sf_step;
 
+/* How an NPC that rehearses goes where it can walk; ranges are in parentheses. Leaps and devices take what they need.
+ * sf_gait_named fills it. */
+typedef struct sf_gait {
+    uint32_t struct_size;
+    /* Top speed, as a share of the body's (0.05 to 1). */
+    float speed;
+    /* Acceleration, as a share of the body's on the ground (0.05 to 1). */
+    float acceleration;
+    /* Turning speed, as a share of the body's (0.05 to 1). */
+    float turn_rate;
+    /* Distance from walls and rims that it keeps besides its radius where there is room, m (0 to 2). */
+    float wall_distance;
+    /* 1 if plans use jumps only where no other way leads to the goal. */
+    int32_t avoids_jumps;
+} sf_gait;
+
 /* How an attempt of an NPC of a world ended. */
 typedef int32_t sf_end;
 enum {
@@ -774,6 +790,12 @@ void sf_rehearsals_destroy(sf_rehearsals* rehearsals);
  * SF_BAD_STATE: the agent has no goal. */
 sf_status sf_follower_prepare(sf_follower* follower, const sf_rehearsals* rehearsals, sf_agents* agents, uint32_t agent,
     const sf_state* state, sf_vec3 origin, sf_step* step, sf_error* error);
+/* Fills `gait`, including struct_size, with the gait `name`: "walk" (1.4 m/s for the default body), "jog", "run" (the
+ * usual one), "careful" or "hurried". SF_NOT_FOUND. */
+sf_status sf_gait_named(const char* name, sf_gait* gait, sf_error* error);
+/* Changes how the NPC goes, at any time. Without sf_follower_prepare only `avoids_jumps` has an effect. The step is
+ * SF_STEP_PLAN if it would take another way now, otherwise SF_STEP_KEEP. */
+sf_status sf_follower_set_gait(sf_follower* follower, const sf_gait* gait, sf_step* step, sf_error* error);
 /* Reports that the NPC died, which ends the attempt. */
 sf_status sf_follower_note_death(sf_follower* follower, sf_error* error);
 /* Copies the legs of the current plan. */

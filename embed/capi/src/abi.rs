@@ -306,6 +306,18 @@ pub struct Step {
     pub stands: i32,
 }
 
+/// `sf_gait`: how an NPC goes where it can walk.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Gait {
+    pub struct_size: u32,
+    pub speed: f32,
+    pub acceleration: f32,
+    pub turn_rate: f32,
+    pub wall_distance: f32,
+    pub avoids_jumps: i32,
+}
+
 /// `sf_outcome`: the outcome of a decision.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -342,6 +354,7 @@ growing! {
     GraphInfo "sf_graph_info" size_of::<GraphInfo>();
     AbilityInfo "sf_ability_info" size_of::<AbilityInfo>();
     Step "sf_step" offset_of!(Step, stands);
+    Gait "sf_gait" size_of::<Gait>();
     Locomotion "sf_locomotion" offset_of!(Locomotion, step_offset);
 }
 

@@ -11,7 +11,7 @@ use surefoot_rollout::follow::Step;
 use surefoot_rollout::game::{self, GameAttempt, Prepared};
 use surefoot_rollout::{FollowConfig, Follower as Rules};
 use surefoot_world::map::LevelFrame;
-use surefoot_world::{Arrival, CharacterProfile, End, Vec3};
+use surefoot_world::{Arrival, CharacterProfile, End, GAITS, Gait, NamedGait, Vec3};
 
 /// Most threads of rehearsals.
 const MAX_THREADS: u32 = 64;
@@ -34,6 +34,34 @@ impl Rehearsals {
         let inner = game::Rehearsals::new(map.inner().clone(), profile, &policy.inner, thread_count as usize);
         Ok(Self { inner, label: policy.label.clone() })
     }
+}
+
+/// The gait with this name.
+pub fn gait_named(name: &str) -> Result<abi::Gait, Fault> {
+    let found = NamedGait::find(name).ok_or_else(|| {
+        let names: Vec<&str> = GAITS.iter().map(|gait| gait.name).collect();
+        Fault::new(Status::NotFound, format!("there is no gait {name}: use {}", names.join(", ")))
+    })?;
+    let Gait { speed, acceleration, turn_rate, wall_distance, avoids_jumps } = found.gait;
+    let struct_size = size_of::<abi::Gait>() as u32;
+    Ok(abi::Gait { struct_size, speed, acceleration, turn_rate, wall_distance, avoids_jumps: avoids_jumps.into() })
+}
+
+/// Checks a gait.
+pub fn gait(gait: &abi::Gait) -> Result<Gait, Fault> {
+    for (name, value, allowed) in [
+        ("speed", gait.speed, Gait::SPEEDS),
+        ("acceleration", gait.acceleration, Gait::ACCELERATIONS),
+        ("turn_rate", gait.turn_rate, Gait::TURN_RATES),
+        ("wall_distance", gait.wall_distance, Gait::WALL_DISTANCES),
+    ] {
+        if !allowed.contains(&value) {
+            let (least, most) = allowed.into_inner();
+            return Err(Fault::argument(format!("gait.{name} is {value}, but must be {least} to {most}")));
+        }
+    }
+    let abi::Gait { speed, acceleration, turn_rate, wall_distance, avoids_jumps, .. } = *gait;
+    Ok(Gait { speed, acceleration, turn_rate, wall_distance, avoids_jumps: avoids_jumps != 0 })
 }
 
 /// `sf_follower`: an attempt at a goal.
@@ -112,6 +140,16 @@ impl Follower {
             graph.find(&Query { caution, without, ..query.clone() })
         });
         Ok(self.step(Step::HeadFor(waypoint)))
+    }
+
+    /// Changes how the NPC goes.
+    pub fn set_gait(&mut self, gait: Gait) -> abi::Step {
+        let needs_plan = self.attempt.set_gait(gait);
+        self.step(match self.end {
+            Some(end) => Step::End(end),
+            None if needs_plan => Step::Plan,
+            None => Step::Keep,
+        })
     }
 
     /// Prepares the next decision of an agent, whose places have their origin at `origin` on the map, m.

@@ -235,6 +235,7 @@ fn structs_and_constants_are_those_of_the_source() {
     compare!(program, "sf_edit", Edit { kind, value, from, to });
     compare!(program, "sf_traversal", Traversal { key, decisions, end });
     compare!(program, "sf_step", Step { struct_size, kind, waypoint, leg, leg_count, plans, stands });
+    compare!(program, "sf_gait", Gait { struct_size, speed, acceleration, turn_rate, wall_distance, avoids_jumps });
     compare!(program, "sf_outcome", Outcome { reward, end });
     for (name, value) in [
         ("SF_ABI_VERSION", abi::ABI_VERSION as usize),

@@ -4,9 +4,10 @@
 use crate::stage::{agents, fails, handle, level, load_graph, map, ok, policy, state, step, world};
 use std::ptr::null;
 use std::sync::Arc;
-use surefoot::abi::{Action, Body, Hit, RAY_COUNT, State, Vec3};
+use surefoot::abi::{Action, Body, Gait, Hit, RAY_COUNT, State, Vec3};
 use surefoot::exports::*;
 use surefoot::{Agents, Follower, Graph, Rehearsals, World};
+use surefoot_levels::{ImportOptions, NoFiles};
 use surefoot_planner::export::{About, Format, export_about};
 use surefoot_planner::{BuildSettings, Progress};
 use surefoot_policy::Policy;
@@ -26,6 +27,12 @@ struct Game {
     agents: *mut Handle<Agents>,
     rehearsals: Option<*mut Rehearsals>,
     vertices: Vec<Vec3>,
+}
+
+/// 60 by 20 m of level floor.
+fn floor() -> Map {
+    let text = "v 0 0 0\nv 60 0 0\nv 60 0 20\nv 0 0 20\nf 4 3 2 1\n";
+    surefoot_levels::read_level(text.as_bytes(), None, &ImportOptions::default(), &NoFiles).expect("a level").map
 }
 
 /// What was seen of all walks.
@@ -50,7 +57,11 @@ fn rehearsals_on(map: &Map, thread_count: u32) -> *mut Rehearsals {
 
 impl Game {
     fn new(thread_count: Option<u32>) -> Self {
-        let map = Arc::new(map());
+        Self::on(map(), thread_count)
+    }
+
+    fn on(map: Map, thread_count: Option<u32>) -> Self {
+        let map = Arc::new(map);
         let policy = Policy::shipped_named("general-reactive").expect("it ships").expect("sound weights");
         let context = ProbeContext { map: map.clone(), profile: CharacterProfile::default(), policy };
         let settings = BuildSettings::default().with(|raw| raw.vertices = 100).expect("in range");
@@ -66,7 +77,7 @@ impl Game {
         let mut seen = Seen::default();
         for idx in 0..GOALS {
             let places = [idx * 7, idx * 7 + self.vertices.len() / 2].map(|at| self.vertices[at % self.vertices.len()]);
-            seen.arrived += usize::from(self.walk_to(places, &mut seen));
+            seen.arrived += usize::from(self.walk_to(places, None, &mut seen));
         }
         seen
     }
@@ -78,13 +89,16 @@ impl Game {
     }
 
     /// Walks from one place to another, and returns whether the NPC arrived.
-    fn walk_to(&self, [start, goal]: [Vec3; 2], seen: &mut Seen) -> bool {
+    fn walk_to(&self, [start, goal]: [Vec3; 2], gait: Option<Gait>, seen: &mut Seen) -> bool {
         let follower: *mut Handle<Follower> = handle(|out, error| unsafe { sf_follower_create(goal, out, error) });
         let mut npc = 9;
         ok(|error| unsafe { sf_world_spawn(self.world, start, 0.0, &mut npc, error) });
         ok(|error| unsafe { sf_agents_begin(self.agents, 0, 3, error) });
         let (mut next, mut reached, mut has_arrived) = (step(), false, false);
-        for _ in 0..600 {
+        if let Some(gait) = gait {
+            ok(|error| unsafe { sf_follower_set_gait(follower, &gait, &mut next, error) });
+        }
+        for _ in 0..1200 {
             let state = self.state(npc);
             if distance(state.feet, goal) <= 1.0 && state.flags & 1 != 0 {
                 has_arrived = true;
@@ -179,6 +193,29 @@ fn npcs_that_rehearse_arrive_and_turn_and_jump_less() {
     assert!(jumps[1] < 0.5 * jumps[0], "{free:?} {rehearsed:?}");
     let turns = [&free, &rehearsed].map(|seen| per_decision(seen.turned, seen));
     assert!(turns[1] < 0.7 * turns[0], "{free:?} {rehearsed:?}");
+}
+
+#[test]
+fn an_npc_walks_as_its_gait_says() {
+    let game = Game::on(floor(), Some(0));
+    let mut walk = Gait::default();
+    ok(|error| unsafe { sf_gait_named(c"walk".as_ptr(), &mut walk, error) });
+    let (mut runs, mut walks) = (Seen::default(), Seen::default());
+    let along = |a: &Vec3, b: &Vec3| a.x.total_cmp(&b.x);
+    let ends = [game.vertices.iter().copied().min_by(along), game.vertices.iter().copied().max_by(along)];
+    let ends = ends.map(|end| end.expect("a vertex"));
+    assert!(game.walk_to(ends, None, &mut runs) && game.walk_to(ends, Some(walk), &mut walks), "{runs:?} {walks:?}");
+    assert!(walks.decisions > 3 * runs.decisions, "{runs:?} {walks:?}");
+
+    fails(3, "there is no gait sneak: use walk, jog, run", |error| unsafe {
+        sf_gait_named(c"sneak".as_ptr(), &mut walk, error)
+    });
+    let follower = handle(|out, error| unsafe { sf_follower_create(ORIGIN, out, error) });
+    walk.speed = 1.5;
+    fails(1, "gait.speed is 1.5, but must be 0.05 to 1", |error| unsafe {
+        sf_follower_set_gait(follower, &walk, &mut step(), error)
+    });
+    unsafe { sf_follower_destroy(follower) };
 }
 
 #[test]

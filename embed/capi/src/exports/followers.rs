@@ -5,10 +5,11 @@ use super::graphs::{Shared, view};
 use super::{Handle, destroy, export, profile};
 use crate::abi;
 use crate::agents::{Agents, Policy};
-use crate::followers::{Follower, Rehearsals};
+use crate::followers::{self, Follower, Rehearsals};
 use crate::graphs::{Graph, abilities, caution as checked_caution};
-use crate::memory::{fill, hand_out, lock, reference, write_growing};
+use crate::memory::{self, fill, growing, hand_out, lock, reference, write, write_growing};
 use crate::worlds::Map;
+use std::ffi::c_char;
 use std::sync::Mutex;
 
 destroy!(sf_follower_destroy Handle<Follower>, sf_rehearsals_destroy Rehearsals);
@@ -89,6 +90,17 @@ export! {
         let sensed = sensed(state, 0, &agents)?;
         let mut follower = lock(reference(follower, "follower")?, "follower")?;
         let found = follower.prepare(rehearsals, (&mut agents, agent), &sensed, origin)?;
+        write_growing(step, "step", found)
+    }
+
+    fn sf_gait_named(name: *const c_char, gait: *mut abi::Gait) {
+        let found = followers::gait_named(memory::text(name, "name")?)?;
+        write(gait, "gait", found)
+    }
+
+    fn sf_follower_set_gait(follower: *mut Handle<Follower>, gait: *const abi::Gait, step: *mut abi::Step) {
+        let gait = followers::gait(&growing(gait, "gait")?)?;
+        let found = lock(reference(follower, "follower")?, "follower")?.set_gait(gait);
         write_growing(step, "step", found)
     }
 

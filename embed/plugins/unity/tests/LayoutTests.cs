@@ -34,6 +34,7 @@ namespace Surefoot.Tests
             ["sf_edit"] = "Edit",
             ["sf_traversal"] = "Traversal",
             ["sf_step"] = "FollowStep",
+            ["sf_gait"] = "Gait",
             ["sf_outcome"] = "Outcome",
         };
 

@@ -242,6 +242,15 @@ namespace Surefoot
             }
         }
 
+        /// <summary>Changes how the NPC goes where it can walk; it needs <see cref="Rehearsals"/> for more than to avoid jumps.</summary>
+        public void SetGait(Gait gait)
+        {
+            if (follower != null && State == AttemptState.GoesOn && follower.SetGait(gait).Kind == StepKind.Plan)
+            {
+                needsPlan = true;
+            }
+        }
+
         private void HeadFor(Vec3 feet, Vec3 waypoint)
         {
             agents.SetGoal(agent, feet, waypoint);

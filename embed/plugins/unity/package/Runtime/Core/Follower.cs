@@ -76,6 +76,16 @@ namespace Surefoot
             return step;
         }
 
+        /// <summary>Changes how the NPC goes, at any time; a <see cref="StepKind.Plan"/> follows if it would take another way.</summary>
+        public FollowStep SetGait(Gait gait)
+        {
+            NativeError error;
+            gait.StructSize = (uint)sizeof(Gait);
+            FollowStep step = new FollowStep { StructSize = (uint)sizeof(FollowStep) };
+            Native.Check(NativeMethods.sf_follower_set_gait(handle, &gait, &step, &error), &error);
+            return step;
+        }
+
         /// <summary>Reports that the NPC died, which ends the attempt.</summary>
         public void NoteDeath()
         {

@@ -123,6 +123,10 @@ namespace Surefoot
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_prepare(FollowerHandle follower, RehearsalsHandle rehearsals, AgentsHandle agents, uint agent, CharacterState* state, Vec3 origin, FollowStep* step, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_gait_named(byte* name, Gait* gait, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_follower_set_gait(FollowerHandle follower, Gait* gait, FollowStep* step, NativeError* error);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_note_death(FollowerHandle follower, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_follower_legs(FollowerHandle follower, Leg* legs, UIntPtr capacity, UIntPtr* count, NativeError* error);

@@ -162,6 +162,36 @@ namespace Surefoot
         public TraversalEnd End;
     }
 
+    /// <summary>How an NPC that rehearses goes where it can walk; <c>sf_gait</c>. Begin with <see cref="Named"/>.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct Gait
+    {
+        internal uint StructSize;
+        /// <summary>Top speed, as a share of the body's, 0.05 to 1.</summary>
+        public float Speed;
+        /// <summary>Acceleration, as a share of the body's on the ground, 0.05 to 1.</summary>
+        public float Acceleration;
+        /// <summary>Turning speed, as a share of the body's, 0.05 to 1.</summary>
+        public float TurnRate;
+        /// <summary>Distance from walls and rims that it keeps besides its radius where there is room, m, 0 to 2.</summary>
+        public float WallDistance;
+        /// <summary>1 if plans use jumps only where no other way leads to the goal.</summary>
+        public int AvoidsJumps;
+
+        /// <summary>"walk", "jog", "run" (the usual one), "careful" or "hurried".</summary>
+        public static unsafe Gait Named(string name)
+        {
+            Library.RequireLoaded();
+            NativeError error;
+            Gait gait;
+            fixed (byte* text = Native.Utf8(nameof(name), name))
+            {
+                Native.Check(NativeMethods.sf_gait_named(text, &gait, &error), &error);
+            }
+            return gait;
+        }
+    }
+
     /// <summary>What a <see cref="Follower"/> wants the NPC to do; <c>sf_step</c>.</summary>
     [StructLayout(LayoutKind.Sequential)]
     public struct FollowStep
