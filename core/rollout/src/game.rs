@@ -25,7 +25,7 @@ const HOLD_DECISIONS: u32 = 9;
 /// Forecasts that fail around one place, and how far around it, m, until the NPC moves freely to the end of its leg.
 const MAX_DIVERGENCES: u32 = 3;
 const DIVERGENCE_M: f32 = 1.0;
-/// Distance within which the place for which an NPC heads is its waypoint, m: games round places on their way to the map.
+/// Distance within which the place for which an NPC heads is its waypoint, m: games round places.
 const SAME_M: f32 = 0.01;
 /// How far an NPC that waits may drift before it returns, m.
 const HOLD_WITHIN_M: f32 = 1.0;
@@ -383,17 +383,16 @@ impl GameAttempt {
         self.attempt.follower.set_traversals(run);
         let trusted = last.filter(|_| is_trusted).zip(self.attempt.follower.current_plan());
         if let Some((failure, plan)) = trusted {
-            let legs = &plan.legs;
-            self.free_until =
-                legs.iter().rposition(|leg| leg.key == failure.leg).unwrap_or(self.attempt.follower.leg_idx()) + 1;
+            let failed = plan.legs.iter().rposition(|leg| leg.key == failure.leg);
+            self.free_until = failed.unwrap_or(self.attempt.follower.leg_idx()) + 1;
             return Some(AfterRehearsal::Act);
         }
         self.is_retrying = then == AfterRehearsal::Plan;
         Some(then)
     }
 
-    /// Whether the NPC moves freely without a rehearsal: on a leg that it trusts, and on rides, whose state games do not
-    /// tell.
+    /// Whether the NPC moves freely without a rehearsal: on a leg that it trusts, and on rides, whose state games do
+    /// not tell.
     fn is_free(&mut self, npc: &Npc) -> bool {
         let is_free = npc.body.is_carried() || self.attempt.follower.leg_idx() < self.free_until;
         if is_free {

@@ -1,7 +1,7 @@
 //! Sends NPCs of a game to goals, straight or by plan, as evaluations do in simulated worlds.
 //!
-//! The game itself moves on from waypoint to waypoint, and gets a new route where reviews, rehearsals or failures change
-//! it. Rehearsals run in a copy of the level, with the body that stands for the game's character.
+//! The game itself moves on from waypoint to waypoint, and gets a new route where reviews, rehearsals or failures
+//! change it. Rehearsals run in a copy of the level, with the body that stands for the game's character.
 
 use super::drive::{Deciding, Drive, body_at, seen};
 use super::link::{Game, GameError, Level};

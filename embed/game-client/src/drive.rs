@@ -104,7 +104,7 @@ pub fn seen(state: &EnvState, npc_idx: usize) -> &[f32] {
 
 /// Error of a distance or height in an observation, m.
 const READING_ERROR_M: f32 = 0.05;
-/// Horizontal distance from which the heading of an NPC can be told by where its goal is, m.
+/// Smallest horizontal distance of a goal whose direction shows the heading of an NPC, m.
 const BEARING_M: f32 = 0.3;
 
 /// The body that an observation shows, with its feet at `feet`, m: it heads for one of `aims`, m, which shows its
