@@ -177,6 +177,19 @@ impl Change<'_> {
     }
 }
 
+impl Places for wire::WatchSegmentsResponse {
+    fn change(&mut self, change: &Change<'_>) {
+        debug_assert_eq!(change.direction, Direction::ToLevel, "servers send segments");
+        self.starts.change(change);
+        self.step /= change.frame.scale;
+        if change.frame.up == UpAxis::Z {
+            for [_, y, z] in self.moves.as_chunks_mut::<3>().0 {
+                (*y, *z) = (-*z, *y);
+            }
+        }
+    }
+}
+
 impl Places for wire::Region {
     fn change(&mut self, change: &Change<'_>) {
         change.corners(&mut self.low, &mut self.high);
@@ -247,6 +260,7 @@ places! {
     wire::GetNpcResponse: places npc look_at;
     wire::ListNpcsResponse: places npcs;
     wire::WatchWorldResponse: places npcs changed movers players;
+    wire::SegmentStart: places position;
     wire::Spawned: places position;
     wire::AttemptBegan: places goal;
     wire::AttemptEnded: places goal;

@@ -4,6 +4,7 @@
 //! The `.proto` files in this crate document shapes, units, ranges and errors. [`convert`] converts the types of the
 //! world, [`plans`] those of planners, workers and clients, [`movement`] how NPCs move, [`zones`] zones and tags. The
 //! file `wire.rs` of a service converts types that no other service uses. [`coordinates`] converts places of levels.
+//! [`segments`] decodes a stream of segments for clients.
 //! [`reason`] lists the machine-readable reasons of errors.
 
 pub mod convert;
@@ -12,6 +13,7 @@ pub mod movement;
 pub mod pieces;
 pub mod plans;
 pub mod reason;
+pub mod segments;
 pub mod zones;
 
 /// Generated code of `surefoot.world.v1`.

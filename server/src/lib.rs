@@ -21,6 +21,7 @@ mod metrics;
 pub mod observer;
 pub mod quota;
 pub mod registry;
+mod segments;
 mod serve;
 mod sim;
 pub mod store;

@@ -33,7 +33,7 @@ const OF_WORKERS: [Metric<WorkerLoad>; 3] = [
 
 const OF_WORLDS: [Metric<WorldFigures>; 13] = [
     ("npcs_without_worker", "gauge", "NPCs without a worker.", |it| f64::from(it.tally.without_worker)),
-    ("watchers", "gauge", "Readers of snapshots.", |it| it.watchers as f64),
+    ("watchers", "gauge", "Readers of snapshots and segments.", |it| it.watchers as f64),
     ("ticks_total", "counter", "Ticks stepped.", |it| it.summary.tick.0 as f64),
     ("world_silent_seconds", "gauge", "Time since the world's thread wrote these figures.", |it| {
         it.age().as_secs_f64()

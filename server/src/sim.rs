@@ -4,7 +4,7 @@
 //! There is one thread per world (ADR 16), so that a slow or stalled world cannot delay another.
 
 use crate::figures::WorldFigures;
-use crate::hosted::{HostedWorld, KEPT_EVENTS, NpcEvent, Snapshot, TimeMode};
+use crate::hosted::{HostedWorld, KEPT_EVENTS, NpcEvent, Poses, Snapshot, TimeMode};
 pub use crate::inbox::SimError;
 use crate::inbox::{CallQueue, Inbox, Popped};
 use std::fmt;
@@ -28,6 +28,8 @@ const IDLE: Duration = Duration::from_millis(50);
 const EVENT_BATCHES: usize = 64;
 /// Most events of a batch, so that all batches together have no more events than the log.
 const EVENTS_IN_A_BATCH: usize = KEPT_EVENTS / EVENT_BATCHES;
+/// Ticks whose poses wait for a reader: about a second. A reader that is farther behind misses the oldest.
+const WAITING_POSES: usize = 64;
 
 /// Time from one tick to the next.
 const PERIOD: Duration = Duration::from_nanos(1_000_000_000 / TICKS_PER_SECOND as u64);
@@ -91,6 +93,8 @@ pub struct SimState {
     pub world: HostedWorld,
     /// Latest snapshot. Each overwrites the previous one, so slow readers cost nothing.
     pub snapshots: watch::Sender<Arc<Snapshot>>,
+    /// Poses of every tick.
+    pub poses: broadcast::Sender<Arc<Poses>>,
     /// New events that readers may see, once a tick.
     pub events: broadcast::Sender<Arc<EventBatch>>,
     /// Sequence number of the last event that was sent to readers.
@@ -272,6 +276,7 @@ impl SimState {
         Self {
             world,
             snapshots: watch::Sender::default(),
+            poses: broadcast::Sender::new(WAITING_POSES),
             events: broadcast::Sender::new(EVENT_BATCHES),
             published: latest,
             latest_event: watch::Sender::new(latest),
@@ -289,13 +294,18 @@ impl SimState {
 
     fn publish(&mut self) {
         self.show_snapshot();
+        if self.poses.receiver_count() > 0 {
+            // The last reader may just have left.
+            let _ = self.poses.send(Arc::new(self.world.poses()));
+        }
         self.report();
     }
 
     /// Replaces the figures, and hands new events to readers.
     fn report(&mut self) {
         self.notify_events();
-        let figures = WorldFigures::of(&self.world, self.snapshots.receiver_count(), self.calls);
+        let watchers = self.snapshots.receiver_count() + self.poses.receiver_count();
+        let figures = WorldFigures::of(&self.world, watchers, self.calls);
         self.figures.send_replace(Arc::new(figures));
         self.hand_out_events();
     }

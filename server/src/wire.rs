@@ -9,10 +9,11 @@ pub mod worker;
 
 use crate::figures::WorldSummary;
 use crate::hosted::{
-    EndedAttempt, EventKind, Movement, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, RouteKind, Standing, Support,
-    TimeMode, WorldStats,
+    BodyId, EndedAttempt, EventKind, Movement, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, RouteKind, Standing,
+    Support, TimeMode, WorldStats,
 };
 use crate::ids::NpcId;
+use crate::segments::{News, STEP_M, Start};
 use crate::view::{Region, Shown};
 use std::collections::BTreeSet;
 use surefoot_net::status;
@@ -255,6 +256,29 @@ pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
         movers: shown.movers.iter().map(|(idx, state, pose)| living::mover_state_to_wire(*idx, state, *pose)).collect(),
         players: shown.players.iter().map(|(slot, player)| living::player_to_wire(*slot, player)).collect(),
         map_revision: shown.map_revision,
+    }
+}
+
+pub fn news_to_wire(news: &News) -> wire::WatchSegmentsResponse {
+    let start = |start: &Start| wire::SegmentStart {
+        body: start.body,
+        who: Some(match start.id {
+            BodyId::Npc(npc) => wire::segment_start::Who::NpcId(npc.0),
+            BodyId::Player(slot) => wire::segment_start::Who::PlayerId(slot.0),
+        }),
+        position: Some(convert::to_wire(start.at.place())),
+        heading: start.at.heading.into(),
+    };
+    wire::WatchSegmentsResponse {
+        tick: news.tick.0,
+        restarts: news.restarts,
+        step: if news.restarts { STEP_M } else { 0.0 },
+        gone: news.gone.clone(),
+        bodies: news.segments.iter().map(|segment| segment.body).collect(),
+        ticks: news.segments.iter().map(|segment| segment.ticks).collect(),
+        moves: news.segments.iter().flat_map(|segment| segment.steps).collect(),
+        turns: news.segments.iter().map(|segment| segment.turn).collect(),
+        starts: news.starts.iter().map(start).collect(),
     }
 }
 

@@ -145,6 +145,34 @@ async fn npcs_are_where_the_levels_file_says() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn segments_follow_the_axes_and_units_of_the_level() {
+    let server = start_server(ServerConfig::default());
+    let Stage { mut client, world_id, in_level: places, .. } = stage(&server).await;
+    let request =
+        wire::SpawnPlayerRequest { world_id, position: Some(places[0]), coordinates: LEVEL, ..Default::default() };
+    let player_id = client.spawn_player(request).await.unwrap().into_inner().player_id;
+    let request = wire::WatchSegmentsRequest { world_id, coordinates: LEVEL, ..Default::default() };
+    let mut messages = client.watch_segments(request).await.unwrap().into_inner();
+    let first = tokio::time::timeout(LIMIT, messages.next()).await.unwrap().unwrap().unwrap();
+    assert_near(first.starts[0].position, places[0]);
+    assert!((first.step - 1.0).abs() < 1e-9, "a step of {} of the level's units, which are centimetres", first.step);
+
+    let position = Some(wire::Vec3 { x: places[0].x + 50.0, y: places[0].y - 30.0, z: places[0].z + 20.0 });
+    let moves = vec![wire::PlayerMove { player_id, position, ..Default::default() }];
+    client.move_players(wire::MovePlayersRequest { world_id, moves, coordinates: LEVEL }).await.unwrap();
+    let moved = loop {
+        let message = tokio::time::timeout(LIMIT, messages.next()).await.unwrap().unwrap().unwrap();
+        if !message.bodies.is_empty() {
+            break message;
+        }
+    };
+    assert_eq!(moved.ticks, [1]);
+    let off = moved.moves.iter().zip([50, -30, 20]).map(|(found, expected)| (found - expected).abs()).max();
+    assert!(off <= Some(1), "{moved:?}");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn readers_see_a_world_as_in_the_levels_file() {
     let server = start_server(ServerConfig::default());
     let Stage { mut client, world_id, in_level: places, .. } = stage(&server).await;

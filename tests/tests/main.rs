@@ -35,6 +35,7 @@ mod replicas;
 mod round_trips;
 mod routes;
 mod security;
+mod segments;
 mod shared;
 mod standing;
 mod studio;

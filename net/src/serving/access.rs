@@ -38,8 +38,8 @@ const METHODS: &[Methods] = &[
         GAMES,
         "GetServer CreateWorld GetWorld ListWorlds DropWorld SampleGround SurveyMap SpawnNpc BatchSpawnNpcs \
          DespawnNpc BatchDespawnNpcs SetGoal BatchSetGoals SetGroupGoal MoveTargets ClearGoals SetRoutes \
-         GetRoutes TeleportNpc BatchTeleportNpcs GetNpc BatchGetNpcs ListNpcs WatchWorld WatchEvents WatchStats \
-         FollowNpc GetMesh GetFeatures ListMovers SetMover EditMap ListPieces SetZones ListZones SetNpcTags \
+         GetRoutes TeleportNpc BatchTeleportNpcs GetNpc BatchGetNpcs ListNpcs WatchWorld WatchSegments WatchEvents \
+         WatchStats FollowNpc GetMesh GetFeatures ListMovers SetMover EditMap ListPieces SetZones ListZones SetNpcTags \
          SetGaits LookAt SpawnPlayer MovePlayers RemovePlayer",
     ),
     ("surefoot.world.v1.WorldService", WORKERS, "Work"),

@@ -144,6 +144,8 @@ world_service! {
     npcs::batch_get_npcs(wire::BatchGetNpcsRequest) -> wire::BatchGetNpcsResponse;
     npcs::list_npcs(wire::ListNpcsRequest) -> wire::ListNpcsResponse;
     readers::watch_world(wire::WatchWorldRequest) -> type WatchWorldStream = ReaderStream<wire::WatchWorldResponse>;
+    readers::watch_segments(wire::WatchSegmentsRequest)
+        -> type WatchSegmentsStream = ReaderStream<wire::WatchSegmentsResponse>;
     readers::watch_events(wire::WatchEventsRequest) -> type WatchEventsStream = ReaderStream<wire::WatchEventsResponse>;
     readers::watch_stats(wire::WatchStatsRequest) -> type WatchStatsStream = ReaderStream<wire::WatchStatsResponse>;
     readers::follow_npc(wire::FollowNpcRequest) -> type FollowNpcStream = ReaderStream<wire::FollowNpcResponse>;

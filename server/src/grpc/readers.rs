@@ -1,4 +1,4 @@
-//! Streams to readers: snapshots, events, statistics and mesh of a world, and one NPC with its plan.
+//! Streams to readers: snapshots, segments, events, statistics and mesh of a world, and one NPC with its plan.
 //!
 //! A slow reader gets the latest snapshot, and at most one message waits for it; a reader that does not read at all is
 //! cut off.
@@ -6,13 +6,14 @@
 use super::npcs::{check_count, npc_on};
 use super::{Call, Reply, WorldApi, frame_on};
 use crate::geometry::Tiles;
-use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcEvent, NpcPlan, NpcState, Snapshot};
+use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcEvent, NpcPlan, NpcState, Poses, Snapshot};
 use crate::ids::{NpcId, WorldId};
+use crate::segments::Fit;
 use crate::sim::{EventBatch, SimError, SimHandle, SimState};
 use crate::view::{Region, View};
 use crate::wire::{
-    ended_attempt_to_wire, events_to_wire, map::tile_to_wire, npc_plan_to_wire, npc_to_wire, rays_to_wire,
-    region as convert_region, shown_to_wire, stats_to_wire,
+    ended_attempt_to_wire, events_to_wire, map::tile_to_wire, news_to_wire, npc_plan_to_wire, npc_to_wire,
+    rays_to_wire, region as convert_region, shown_to_wire, stats_to_wire,
 };
 use crate::worlds::{NpcAccess, WorldsError};
 use std::collections::BTreeSet;
@@ -37,6 +38,8 @@ const EVENTS_AT_A_TIME: usize = 4096;
 const BUSY_PAUSE: Duration = Duration::from_millis(50);
 /// Snapshots per second if the reader does not set a rate.
 const DEFAULT_RATE: f64 = 10.0;
+/// Most ticks of a segment if the reader does not set them.
+const DEFAULT_MAX_TICKS: u32 = 30;
 
 /// The pause between two messages at a rate of 0.1 to 60 Hz; 0 means the default.
 fn pause_of(rate_hz: f32) -> Result<Duration, FieldError> {
@@ -48,6 +51,13 @@ fn pause_of(rate_hz: f32) -> Result<Duration, FieldError> {
 fn period_of(period_s: f32) -> Result<Duration, FieldError> {
     let seconds = if period_s == 0.0 { 1.0 } else { convert::in_range(f64::from(period_s), 0.1, 60.0, "period_s")? };
     Ok(Duration::from_secs_f64(seconds))
+}
+
+/// The most ticks of a segment, 6 to 60; 0 means 30.
+fn max_ticks_of(max_ticks: u32) -> Result<usize, FieldError> {
+    let ticks = if max_ticks == 0 { DEFAULT_MAX_TICKS } else { max_ticks };
+    convert::in_range(f64::from(ticks), 6.0, 60.0, "max_ticks")?;
+    Ok(ticks as usize)
 }
 
 /// Ticks now, and then after each `pause`. Missed ticks are not caught up.
@@ -94,6 +104,49 @@ impl Source for Snapshots {
         }
         let snapshot = self.snapshots.borrow_and_update().clone();
         Some(Ok(vec![shown_to_wire(&self.view.show(&snapshot))]))
+    }
+}
+
+/// Streams the segments of the bodies in a reader's view. A reader that misses ticks gets all bodies again.
+pub async fn watch_segments(
+    api: &WorldApi,
+    call: Call<wire::WatchSegmentsRequest>,
+) -> Reply<ReaderStream<wire::WatchSegmentsResponse>> {
+    let (caller, wire::WatchSegmentsRequest { world_id, region, max_ticks, coordinates }) = call;
+    let world = WorldId(world_id);
+    let handle = api.worlds.handle_for(&caller, world)?;
+    let (max_ticks, frame) = (max_ticks_of(max_ticks)?, frame_on(&handle, coordinates)?);
+    let fit = Fit::new(convert_region(frame.to_map(region).as_ref())?, max_ticks);
+    let subscribed = handle.sim.call(|state| (Arc::new(state.world.poses()), state.poses.subscribe()));
+    let (first, poses) = subscribed.await?;
+    Ok(api.stream_in(frame, Segments { world, first: Some(first), poses, fit }))
+}
+
+struct Segments {
+    world: WorldId,
+    /// The poses at the subscription.
+    first: Option<Arc<Poses>>,
+    /// Those of every tick since.
+    poses: Receiver<Arc<Poses>>,
+    fit: Fit,
+}
+
+impl Source for Segments {
+    type Message = wire::WatchSegmentsResponse;
+
+    async fn next(&mut self) -> Option<Result<Vec<Self::Message>, Status>> {
+        let poses = match self.first.take() {
+            Some(first) => first,
+            None => match self.poses.recv().await {
+                Ok(poses) => poses,
+                Err(RecvError::Lagged(_)) => {
+                    self.fit.restart();
+                    return Some(Ok(Vec::new()));
+                }
+                Err(RecvError::Closed) => return Some(Err(WorldsError::UnknownWorld(self.world).into())),
+            },
+        };
+        Some(Ok(self.fit.follow(&poses).as_ref().map(news_to_wire).into_iter().collect()))
     }
 }
 

@@ -2,7 +2,9 @@
 
 use super::events::EventKind;
 use super::motion::Motion;
-use super::snapshot::{EndedAttempt, NpcPlan, NpcState, NpcStatus, Snapshot, Support, Tally, WorldStats};
+use super::snapshot::{
+    BodyId, BodyPose, EndedAttempt, NpcPlan, NpcState, NpcStatus, Poses, Snapshot, Support, Tally, WorldStats,
+};
 use super::world::{HostedWorld, NpcRecord};
 use crate::ids::{NpcId, WorldId};
 use crate::quota::Ticket;
@@ -224,6 +226,17 @@ impl HostedWorld {
             movers: movers.map(|(mover, state)| (*state, state.pose(mover))).collect(),
             players: self.world.players().map(|(slot, player)| (slot, *player)).collect(),
         }
+    }
+
+    /// Copies where all bodies are.
+    pub fn poses(&self) -> Poses {
+        let npcs = self.records.iter().filter_map(|(&id, record)| {
+            let npc = self.world.npc(record.slot)?;
+            Some(BodyPose { id: BodyId::Npc(id), feet: npc.body.feet, yaw: npc.body.yaw })
+        });
+        let players = self.world.players();
+        let players = players.map(|(slot, it)| BodyPose { id: BodyId::Player(slot), feet: it.feet, yaw: 0.0 });
+        Poses { tick: self.tick(), bodies: npcs.chain(players).collect() }
     }
 
     /// Copies the statistics of the world.

@@ -42,8 +42,8 @@ pub use pieces::{EditError, MapEdit, MapEdited};
 pub use pursuit::{GoalOrder, GoalSet, Pursuit, Rank, Target};
 pub use saved::{RestoredMap, SavedError, SavedMap, StateFolder, WorldSave};
 pub use snapshot::{
-    Counters, EndedAttempt, Movement, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Standing, Support, Tally,
-    WorldStats,
+    BodyId, BodyPose, Counters, EndedAttempt, Movement, NpcPlan, NpcState, NpcStatus, PlanLeg, Poses, Snapshot,
+    Standing, Support, Tally, WorldStats,
 };
 pub use world::HostedWorld;
 pub use zones::{ZonesEdit, ZonesError};

@@ -206,6 +206,35 @@ impl Default for Snapshot {
     }
 }
 
+/// An NPC or a player.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum BodyId {
+    /// An NPC.
+    Npc(NpcId),
+    /// A player.
+    Player(PlayerSlot),
+}
+
+/// Where one body is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyPose {
+    /// The body.
+    pub id: BodyId,
+    /// Position of the feet, m.
+    pub feet: Vec3,
+    /// Heading, rad; 0 for players.
+    pub yaw: f32,
+}
+
+/// Where all bodies of a world are at one tick: the part of a snapshot for readers that need every tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Poses {
+    /// Tick of the poses.
+    pub tick: Tick,
+    /// NPCs by id, then players.
+    pub bodies: Vec<BodyPose>,
+}
+
 /// Statistics of a world.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WorldStats {

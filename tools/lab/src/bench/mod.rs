@@ -15,6 +15,7 @@ mod reference;
 mod scale;
 mod serve;
 mod soak;
+mod streams;
 mod survey;
 mod tiles;
 mod world;

@@ -1,7 +1,7 @@
 //! The world server under load: server, planner and two workers in separate processes, realtime worlds, and a crowd
 //! that never stops seeking goals.
 
-use super::{Args, Figure};
+use super::{Args, Figure, streams};
 use crate::processes::{Process, Services, Setup, await_build, connect, free_address, metric, start};
 use anyhow::{Context, bail};
 use std::path::Path;
@@ -235,6 +235,8 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
             Figure::new("decisions_on_time_share", measured.on_time_share(), "").at_least(TARGET_ON_TIME),
             Figure::new("decisions_s", measured.answered as f64 / (args.minutes * 60.0), "decisions/s"),
         ]);
+        let world_id = scene.worlds[0].world_id;
+        figures.extend(streams::figures(WorldServiceClient::new(scene.services.server.clone()), world_id).await?);
         figures.extend(slow_readers(&scene).await?);
         drop(scene);
         let curve = ladder(&cache).await?;
