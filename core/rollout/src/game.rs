@@ -12,7 +12,7 @@ use crate::follow::{Follower, Step};
 use crate::rehearse::{Forecast, NoiseStream, Rehearsal, RehearsalFailure};
 use crate::style::Style;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use surefoot_planner::{Plan, Query};
 use surefoot_policy::Policy;
@@ -22,6 +22,8 @@ use surefoot_world::{CharacterProfile, End, Gait, Map, MoverState, Npc, TaskConf
 pub const SLACK_M: f32 = 0.4;
 /// Decisions for which an NPC that stands waits for a rehearsal.
 const HOLD_DECISIONS: u32 = 9;
+/// Decisions that an NPC carries out before the rehearsal of the first one has ended; beyond these it moves freely.
+const MAX_AHEAD: u32 = 3;
 /// Forecasts that fail around one place, and how far around it, m, until the NPC moves freely to the end of its leg.
 const MAX_DIVERGENCES: u32 = 3;
 const DIVERGENCE_M: f32 = 1.0;
@@ -59,6 +61,8 @@ struct Job {
     hidden: Vec<f32>,
     noise: NoiseStream,
     reply: Sender<Rehearsed>,
+    /// Gone once the attempt has no use for the results.
+    wanted: Weak<()>,
 }
 
 /// How the rehearsals of a job ended.
@@ -132,12 +136,15 @@ impl Stage {
         loop {
             let job = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
             let Ok(job) = job else { return };
-            self.run(&mut rehearsal, job);
+            // At most one job of each attempt takes time, which bounds the queue.
+            if job.wanted.strong_count() > 0 {
+                self.run(&mut rehearsal, job);
+            }
         }
     }
 
     fn run(&self, rehearsal: &mut Rehearsal, job: Job) {
-        let Job { mut attempt, npc, hidden, mut noise, reply } = job;
+        let Job { mut attempt, npc, hidden, mut noise, reply, .. } = job;
         let (mut failures, mut forecast) = (Vec::new(), None);
         loop {
             let start = attempt.rehearsal(npc, hidden.clone(), noise);
@@ -195,6 +202,8 @@ struct Diverged {
 #[derive(Debug)]
 struct Pending {
     results: Receiver<Rehearsed>,
+    /// Kept while the results are wanted.
+    _wanted: Arc<()>,
     /// Decisions since it began that were carried out, and those for which the NPC waited.
     acted: u32,
     held: u32,
@@ -254,7 +263,9 @@ impl GameAttempt {
 
     /// Changes how the NPC goes. Returns whether it needs another plan, because it would take another way.
     pub fn set_gait(&mut self, gait: Gait) -> bool {
-        self.pending = None;
+        if gait != self.attempt.follower.gait() {
+            self.pending = None;
+        }
         self.attempt.set_gait(gait)
     }
 
@@ -298,7 +309,7 @@ impl GameAttempt {
             Style::Free
         } else if holds {
             Style::Stay { at: npc.body.feet, within: HOLD_WITHIN_M }
-        } else if self.pending.is_some() && !self.attempt.is_forecast() {
+        } else if self.pending.as_ref().is_some_and(|it| it.acted < MAX_AHEAD) && !self.attempt.is_forecast() {
             // The way in which it is being rehearsed, so that the rehearsal forecasts this decision as well.
             self.attempt.follower.style()
         } else {
@@ -350,9 +361,11 @@ impl GameAttempt {
         if !std::mem::take(&mut self.is_retrying) {
             self.attempt.begin_rehearsals();
         }
-        let (reply, results) = channel();
-        self.pending = Some(Pending { results, acted: 0, held: 0 });
-        on.submit(Job { attempt: self.attempt.clone(), npc: *npc, hidden: hidden.to_vec(), noise, reply });
+        let ((reply, results), wanted) = (channel(), Arc::new(()));
+        let (attempt, hidden) = (self.attempt.clone(), hidden.to_vec());
+        let job = Job { attempt, npc: *npc, hidden, noise, reply, wanted: Arc::downgrade(&wanted) };
+        self.pending = Some(Pending { results, _wanted: wanted, acted: 0, held: 0 });
+        on.submit(job);
     }
 
     /// Takes the results of the rehearsal that is under way, if it has ended.
