@@ -246,6 +246,26 @@ async fn graphs_and_evaluations_in_a_game_with_our_physics_are_close_to_ours() {
     server.stop().await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn npcs_of_a_game_that_rehearse_beside_it_arrive_and_turn_back_less() {
+    let server = start_server(ServerConfig::default());
+    let uri = server.uri.clone();
+    aside(move || {
+        let game = connect(&uri).unwrap();
+        let [free, calm] = [false, true].map(|rehearses| {
+            let follow = FollowConfig { composes: rehearses, ..FollowConfig::default() };
+            let config = EvalConfig { rehearses, follow, ..config(Some(game.clone()), Method::Graph(settings())) };
+            evaluate(&Policy::shipped().unwrap(), &config, |_, _| {}).unwrap()
+        });
+        let rates = [&free, &calm].map(|report| report.success.all.rate);
+        assert!(rates[1] + 0.05 >= rates[0], "{rates:?} without and with rehearsals");
+        let reversals = [&free, &calm].map(|report| report.motion.reversals_per_s);
+        assert!(2.0 * reversals[1] < reversals[0], "{reversals:?} per s without and with rehearsals");
+    })
+    .await;
+    server.stop().await;
+}
+
 /// A game that serves the contract badly.
 #[derive(Debug, Clone)]
 struct Broken {

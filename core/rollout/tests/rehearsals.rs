@@ -79,18 +79,18 @@ fn an_npc_does_what_its_rehearsal_foretold() {
             let end =
                 decisions.decide(&mut DecisionBatch { worlds: &mut worlds, npcs: &[deciding] }, &policy, draw)[0].end;
             let body = worlds[0].npc(deciding.slot).unwrap().body;
-            if end.is_none() && !forecast.matches(&body) {
+            if end.is_none() && !forecast.matches(&body, 0.0) {
                 // As far as it was rehearsed.
                 break;
             }
             foretold += 1;
             if end.is_some() {
-                assert!(forecast.matches(&body), "the end was foretold, too");
+                assert!(forecast.matches(&body, 0.0), "the end was foretold, too");
                 break;
             }
             let mut elsewhere = body;
             elsewhere.feet += Vec3::X * 0.001;
-            assert!(!forecast.clone().matches(&elsewhere), "another body is another story");
+            assert!(!forecast.clone().matches(&elsewhere, 0.0), "another body is another story");
         }
     }
     assert!(foretold > 100, "{foretold} decisions were foretold");
