@@ -1,8 +1,8 @@
 //! The motion of a world's bodies as straight segments, for one reader.
 //!
-//! A segment joins two places of a body on a grid. It grows by a tick as long as the body was nowhere farther than
-//! [`BOUND_M`] from where the segment puts it, and ends otherwise. So what a client draws keeps the bound, the grid
-//! included. The next segment of the body starts where the last one ended; in between the body stands there.
+//! A segment joins two positions of a body, which are rounded to a grid. A segment grows tick by tick while the body
+//! was never farther than [`BOUND_M`] from the segment; otherwise it ends. Drawn positions therefore keep the bound,
+//! rounding included. The next segment of the body starts where the last one ended. Between them the body stands there.
 //!
 //! The fit runs in the reader's task. The world's thread only copies the poses of every tick. Start at [`Fit::follow`].
 
@@ -14,16 +14,16 @@ use surefoot_world::{Tick, Vec3};
 
 /// Length of a step of the grid, m.
 pub const STEP_M: f64 = 0.01;
-/// Most distance of a drawn place from the true one, m: 5 cm, less the rounding of clients.
+/// Greatest distance between a drawn position and the true one, m: 5 cm less the rounding of clients.
 const BOUND_M: f32 = 0.0495;
-/// A body that is so near the end of its last segment has not moved, m, so that one that sways on a border of the grid
-/// costs nothing.
+/// A body within this distance of the end of its last segment has not moved, m. A body that sways on a border of the
+/// grid therefore costs nothing.
 const REST_M: f32 = 0.01;
-/// After so many ticks at rest, a body that sets out begins a segment. Slow walkers take less to leave their place.
+/// Ticks at rest after which a body that sets out begins a segment. Even slow walkers leave their place in fewer.
 const REST_TICKS: usize = 3;
-/// A body that gets farther within a tick has jumped, m: 60 m/s.
+/// A body that moves farther than this within a tick counts as teleported, m: 60 m/s.
 const JUMP_M: f32 = 1.0;
-/// Headings in a turn.
+/// Number of headings in a full turn.
 const HEADINGS: f32 = 256.0;
 /// Most ticks between two messages.
 const QUIET_TICKS: u64 = 60;
@@ -40,7 +40,7 @@ pub struct GridPose {
 impl GridPose {
     fn of(pose: &BodyPose) -> Self {
         let steps = pose.feet.to_array().map(|value| (f64::from(value) / STEP_M).round() as i32);
-        // Truncation to 8 bits is the remainder of whole turns.
+        // Truncation to 8 bits removes whole turns.
         Self { steps, heading: (pose.yaw / TAU * HEADINGS).round() as i32 as u8 }
     }
 
@@ -49,12 +49,12 @@ impl GridPose {
         Vec3::from_array(self.steps.map(|steps| (f64::from(steps) * STEP_M) as f32))
     }
 
-    /// Change of the heading to that of `other`, the shorter way.
+    /// Change from this heading to the heading of `other`, in the shorter direction, 1/256 of a turn.
     fn turn_to(self, other: Self) -> i32 {
         i32::from(other.heading.wrapping_sub(self.heading).cast_signed())
     }
 
-    /// The pose after this one, which differs only in what has moved.
+    /// The pose after this one. Position and heading change only if the body has moved or turned.
     fn next(self, pose: &BodyPose) -> Self {
         let next = Self::of(pose);
         let rests = self.place().distance(pose.feet) <= REST_M;
@@ -81,21 +81,21 @@ pub struct Segment {
     /// Number of the body for this reader.
     pub body: u32,
     pub ticks: u32,
-    /// From its start to its end, in steps.
+    /// Displacement from start to end, in steps.
     pub steps: [i32; 3],
     /// Change of the heading, 1/256 of a turn.
     pub turn: i32,
 }
 
-/// What a reader has not heard yet at a tick.
+/// What a reader has to learn at a tick: the content of one message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct News {
     pub tick: Tick,
-    /// Whether the reader forgets all bodies.
+    /// Whether the reader must forget all bodies.
     pub restarts: bool,
-    /// Bodies that are no longer there.
+    /// Bodies that were removed or left the region.
     pub gone: Vec<u32>,
-    /// Segments that ended a tick before.
+    /// Segments that ended at the tick before.
     pub segments: Vec<Segment>,
     /// Bodies whose segments begin at this tick.
     pub starts: Vec<Start>,
@@ -106,7 +106,7 @@ pub struct News {
 pub struct Fit {
     region: Option<Region>,
     max_ticks: usize,
-    /// Bodies of the view at the last tick.
+    /// Bodies in the reader's view at the last tick.
     tracks: BTreeMap<BodyId, Track>,
     /// Number of the next new body.
     next_body: u32,
@@ -115,17 +115,17 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// A fit of the NPCs in `region` (`None`: everywhere) and all players, by segments of at most `max_ticks`.
+    /// Creates a fit for the NPCs in `region` (`None`: everywhere) and all players. Segments last at most `max_ticks`.
     pub fn new(region: Option<Region>, max_ticks: usize) -> Self {
         Self { region, max_ticks, tracks: BTreeMap::new(), next_body: 0, sent: None }
     }
 
-    /// Starts again with the next poses, which need not be those of the next tick.
+    /// Starts again with the next poses. Ticks may be missing before them.
     pub fn restart(&mut self) {
         *self = Self::new(self.region, self.max_ticks);
     }
 
-    /// Takes the poses of the next tick. Returns `None` if there is nothing to say about it.
+    /// Takes the poses of the next tick. Returns `None` if no message is due.
     pub fn follow(&mut self, poses: &Poses) -> Option<News> {
         let tick = poses.tick;
         let mut news =
@@ -169,13 +169,13 @@ struct Track {
     body: u32,
     /// Last tick at which the body was in the view.
     seen: Tick,
-    /// Place at that tick, m.
+    /// Position of the feet at that tick, m.
     feet: Vec3,
     /// Where the open segment starts.
     start: GridPose,
-    /// Where it ends, if it does at the last tick.
+    /// Where it would end at the last tick.
     end: GridPose,
-    /// Places since its start, one for each tick, m.
+    /// Positions of the feet since its start, one for each tick, m.
     places: Vec<Vec3>,
 }
 
@@ -203,7 +203,7 @@ impl Track {
         (self.seen, self.feet) = (tick, pose.feet);
     }
 
-    /// Whether the open segment keeps the bound if it ends here a tick later.
+    /// Whether the open segment keeps the bound if it grows by a tick and ends at `end`.
     fn fits(&self, end: GridPose) -> bool {
         let start = self.start.place();
         let by_tick = (end.place() - start) / (self.places.len() + 1) as f32;
@@ -211,7 +211,7 @@ impl Track {
         self.places.iter().zip(drawn).all(|(place, drawn)| place.distance_squared(drawn) <= BOUND_M * BOUND_M)
     }
 
-    /// Ends the open segment and starts the next one there. Returns `None` if the body has stood still.
+    /// Ends the open segment and starts the next one at its end. Returns `None` if the body has stood still.
     fn close(&mut self) -> Option<Segment> {
         let (start, end) = (self.start, self.end);
         let ticks = self.places.len() as u32;
@@ -237,7 +237,7 @@ mod tests {
         BodyPose { id: NPC, feet, yaw: 0.0 }
     }
 
-    /// What a fit says about an NPC that is at these places, tick by tick, from tick 0.
+    /// The messages of a fit for an NPC that is at these positions at ticks 0, 1, 2 and so on.
     fn news_of(max_ticks: usize, places: &[Vec3]) -> Vec<News> {
         let mut fit = Fit::new(None, max_ticks);
         let ticks = places.iter().enumerate();
@@ -247,7 +247,7 @@ mod tests {
     }
 
     fn walk() -> impl Strategy<Value = Vec<Vec3>> {
-        // Velocities for a few ticks each, m/s, and jumps.
+        // Velocities, m/s, each for some ticks, and teleports.
         let leg = (prop::array::uniform3(-12.0_f32..12.0), 1..40_usize, prop::bool::weighted(0.3));
         prop::collection::vec(leg, 1..12).prop_map(|legs| {
             let mut feet = Vec3::new(900.0, 20.0, 1100.0);

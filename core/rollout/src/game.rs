@@ -1,11 +1,12 @@
 //! Attempts of NPCs whose bodies a game moves, with rehearsals in a copy of the level.
 //!
-//! A game's physics differs a little from ours. A forecast holds while the body keeps within [`SLACK_M`] of it, and
-//! beyond that the NPC rehearses again. A rehearsal that makes no progress on an edge says less than the edge's proof
-//! in the game: the NPC then moves freely there, as it does where it cannot do what was rehearsed. Rehearsals are no
-//! evidence about edges. For each decision the game
-//! calls [`GameAttempt::record_decision`], then [`GameAttempt::prepare`] until it says how to act.
-//! docs/adr/0073-rehearsals-beside-a-game.md has measurements.
+//! A game's physics differs a little from ours. A forecast holds while the body keeps within [`SLACK_M`] of it; beyond
+//! that, the NPC rehearses again. The game's proof of an edge overrules a rehearsal without progress on it: the NPC
+//! then moves freely there. It also moves freely where it repeatedly fails to follow its forecasts. Rehearsals are
+//! never evidence about edges.
+//!
+//! For each decision, the game calls [`GameAttempt::record_decision`], then [`GameAttempt::prepare`] until that returns
+//! [`Prepared::Act`]. docs/adr/0073-rehearsals-beside-a-game.md has measurements.
 
 use crate::attempt::{AfterRehearsal, Attempt};
 use crate::follow::{Follower, Step};
@@ -18,22 +19,23 @@ use surefoot_planner::{Plan, Query};
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, End, Gait, Map, MoverState, Npc, TaskConfig, Vec3, World};
 
-/// Distance between a body in a game and its forecast up to which the forecast holds, m.
+/// Greatest distance between a body in a game and its forecast at which the forecast holds, m.
 pub const SLACK_M: f32 = 0.4;
-/// Decisions for which an NPC that stands waits for a rehearsal.
+/// Most decisions for which a standing NPC waits for a rehearsal.
 const HOLD_DECISIONS: u32 = 9;
-/// Decisions that an NPC carries out before the rehearsal of the first one has ended; beyond these it moves freely.
+/// Most decisions that an NPC carries out in the rehearsed style before the result is there; then it moves freely.
 const MAX_AHEAD: u32 = 3;
-/// Forecasts that fail around one place, and how far around it, m, until the NPC moves freely to the end of its leg.
+/// Forecasts that fail around one place before the NPC moves freely to the end of its leg.
 const MAX_DIVERGENCES: u32 = 3;
+/// Radius of that place, m.
 const DIVERGENCE_M: f32 = 1.0;
-/// Distance within which the place for which an NPC heads is its waypoint, m: games round places.
+/// Distance within which an NPC's goal counts as its waypoint, m, because games round positions.
 const SAME_M: f32 = 0.01;
 /// How far an NPC that waits may drift before it returns, m.
 const HOLD_WITHIN_M: f32 = 1.0;
 
-/// Rehearses legs for the NPCs of a game, which share a level, a body and a policy: on threads of its own, or in the
-/// calls of [`GameAttempt::prepare`].
+/// Rehearses legs for the NPCs of a game, on threads of its own or in the calls of [`GameAttempt::prepare`]. The NPCs
+/// share a level, a body and a policy.
 #[derive(Debug)]
 pub struct Rehearsals {
     stage: Arc<Stage>,
@@ -49,7 +51,7 @@ struct Stage {
     map: Arc<Map>,
     profile: CharacterProfile,
     policy: Policy,
-    /// The movers as the level begins.
+    /// The movers in their initial state.
     movers: Vec<MoverState>,
 }
 
@@ -61,24 +63,24 @@ struct Job {
     hidden: Vec<f32>,
     noise: NoiseStream,
     reply: Sender<Rehearsed>,
-    /// Gone once the attempt has no use for the results.
+    /// Dropped once the attempt no longer needs the results.
     wanted: Weak<()>,
 }
 
 /// How the rehearsals of a job ended.
 #[derive(Debug)]
 struct Rehearsed {
-    /// The failures, after each of which but the last the NPC tried again on the same plan.
+    /// The failures. After each one except the last, the NPC tried again on the same plan.
     failures: Vec<RehearsalFailure>,
-    /// What will happen, if the last one ended well.
+    /// The forecast, if the last rehearsal ended well.
     forecast: Option<Forecast>,
-    /// What follows.
+    /// What the attempt needs next.
     then: AfterRehearsal,
 }
 
 impl Rehearsals {
-    /// Prepares rehearsals on `map` by the body `profile`, on `thread_count` threads; without threads they run in the
-    /// calls, and are as deterministic as those.
+    /// Prepares rehearsals on `map` of the body `profile`, on `thread_count` threads. With 0 threads, rehearsals run in
+    /// the calls of [`GameAttempt::prepare`], and equal calls give equal results.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, policy: &Policy, thread_count: usize) -> Self {
         let movers = World::new(map.clone(), profile.clone(), TaskConfig::default()).movers().to_vec();
         let stage = Arc::new(Stage { map, profile, policy: policy.clone(), movers });
@@ -105,7 +107,7 @@ impl Rehearsals {
 
     fn submit(&self, job: Job) {
         match &self.jobs {
-            // The threads end with this handle, so that the queue is open.
+            // The threads live as long as this handle, so the queue is open.
             Some(jobs) => _ = jobs.send(job),
             None => {
                 let mut rehearsal = self.in_calls.lock().unwrap_or_else(PoisonError::into_inner);
@@ -119,7 +121,7 @@ impl Drop for Rehearsals {
     fn drop(&mut self) {
         self.jobs = None;
         for thread in self.threads.drain(..) {
-            // A thread that panicked has nothing left to end.
+            // An error means that the thread panicked, so it has ended as well.
             let _ = thread.join();
         }
     }
@@ -136,7 +138,7 @@ impl Stage {
         loop {
             let job = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
             let Ok(job) = job else { return };
-            // At most one job of each attempt takes time, which bounds the queue.
+            // Each attempt has at most one wanted job, which bounds the work in the queue.
             if job.wanted.strong_count() > 0 {
                 self.run(&mut rehearsal, job);
             }
@@ -168,9 +170,9 @@ impl Stage {
 pub enum Prepared {
     /// It carries out its next decision in this style.
     Act(Style),
-    /// It heads for this waypoint from now on, m; then it prepares again.
+    /// It heads for this waypoint from now on, m. Then call [`GameAttempt::prepare`] again.
     HeadFor(Vec3),
-    /// It needs another plan; then it prepares again.
+    /// It needs another plan. Then call [`GameAttempt::prepare`] again.
     Plan,
 }
 
@@ -181,11 +183,11 @@ pub struct GameAttempt {
     pending: Option<Pending>,
     /// Whether the body was compared with its forecast since the last decision.
     is_compared: bool,
-    /// Whether the NPC carried out the last decision, and did not wait.
+    /// Whether the NPC carried out the last decision instead of waiting.
     has_acted: bool,
     /// Whether the plan was made because rehearsals of the last one failed.
     is_retrying: bool,
-    /// The legs of the plan before which the NPC moves freely and rehearses nothing.
+    /// Index of the leg from which on the NPC rehearses; it moves freely on the legs before.
     free_until: usize,
     diverged: Diverged,
 }
@@ -193,7 +195,7 @@ pub struct GameAttempt {
 /// Forecasts that failed one after another.
 #[derive(Debug, Clone, Copy, Default)]
 struct Diverged {
-    /// Where the first one did, m.
+    /// Where the first one failed, m.
     at: Vec3,
     count: u32,
 }
@@ -204,8 +206,9 @@ struct Pending {
     results: Receiver<Rehearsed>,
     /// Kept while the results are wanted.
     _wanted: Arc<()>,
-    /// Decisions since it began that were carried out, and those for which the NPC waited.
+    /// Decisions that the NPC carried out since the rehearsal began.
     acted: u32,
+    /// Decisions for which it waited.
     held: u32,
 }
 
@@ -241,7 +244,7 @@ impl GameAttempt {
         &self.attempt.follower
     }
 
-    /// The same, to be changed.
+    /// Like `follower`, but mutable.
     pub fn follower_mut(&mut self) -> &mut Follower {
         &mut self.attempt.follower
     }
@@ -252,7 +255,7 @@ impl GameAttempt {
         self.attempt.plan(feet, search)
     }
 
-    /// Follows a goal that may have moved, m; returns the waypoint, m, if it has changed.
+    /// Moves the goal of the attempt, m, and returns the waypoint, m, if that has changed.
     pub fn follow_goal(&mut self, goal: Vec3, feet: Vec3, has_arrived: bool) -> Option<Vec3> {
         let waypoint = self.attempt.follow_goal(goal, feet, has_arrived);
         if waypoint.is_some() {
@@ -261,7 +264,7 @@ impl GameAttempt {
         waypoint
     }
 
-    /// Changes how the NPC goes. Returns whether it needs another plan, because it would take another way.
+    /// Changes the gait. Returns whether the NPC needs another plan, because it would now take another route.
     pub fn set_gait(&mut self, gait: Gait) -> bool {
         if gait != self.attempt.follower.gait() {
             self.pending = None;
@@ -279,8 +282,8 @@ impl GameAttempt {
         step
     }
 
-    /// Prepares the next decision of `npc`, which is on the map of the rehearsals and heads for its waypoint. `hidden`
-    /// is its row of the policy's hidden state.
+    /// Prepares the next decision of `npc`. Its position is on the map of the rehearsals, and its goal is its waypoint.
+    /// `hidden` is its row of the policy's hidden state.
     pub fn prepare(&mut self, on: &Rehearsals, npc: &Npc, hidden: &[f32], noise: &mut NoiseStream) -> Prepared {
         let Stage { map, profile, .. } = &*on.stage;
         let Some(waypoint) = self.attempt.follower.waypoint() else { return Prepared::Plan };
@@ -310,14 +313,15 @@ impl GameAttempt {
         } else if holds {
             Style::Stay { at: npc.body.feet, within: HOLD_WITHIN_M }
         } else if self.pending.as_ref().is_some_and(|it| it.acted < MAX_AHEAD) && !self.attempt.is_forecast() {
-            // The way in which it is being rehearsed, so that the rehearsal forecasts this decision as well.
+            // The style that is being rehearsed, so that the forecast covers this decision as well.
             self.attempt.follower.style()
         } else {
             self.attempt.style(map, profile, &npc.body)
         })
     }
 
-    /// Compares the body with its forecast, once for each decision. An NPC off its forecast returns to its way.
+    /// Compares the body with its forecast, once for each decision. An NPC that has left its forecast returns to its
+    /// route.
     fn compare(&mut self, map: &Map, profile: &CharacterProfile, npc: &Npc) {
         if std::mem::replace(&mut self.is_compared, true) {
             return;
@@ -340,7 +344,7 @@ impl GameAttempt {
         }
     }
 
-    /// Notes that a forecast has failed. An NPC that cannot do what is rehearsed moves freely.
+    /// Notes that a forecast has failed. After [`MAX_DIVERGENCES`] of them the NPC moves freely.
     fn note_divergence(&mut self, feet: Vec3) {
         let Diverged { at, count } = &mut self.diverged;
         if *count == 0 || at.distance(feet) > DIVERGENCE_M {
@@ -385,7 +389,7 @@ impl GameAttempt {
             failures.pop();
         }
         let run = self.attempt.follower.take_traversals();
-        // What the rehearsals did to their copy of the attempt.
+        // Repeat what the rehearsals did to their copy of the attempt.
         for failure in failures {
             self.attempt.record_rehearsal(Err(failure), noise);
         }
@@ -404,8 +408,8 @@ impl GameAttempt {
         Some(then)
     }
 
-    /// Whether the NPC moves freely without a rehearsal: on a leg that it trusts, and on rides, whose state games do
-    /// not tell.
+    /// Whether the NPC moves freely without a rehearsal: on legs before `free_until`, and on rides, because games do
+    /// not report their state.
     fn is_free(&mut self, npc: &Npc) -> bool {
         let is_free = npc.body.is_carried() || self.attempt.follower.leg_idx() < self.free_until;
         if is_free {

@@ -556,13 +556,13 @@ typedef struct sf_step {
     uint32_t leg_count;
     /* Number of plans so far. */
     uint32_t plans;
-    /* 1 if the NPC must stand at the waypoint: at the goal, and where it leaps from rest. 0 if it passes the waypoint
-     * on the run or in flight, and without a plan. */
+    /* 1 if the NPC must stand at the waypoint: at the goal, and where it leaps from rest. 0 if it may pass the waypoint
+     * on the run or in flight, or if there is no plan. */
     int32_t stands;
 } sf_step;
 
-/* How an NPC that rehearses goes where it can walk; ranges are in parentheses. Leaps and devices take what they need.
- * sf_gait_named fills it. */
+/* How an NPC that rehearses goes where it can walk; ranges are in parentheses. Leaps and devices are not limited by
+ * it. sf_gait_named fills it. */
 typedef struct sf_gait {
     uint32_t struct_size;
     /* Top speed, as a share of the body's (0.05 to 1). */
@@ -571,9 +571,9 @@ typedef struct sf_gait {
     float acceleration;
     /* Turning speed, as a share of the body's (0.05 to 1). */
     float turn_rate;
-    /* Distance from walls and rims that it keeps besides its radius where there is room, m (0 to 2). */
+    /* Distance that the NPC keeps from walls and rims where there is room, beyond its radius, m (0 to 2). */
     float wall_distance;
-    /* 1 if plans use jumps only where no other way leads to the goal. */
+    /* 1 if plans use jumps only where no other route leads to the goal. */
     int32_t avoids_jumps;
 } sf_gait;
 
@@ -758,8 +758,8 @@ void sf_follower_destroy(sf_follower* follower);
  * followers of other goals. */
 sf_status sf_follower_copy(const sf_follower* from, sf_follower* to, sf_error* error);
 /* Reports, once for every decision, the position of the feet and whether they came within SF_REACHED_WITHIN of the
- * waypoint. Where the last step says `stands`, pass what sf_agents_has_arrived says: other waypoints are passed in
- * flight as well.
+ * waypoint. If `stands` of the last step is 1, pass the result of sf_agents_has_arrived instead: the NPC may pass
+ * other waypoints in flight.
  * The caller checks whether the goal is reached: at the last waypoint, unless the plan leads near. */
 sf_status sf_follower_advance(sf_follower* follower, sf_vec3 feet, int32_t reached, sf_step* step, sf_error* error);
 /* Moves the goal of the attempt; `feet` and `reached` are as in sf_follower_advance. Call it whenever the target has
@@ -774,27 +774,27 @@ sf_status sf_follower_move_goal(sf_follower* follower, sf_vec3 goal, sf_vec3 fee
  * query. */
 sf_status sf_follower_plan(sf_follower* follower, const sf_graph* graph, sf_vec3 feet, float caution, uint32_t without,
     sf_step* step, sf_error* error);
-/* Rehearsals of legs for NPCs on `map` with a body and a policy: the same as those of their agents. They run on
+/* Creates rehearsals of legs for NPCs on `map`. Pass the body and the policy of their agents. Rehearsals run on
  * `thread_count` threads of their own, 0 to 64. With 0 threads they run in the calls of sf_follower_prepare, and equal
- * inputs give equal results. Any number of threads may use them. Destroy them when no call with them is running; the
- * policy and the map may be destroyed before. Movers stand as the level begins. */
+ * inputs give equal results. Any number of threads may use the handle. Destroy it when no call is using it; the policy
+ * and the map may be destroyed before. Each rehearsal begins with the movers in their initial state. */
 sf_status sf_rehearsals_create(const sf_policy* policy, const sf_map* map, const sf_body* body, uint32_t thread_count,
     sf_rehearsals** rehearsals, sf_error* error);
 void sf_rehearsals_destroy(sf_rehearsals* rehearsals);
 /* Prepares the next decision of an agent, after sf_follower_advance and before sf_agents_observe: smooths the plan,
  * rehearses the next two legs in a copy of the level, and lets the agent move calmly where a rehearsal has arrived.
- * `state` is as in sf_agents_observe, and `origin` is where the origin of the agent's places lies on the map, m: zeros
- * if they are places on the map. Do what the step says and call it again, until the step is SF_STEP_KEEP: after
- * SF_STEP_HEAD call sf_agents_set_goal, after SF_STEP_PLAN call sf_follower_plan. An agent that stands waits up to
- * 1.5 s for its first rehearsal. Where the character strays more than 0.4 m from its rehearsal, another begins.
- * SF_BAD_STATE: the agent has no goal. */
+ * `state` is as in sf_agents_observe. `origin` is the position on the map of the origin of the agent's coordinates, m;
+ * zeros if the agent uses the map's. Do what the step says and call the function again, until the step is SF_STEP_KEEP:
+ * after SF_STEP_HEAD call sf_agents_set_goal, after SF_STEP_PLAN call sf_follower_plan. An agent that stands waits up
+ * to 1.5 s for its first rehearsal. If the character strays more than 0.4 m from its rehearsal, another rehearsal
+ * begins. SF_BAD_STATE: the agent has no goal. */
 sf_status sf_follower_prepare(sf_follower* follower, const sf_rehearsals* rehearsals, sf_agents* agents, uint32_t agent,
     const sf_state* state, sf_vec3 origin, sf_step* step, sf_error* error);
 /* Fills `gait`, including struct_size, with the gait `name`: "walk" (1.4 m/s for the default body), "jog", "run" (the
- * usual one), "careful" or "hurried". SF_NOT_FOUND. */
+ * default), "careful" or "hurried". SF_NOT_FOUND: no gait has that name. */
 sf_status sf_gait_named(const char* name, sf_gait* gait, sf_error* error);
-/* Changes how the NPC goes, at any time. Without sf_follower_prepare only `avoids_jumps` has an effect. The step is
- * SF_STEP_PLAN if it would take another way now, otherwise SF_STEP_KEEP. */
+/* Changes the gait of the NPC, at any time. Without sf_follower_prepare only `avoids_jumps` has an effect. The step is
+ * SF_STEP_PLAN if the NPC would now take another route, otherwise SF_STEP_KEEP. */
 sf_status sf_follower_set_gait(sf_follower* follower, const sf_gait* gait, sf_step* step, sf_error* error);
 /* Reports that the NPC died, which ends the attempt. */
 sf_status sf_follower_note_death(sf_follower* follower, sf_error* error);

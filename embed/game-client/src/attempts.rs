@@ -1,7 +1,7 @@
 //! Sends NPCs of a game to goals, straight or by plan, as evaluations do in simulated worlds.
 //!
-//! The game itself moves on from waypoint to waypoint, and gets a new route where reviews, rehearsals or failures
-//! change it. Rehearsals run in a copy of the level, with the body that stands for the game's character.
+//! The game itself leads an NPC from waypoint to waypoint. It gets a new route when a review, a rehearsal or a failure
+//! changes the plan. Rehearsals run in a copy of the level, with the body that stands for the game's character.
 
 use super::drive::{Deciding, Drive, body_at, seen};
 use super::link::{Game, GameError, Level};
@@ -22,7 +22,7 @@ use surefoot_world::{Body, DECISION_SECONDS, End, Episode, Npc, TaskConfig, Vec3
 pub struct Rules {
     /// Rules of following plans; their patience holds for NPCs that head straight for goals as well.
     pub follow: FollowConfig,
-    /// Whether NPCs that follow plans rehearse what lies ahead; otherwise they move freely.
+    /// Whether NPCs that follow plans rehearse the next legs; otherwise they move freely.
     pub rehearses: bool,
     /// Share of the policy's exploration noise with which NPCs act, 0 or more.
     pub noise_share: f32,
@@ -72,7 +72,7 @@ pub fn attempt(
     Ok((walkers.into_iter().map(Walker::finish).collect(), figures))
 }
 
-/// Where plans come from, and where they are rehearsed.
+/// The source of plans, and their rehearsals.
 struct Guide<'a> {
     router: &'a Router,
     rehearsals: Option<Rehearsals>,
@@ -99,14 +99,15 @@ struct Walker {
     noise: NoiseStream,
     attempt: Option<GameAttempt>,
     measured: Measured,
-    /// The NPC as far as the game shows it, with the whole way to the goal, or that to its waypoint if it rehearses.
+    /// The NPC as far as the game shows it. If it follows a plan, its episode leads to its waypoint, otherwise to the
+    /// goal.
     npc: Npc,
     /// How it moves in the next decision.
     style: Style,
     trace: Trace,
     /// Sent with the next step.
     route: Option<Route>,
-    /// The places of its route, m.
+    /// The waypoints of the last route that was sent, m.
     sent: Vec<Vec3>,
     /// Places of its route that it had passed before the last step.
     passed: u32,
@@ -220,7 +221,7 @@ impl Walker {
         }
     }
 
-    /// Rehearses what lies ahead, and chooses how the NPC moves in the next decision.
+    /// Rehearses the next legs, and chooses how the NPC moves in the next decision.
     fn prepare(&mut self, guide: &mut Guide<'_>, hidden: &[f32]) {
         let attempt = self.attempt.as_mut().expect("an NPC with a guide follows plans");
         let feet = self.npc.body.feet;

@@ -4,7 +4,7 @@ namespace Surefoot
 {
     /// <summary>
     /// Runs the next legs of plans in a copy of the level, ahead of agents with one policy and body. <see cref="Attempt"/> uses them: its NPC then
-    /// moves calmly where a rehearsal has arrived, and takes another way where none does.
+    /// moves calmly where a rehearsal has arrived, and takes another route where rehearsals come to harm.
     /// </summary>
     public sealed unsafe class Rehearsals : IDisposable
     {
