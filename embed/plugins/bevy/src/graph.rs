@@ -105,8 +105,8 @@ impl SurefootGraph {
     }
 
     /// The same graph with rehearsals: agents run the next legs of their plans in a copy of `level`, on `thread_count`
-    /// threads. They then move calmly, and take another route where a leg would kill them. With 0 threads they rehearse in the
-    /// fixed ticks, which take milliseconds longer, and equal seeds give equal bits. Call
+    /// threads. They then move calmly, and take another route where a leg would kill them. With 0 threads they rehearse
+    /// in the fixed ticks, which take milliseconds longer, and equal seeds give equal bits. Call
     /// [`aligned_to`](Self::aligned_to) as well.
     #[must_use]
     pub fn rehearsed_on(self, level: &SurefootLevel, thread_count: usize) -> Self {
