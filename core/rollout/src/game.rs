@@ -12,7 +12,7 @@ use crate::attempt::{AfterRehearsal, Attempt};
 use crate::follow::{Follower, Step};
 use crate::rehearse::{Forecast, NoiseStream, Rehearsal, RehearsalFailure};
 use crate::style::Style;
-use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use surefoot_planner::{Plan, Query};
@@ -62,10 +62,12 @@ struct Job {
     npc: Npc,
     hidden: Vec<f32>,
     noise: NoiseStream,
-    reply: Sender<Rehearsed>,
-    /// Dropped once the attempt no longer needs the results.
-    wanted: Weak<()>,
+    /// Where the results go; gone once the attempt no longer needs them.
+    results: Weak<Results>,
 }
+
+/// Results, once there are any.
+type Results = Mutex<Option<Rehearsed>>;
 
 /// How the rehearsals of a job ended.
 #[derive(Debug)]
@@ -139,14 +141,14 @@ impl Stage {
             let job = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
             let Ok(job) = job else { return };
             // Each attempt has at most one wanted job, which bounds the work in the queue.
-            if job.wanted.strong_count() > 0 {
+            if job.results.strong_count() > 0 {
                 self.run(&mut rehearsal, job);
             }
         }
     }
 
     fn run(&self, rehearsal: &mut Rehearsal, job: Job) {
-        let Job { mut attempt, npc, hidden, mut noise, reply, .. } = job;
+        let Job { mut attempt, npc, hidden, mut noise, results } = job;
         let (mut failures, mut forecast) = (Vec::new(), None);
         loop {
             let start = attempt.rehearsal(npc, hidden.clone(), noise);
@@ -158,7 +160,10 @@ impl Stage {
             let then = attempt.record_rehearsal(result, &mut noise);
             if then != AfterRehearsal::Rehearse {
                 // The NPC may be gone.
-                let _ = reply.send(Rehearsed { failures, forecast, then });
+                if let Some(results) = results.upgrade() {
+                    let ended = Some(Rehearsed { failures, forecast, then });
+                    *results.lock().unwrap_or_else(PoisonError::into_inner) = ended;
+                }
                 return;
             }
         }
@@ -203,9 +208,7 @@ struct Diverged {
 /// A rehearsal that is under way.
 #[derive(Debug)]
 struct Pending {
-    results: Receiver<Rehearsed>,
-    /// Kept while the results are wanted.
-    _wanted: Arc<()>,
+    results: Arc<Results>,
     /// Decisions that the NPC carried out since the rehearsal began.
     acted: u32,
     /// Decisions for which it waited.
@@ -365,23 +368,18 @@ impl GameAttempt {
         if !std::mem::take(&mut self.is_retrying) {
             self.attempt.begin_rehearsals();
         }
-        let ((reply, results), wanted) = (channel(), Arc::new(()));
+        let results = Arc::new(Results::default());
         let (attempt, hidden) = (self.attempt.clone(), hidden.to_vec());
-        let job = Job { attempt, npc: *npc, hidden, noise, reply, wanted: Arc::downgrade(&wanted) };
-        self.pending = Some(Pending { results, _wanted: wanted, acted: 0, held: 0 });
-        on.submit(job);
+        on.submit(Job { attempt, npc: *npc, hidden, noise, results: Arc::downgrade(&results) });
+        self.pending = Some(Pending { results, acted: 0, held: 0 });
     }
 
     /// Takes the results of the rehearsal that is under way, if it has ended.
     fn collect(&mut self, npc: &Npc, noise: &mut NoiseStream) -> Option<AfterRehearsal> {
         let Pending { results, acted, .. } = self.pending.as_ref()?;
-        let (rehearsed, acted) = (results.try_recv(), *acted);
-        if matches!(rehearsed, Err(TryRecvError::Empty)) {
-            return None;
-        }
+        let (rehearsed, acted) = (results.lock().unwrap_or_else(PoisonError::into_inner).take(), *acted);
+        let Rehearsed { mut failures, forecast, then } = rehearsed?;
         self.pending = None;
-        // Without results, its thread has panicked.
-        let Rehearsed { mut failures, forecast, then } = rehearsed.ok()?;
         let last = failures.last().copied().filter(|_| forecast.is_none());
         let is_trusted =
             last.is_some_and(|last| then == AfterRehearsal::End || !last.is_harm && last.leg.edge().is_some());
