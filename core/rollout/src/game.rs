@@ -102,6 +102,11 @@ impl Rehearsals {
         &self.stage.map
     }
 
+    /// The policy.
+    pub fn policy(&self) -> &Policy {
+        &self.stage.policy
+    }
+
     /// The body.
     pub fn profile(&self) -> &CharacterProfile {
         &self.stage.profile

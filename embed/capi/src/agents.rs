@@ -9,6 +9,7 @@ use crate::error::{Fault, Status, chain};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use surefoot_policy::{Batch as Rows, Manifest, Scratch};
+use surefoot_rollout::game::Rehearsals;
 use surefoot_rollout::rehearse::NoiseStream;
 use surefoot_rollout::{DEFAULT_NOISE_SHARE, Style};
 use surefoot_world::arrival::{self, LINE_COUNT};
@@ -135,7 +136,6 @@ struct Mind {
 #[derive(Debug)]
 pub struct Agents {
     policy: surefoot_policy::Policy,
-    label: String,
     profile: CharacterProfile,
     task: TaskConfig,
     cone: RayCone,
@@ -174,7 +174,7 @@ impl Agents {
             return Err(Fault::argument(format!("max_agents is {count}, but must be 1 to {MAX_AGENTS}")));
         }
         let count = count as usize;
-        let (policy, label) = (policy.inner.clone(), policy.label.clone());
+        let policy = policy.inner.clone();
         let (observation_len, memory_len) = (policy.observation_len(), policy.memory_len());
         let batch = Batch {
             observations: vec![0.0; count * observation_len],
@@ -188,7 +188,6 @@ impl Agents {
             memories: batch.memories.clone(),
             batch,
             policy,
-            label,
             profile,
             task: TaskConfig::default(),
             cone: RayCone::default(),
@@ -202,14 +201,9 @@ impl Agents {
         })
     }
 
-    /// Name and shortened hash of the policy's weights.
-    pub fn label(&self) -> &str {
-        &self.label
-    }
-
-    /// The body.
-    pub fn profile(&self) -> &CharacterProfile {
-        &self.profile
+    /// Whether rehearsals are for the policy and the body of these agents.
+    pub fn are_those_of(&self, rehearsals: &Rehearsals) -> bool {
+        rehearsals.policy().weights_hash() == self.policy.weights_hash() && *rehearsals.profile() == self.profile
     }
 
     /// Number of agents.

@@ -20,8 +20,6 @@ const MAX_THREADS: u32 = 64;
 #[derive(Debug)]
 pub struct Rehearsals {
     inner: game::Rehearsals,
-    /// Name and shortened hash of the policy's weights.
-    label: String,
 }
 
 impl Rehearsals {
@@ -32,7 +30,7 @@ impl Rehearsals {
             return Err(Fault::argument(message));
         }
         let inner = game::Rehearsals::new(map.inner().clone(), profile, &policy.inner, thread_count as usize);
-        Ok(Self { inner, label: policy.label.clone() })
+        Ok(Self { inner })
     }
 }
 
@@ -163,7 +161,7 @@ impl Follower {
         if let Some(end) = self.end {
             return Ok(self.step(Step::End(end)));
         }
-        if rehearsals.label != agents.label() || *rehearsals.inner.profile() != *agents.profile() {
+        if !agents.are_those_of(&rehearsals.inner) {
             return Err(Fault::argument("rehearsals are of another policy or body than agents: create both alike"));
         }
         self.attempt.follower_mut().compose();

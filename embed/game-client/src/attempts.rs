@@ -135,7 +135,7 @@ impl Walker {
             walker.measured.record_first_plan(attempt.follower());
             walker.attempt = Some(attempt);
             walker.prepare(guide, hidden);
-            walker.send_route();
+            walker.send_route(walker.way_ahead());
         }
         walker
     }
@@ -146,10 +146,14 @@ impl Walker {
         Goal { goal: waypoint.unwrap_or(goal.goal), ..*goal }
     }
 
-    /// Lets the game lead the NPC along the way ahead when the next step ends.
-    fn send_route(&mut self) {
-        self.sent = self.attempt.as_ref().map_or(Vec::new(), |attempt| attempt.follower().way_ahead());
-        let waypoints = self.sent.clone();
+    /// The places for which it heads, m; none without a plan.
+    fn way_ahead(&self) -> Vec<Vec3> {
+        self.attempt.as_ref().map_or(Vec::new(), |attempt| attempt.follower().way_ahead())
+    }
+
+    /// Lets the game lead the NPC along these places, m, when the next step ends.
+    fn send_route(&mut self, waypoints: Vec<Vec3>) {
+        self.sent.clone_from(&waypoints);
         self.route = (!waypoints.is_empty()).then_some(Route { npc_idx: self.npc_idx, start: None, waypoints });
     }
 
@@ -215,9 +219,9 @@ impl Walker {
             return;
         }
         self.prepare(guide, drive.memory(self.npc_idx));
-        let way = self.attempt.as_ref().map_or(Vec::new(), |attempt| attempt.follower().way_ahead());
-        if self.measured.end.is_none() && (ended.is_some() || self.sent.get(passed as usize..) != Some(&way[..])) {
-            self.send_route();
+        let way = self.way_ahead();
+        if ended.is_some() || self.sent.get(passed as usize..) != Some(&way[..]) {
+            self.send_route(way);
         }
     }
 
