@@ -1,5 +1,6 @@
 // The entry of the extension, which Godot finds by the name in surefoot.gdextension.
 #include "surefoot_agent_3d.hpp"
+#include "surefoot_game_server.hpp"
 #include "surefoot_graph.hpp"
 
 namespace {
@@ -8,11 +9,13 @@ void initialize(void*, GDExtensionInitializationLevel level) {
     if (level == GDEXTENSION_INITIALIZATION_SCENE) {
         surefoot::SurefootGraph::register_class();
         surefoot::SurefootAgent3D::register_class();
+        surefoot::SurefootGameServer::register_class();
     }
 }
 
 void deinitialize(void*, GDExtensionInitializationLevel level) {
     if (level == GDEXTENSION_INITIALIZATION_SCENE) {
+        engine::unregister_class("SurefootGameServer");
         engine::unregister_class("SurefootAgent3D");
         engine::unregister_class("SurefootGraph");
     }

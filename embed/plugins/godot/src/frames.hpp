@@ -9,6 +9,7 @@
 namespace frames {
 
 inline float yaw_of(float rotation_y) { return rotation_y + 3.14159265f; }
+inline float rotation_of(float yaw) { return yaw - 3.14159265f; }
 
 inline sf_vec3 plus(sf_vec3 a, sf_vec3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 inline sf_vec3 minus(sf_vec3 a, sf_vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }

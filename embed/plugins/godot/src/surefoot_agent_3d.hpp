@@ -77,6 +77,20 @@ public:
     int64_t get_extra_jumps() const { return profile_.extra_jumps; }
     void set_extra_jumps(int64_t jumps) { profile_.extra_jumps = static_cast<uint32_t>(jumps); }
 
+    // For SurefootGameServer. From now on it moves the character, and the scene's physics ticks no longer do. False if
+    // the agent is not ready.
+    bool be_driven();
+    // Puts the character there, at rest, m and rad.
+    void place(sf_vec3 feet, float yaw);
+    void act(const sf_action& action);
+    // Moves the character. Returns the ability that it used.
+    sf_ability step(float seconds);
+    sf_state state() const;
+    void cast(const sf_ray* rays, size_t ray_count, sf_hit* hits);
+    // Whether the character touched a collider of this group in its last move.
+    bool touches(const char* group) const;
+    const sf_body& profile() const { return profile_; }
+
 private:
     // What the agent has while it is in a scene.
     struct Life;
@@ -94,7 +108,6 @@ private:
     bool has_arrived(const sf_state& state, sf_vec3 goal, double radius);
     void chase();
     bool decide();
-    sf_state state() const;
     void follow_motion();
     bool go_to(sf_vec3 goal);
     bool is_near_goal(sf_vec3 place) const;

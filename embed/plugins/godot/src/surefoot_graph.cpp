@@ -112,32 +112,32 @@ void SurefootGraph::forget_rehearsals() {
     stages_.clear();
 }
 
-// The level as a map; null, and an error in the log, if it cannot be read.
-sf_map* SurefootGraph::read_level(const char* where) {
+sf_map* read_level(const std::string& what, const std::string& path) {
     std::vector<uint8_t> bytes;
     sf_error error;
     sf_map* map = nullptr;
-    const std::string what = std::string(where) + " '" + level_ + "'";
-    if (read_file(where, level_, bytes)) {
-        succeeded(sf_map_load_memory(bytes.data(), bytes.size(), &map, &error), error, what.c_str());
+    if (read_file(what, path, bytes)) {
+        succeeded(sf_map_load_memory(bytes.data(), bytes.size(), &map, &error), error, (what + " '" + path + "'").c_str());
     }
     return map;
 }
 
-bool SurefootGraph::align_to(const std::string& level) {
-    constexpr const char* where = "SurefootGraph.align_to";
-    const std::string before = level_;
-    set_level(level);
-    sf_map* map = read_level(where);
-    if (map == nullptr) {
-        set_level(before);
-        return false;
-    }
+bool read_origin(const std::string& what, const std::string& path, sf_vec3& origin) {
+    sf_map* map = read_level(what, path);
     sf_vec3 extent;
     sf_error error;
-    const bool is_known = succeeded(sf_map_extent(map, &extent, &origin_, &error), error, where);
+    const bool is_known =
+        map != nullptr && succeeded(sf_map_extent(map, &extent, &origin, &error), error, what.c_str());
     sf_map_destroy(map);
     return is_known;
+}
+
+bool SurefootGraph::align_to(const std::string& level) {
+    if (!read_origin("SurefootGraph.align_to", level, origin_)) {
+        return false;
+    }
+    set_level(level);
+    return true;
 }
 
 sf_rehearsals* SurefootGraph::rehearsals_of(const sf_policy* policy, const sf_body& body) {
@@ -151,7 +151,7 @@ sf_rehearsals* SurefootGraph::rehearsals_of(const sf_policy* policy, const sf_bo
             return stage.rehearsals;
         }
     }
-    sf_map* map = read_level("SurefootGraph.level");
+    sf_map* map = read_level("SurefootGraph.level", level_);
     sf_rehearsals* rehearsals = nullptr;
     sf_error error;
     is_level_unreadable_ =

@@ -48,7 +48,6 @@ private:
     };
 
     std::vector<sf_vec3> vertices();
-    sf_map* read_level(const char* where);
     void forget_rehearsals();
 
     std::string file_, level_;
@@ -63,5 +62,11 @@ private:
 
 // Contents of a file of the project, or elsewhere. False, and an error that begins with `what`, if it cannot be read.
 bool read_file(const std::string& what, const std::string& path, std::vector<uint8_t>& bytes);
+
+// The level in a file as a map. Null, and an error that begins with `what`, if it cannot be read.
+sf_map* read_level(const std::string& what, const std::string& path);
+
+// The place of a level's origin on its map, m. False, and an error that begins with `what`, if it cannot be read.
+bool read_origin(const std::string& what, const std::string& path, sf_vec3& origin);
 
 }  // namespace surefoot
