@@ -16,6 +16,7 @@ func _initialize() -> void:
 	await _follow_a_target()
 	await _watch_a_leap()
 	_misuse_agents()
+	_misuse_servers(arguments[1])
 	print("%d failures" % _failures)
 	quit(0 if _failures == 0 else 1)
 
@@ -221,6 +222,25 @@ func _misuse_agents() -> void:
 	agent.note_ability("fly")
 	character.free()
 	_leave_teleporter_open()
+
+
+func _misuse_servers(level: String) -> void:
+	print("MISTAKE a server without a character")
+	_serve(null, level, "tcp://127.0.0.1:0")
+	print("MISTAKE a server without a level")
+	_serve(load("res://character.tscn"), "res://missing.glb", "tcp://127.0.0.1:0")
+	print("MISTAKE an address that is none")
+	_serve(load("res://character.tscn"), level, "127.0.0.1")
+
+
+func _serve(character: PackedScene, level: String, address: String) -> void:
+	var server := SurefootGameServer.new()
+	server.character = character
+	server.level = level
+	server.address = address
+	root.add_child(server)
+	_expect(server.get_port() == 0, "it listens")
+	server.free()
 
 
 func _leave_teleporter_open() -> void:
