@@ -3,7 +3,7 @@
 //! A game's physics differs a little from ours. A forecast holds while the body keeps within [`SLACK_M`] of it; beyond
 //! that, the NPC rehearses again. The game's proof of an edge overrules a rehearsal without progress on it: the NPC
 //! then moves freely there. It also moves freely where it repeatedly fails to follow its forecasts. Rehearsals are
-//! never evidence about edges.
+//! never evidence about edges. [`Rehearsals::set_pieces`] changes the copy as the game changes its level.
 //!
 //! For each decision, the game calls [`GameAttempt::record_decision`], then [`GameAttempt::prepare`] until that returns
 //! [`Prepared::Act`]. docs/adr/0073-rehearsals-beside-a-game.md has measurements.
@@ -13,10 +13,11 @@ use crate::follow::{Follower, Step};
 use crate::rehearse::{Forecast, NoiseStream, Rehearsal, RehearsalFailure};
 use crate::style::Style;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, PoisonError, RwLock, Weak};
 use std::thread::JoinHandle;
-use surefoot_planner::{Plan, Query};
+use surefoot_planner::{LegKey, Plan, Query};
 use surefoot_policy::Policy;
+use surefoot_world::map::{Piece, PieceError};
 use surefoot_world::{CharacterProfile, End, Gait, Map, MoverState, Npc, TaskConfig, Vec3, World};
 
 /// Greatest distance between a body in a game and its forecast at which the forecast holds, m.
@@ -33,12 +34,16 @@ const DIVERGENCE_M: f32 = 1.0;
 const SAME_M: f32 = 0.01;
 /// How far an NPC that waits may drift before it returns, m.
 const HOLD_WITHIN_M: f32 = 1.0;
+/// Distance from a leg within which a piece may be in the way, m.
+const IN_THE_WAY_M: f32 = 2.0;
 
 /// Rehearses legs for the NPCs of a game, on threads of its own or in the calls of [`GameAttempt::prepare`]. The NPCs
 /// share a level, a body and a policy.
 #[derive(Debug)]
 pub struct Rehearsals {
     stage: Arc<Stage>,
+    /// The level with its pieces.
+    map: RwLock<Arc<Map>>,
     /// Where jobs go; `None` without threads.
     jobs: Option<Sender<Job>>,
     threads: Vec<JoinHandle<()>>,
@@ -48,7 +53,6 @@ pub struct Rehearsals {
 /// What all rehearsals share.
 #[derive(Debug)]
 struct Stage {
-    map: Arc<Map>,
     profile: CharacterProfile,
     policy: Policy,
     /// The movers in their initial state.
@@ -58,6 +62,7 @@ struct Stage {
 /// Rehearsals of one NPC, until one ends well or it needs another plan.
 #[derive(Debug)]
 struct Job {
+    map: Arc<Map>,
     attempt: Attempt,
     npc: Npc,
     hidden: Vec<f32>,
@@ -85,21 +90,31 @@ impl Rehearsals {
     /// the calls of [`GameAttempt::prepare`], and equal calls give equal results.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, policy: &Policy, thread_count: usize) -> Self {
         let movers = World::new(map.clone(), profile.clone(), TaskConfig::default()).movers().to_vec();
-        let stage = Arc::new(Stage { map, profile, policy: policy.clone(), movers });
+        let stage = Arc::new(Stage { profile, policy: policy.clone(), movers });
         let (jobs, queue) = channel();
         let queue = Arc::new(Mutex::new(queue));
         let thread = |_| {
-            let (stage, queue) = (stage.clone(), queue.clone());
-            std::thread::spawn(move || stage.serve(&queue))
+            let (stage, queue, map) = (stage.clone(), queue.clone(), map.clone());
+            std::thread::spawn(move || stage.serve(map, &queue))
         };
         let threads = (0..thread_count).map(thread).collect();
-        let in_calls = Mutex::new(stage.rehearsal());
-        Self { jobs: (thread_count > 0).then_some(jobs), threads, in_calls, stage }
+        let in_calls = Mutex::new(stage.rehearsal(map.clone()));
+        Self { jobs: (thread_count > 0).then_some(jobs), threads, in_calls, stage, map: RwLock::new(map) }
     }
 
-    /// The level.
-    pub fn map(&self) -> &Arc<Map> {
-        &self.stage.map
+    /// The level with its pieces.
+    pub fn map(&self) -> Arc<Map> {
+        self.map.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Puts exactly these pieces onto the level. If that changes it, all NPCs need another plan.
+    ///
+    /// # Errors
+    /// If a piece is not valid, or there are too many. The pieces then stay as they are.
+    pub fn set_pieces(&self, pieces: &[Piece]) -> Result<(), PieceError> {
+        let mut map = self.map.write().unwrap_or_else(PoisonError::into_inner);
+        *map = map.holding(pieces)?;
+        Ok(())
     }
 
     /// The policy.
@@ -135,13 +150,13 @@ impl Drop for Rehearsals {
 }
 
 impl Stage {
-    fn rehearsal(&self) -> Rehearsal {
-        Rehearsal::new(self.map.clone(), self.profile.clone(), TaskConfig::default(), &self.policy)
+    fn rehearsal(&self, map: Arc<Map>) -> Rehearsal {
+        Rehearsal::new(map, self.profile.clone(), TaskConfig::default(), &self.policy)
     }
 
     /// Runs jobs until the queue is closed.
-    fn serve(&self, queue: &Mutex<Receiver<Job>>) {
-        let mut rehearsal = self.rehearsal();
+    fn serve(&self, map: Arc<Map>, queue: &Mutex<Receiver<Job>>) {
+        let mut rehearsal = self.rehearsal(map);
         loop {
             let job = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
             let Ok(job) = job else { return };
@@ -153,7 +168,10 @@ impl Stage {
     }
 
     fn run(&self, rehearsal: &mut Rehearsal, job: Job) {
-        let Job { mut attempt, npc, hidden, mut noise, results } = job;
+        let Job { map, mut attempt, npc, hidden, mut noise, results } = job;
+        if !Arc::ptr_eq(rehearsal.map(), &map) {
+            *rehearsal = self.rehearsal(map);
+        }
         let (mut failures, mut forecast) = (Vec::new(), None);
         loop {
             let start = attempt.rehearsal(npc, hidden.clone(), noise);
@@ -200,6 +218,8 @@ pub struct GameAttempt {
     /// Index of the leg from which on the NPC rehearses; it moves freely on the legs before.
     free_until: usize,
     diverged: Diverged,
+    /// The level on which the NPC prepared its last decision.
+    map: Option<Arc<Map>>,
 }
 
 /// Forecasts that failed one after another.
@@ -227,7 +247,7 @@ impl Clone for GameAttempt {
         if self.pending.is_some() {
             attempt.extend_forecast();
         }
-        Self { attempt, pending: None, ..*self }
+        Self { attempt, pending: None, map: self.map.clone(), ..*self }
     }
 }
 
@@ -244,6 +264,7 @@ impl GameAttempt {
             is_retrying,
             free_until: 0,
             diverged: Diverged::default(),
+            map: None,
         }
     }
 
@@ -293,8 +314,10 @@ impl GameAttempt {
     /// Prepares the next decision of `npc`. Its position is on the map of the rehearsals, and its goal is its waypoint.
     /// `hidden` is its row of the policy's hidden state.
     pub fn prepare(&mut self, on: &Rehearsals, npc: &Npc, hidden: &[f32], noise: &mut NoiseStream) -> Prepared {
-        let Stage { map, profile, .. } = &*on.stage;
-        let Some(waypoint) = self.attempt.follower.waypoint() else { return Prepared::Plan };
+        let (map, profile) = (&on.map(), on.profile());
+        let former = self.map.replace(map.clone());
+        let is_changed = former.is_some_and(|former| !Arc::ptr_eq(&former, map));
+        let Some(waypoint) = self.attempt.follower.waypoint().filter(|_| !is_changed) else { return Prepared::Plan };
         let mut npc = *npc;
         if let Some(episode) = npc.episode.as_mut().filter(|episode| episode.goal.distance(waypoint) <= SAME_M) {
             (episode.goal, episode.arrival) = (waypoint, self.attempt.follower.arrival());
@@ -306,8 +329,8 @@ impl GameAttempt {
         }
         if !self.is_free(npc) {
             self.attempt.skip_plain_rehearsal(map, profile, &npc.body);
-            self.rehearse(on, npc, hidden, *noise);
-            if self.collect(npc, noise) == Some(AfterRehearsal::Plan) {
+            self.rehearse((on, map), npc, hidden, *noise);
+            if self.collect(map, npc, noise) == Some(AfterRehearsal::Plan) {
                 return Prepared::Plan;
             }
         }
@@ -366,7 +389,7 @@ impl GameAttempt {
     }
 
     /// Begins a rehearsal if one is due and none is under way.
-    fn rehearse(&mut self, on: &Rehearsals, npc: &Npc, hidden: &[f32], noise: NoiseStream) {
+    fn rehearse(&mut self, (on, map): (&Rehearsals, &Arc<Map>), npc: &Npc, hidden: &[f32], noise: NoiseStream) {
         if self.pending.is_some() || !self.attempt.is_due() {
             return;
         }
@@ -374,20 +397,20 @@ impl GameAttempt {
             self.attempt.begin_rehearsals();
         }
         let results = Arc::new(Results::default());
-        let (attempt, hidden) = (self.attempt.clone(), hidden.to_vec());
-        on.submit(Job { attempt, npc: *npc, hidden, noise, results: Arc::downgrade(&results) });
+        let (map, attempt, hidden) = (map.clone(), self.attempt.clone(), hidden.to_vec());
+        on.submit(Job { map, attempt, npc: *npc, hidden, noise, results: Arc::downgrade(&results) });
         self.pending = Some(Pending { results, acted: 0, held: 0 });
     }
 
     /// Takes the results of the rehearsal that is under way, if it has ended.
-    fn collect(&mut self, npc: &Npc, noise: &mut NoiseStream) -> Option<AfterRehearsal> {
+    fn collect(&mut self, map: &Map, npc: &Npc, noise: &mut NoiseStream) -> Option<AfterRehearsal> {
         let Pending { results, acted, .. } = self.pending.as_ref()?;
         let (rehearsed, acted) = (results.lock().unwrap_or_else(PoisonError::into_inner).take(), *acted);
         let Rehearsed { mut failures, forecast, then } = rehearsed?;
         self.pending = None;
         let last = failures.last().copied().filter(|_| forecast.is_none());
-        let is_trusted =
-            last.is_some_and(|last| then == AfterRehearsal::End || !last.is_harm && last.leg.edge().is_some());
+        let is_proved = |leg: LegKey| leg.edge().is_some() && !self.is_altered(map, leg, npc.body.feet);
+        let is_trusted = last.is_some_and(|last| then == AfterRehearsal::End || !last.is_harm && is_proved(last.leg));
         if is_trusted {
             failures.pop();
         }
@@ -409,6 +432,20 @@ impl GameAttempt {
         }
         self.is_retrying = then == AfterRehearsal::Plan;
         Some(then)
+    }
+
+    /// Whether a piece may be in the way of a leg of the plan, so that the game's proof of its edge no longer counts.
+    fn is_altered(&self, map: &Map, key: LegKey, feet: Vec3) -> bool {
+        let Some(plan) = self.attempt.follower.current_plan() else { return false };
+        let Some(idx) = plan.legs.iter().rposition(|leg| leg.key == key) else { return false };
+        let to = plan.waypoints[idx];
+        let from = idx.checked_sub(1).map_or(feet, |before| plan.waypoints[before]);
+        let (low, high) = (from.min(to) - IN_THE_WAY_M, from.max(to) + IN_THE_WAY_M);
+        let is_near = |piece: &Piece| {
+            let (lowest, highest) = piece.bounds();
+            lowest.cmple(high).all() && highest.cmpge(low).all()
+        };
+        map.pieces().iter().any(is_near)
     }
 
     /// Whether the NPC moves freely without a rehearsal: on legs before `free_until`, and on rides, because games do

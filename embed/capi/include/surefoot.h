@@ -577,6 +577,18 @@ typedef struct sf_gait {
     int32_t avoids_jumps;
 } sf_gait;
 
+/* An upright box that the game has put into its level, such as a crate, a barricade or a closed door. */
+typedef struct sf_block {
+    /* Middle of its bottom on the map, m. */
+    sf_vec3 foot;
+    /* Extents along x and z before it is turned, and upwards, m (0.05 to 1000). */
+    float width;
+    float depth;
+    float height;
+    /* Turn about the upright axis, rad, counter-clockwise seen from above. */
+    float yaw;
+} sf_block;
+
 /* How an attempt of an NPC of a world ended. */
 typedef int32_t sf_end;
 enum {
@@ -781,6 +793,11 @@ sf_status sf_follower_plan(sf_follower* follower, const sf_graph* graph, sf_vec3
 sf_status sf_rehearsals_create(const sf_policy* policy, const sf_map* map, const sf_body* body, uint32_t thread_count,
     sf_rehearsals** rehearsals, sf_error* error);
 void sf_rehearsals_destroy(sf_rehearsals* rehearsals);
+/* Puts exactly these blocks into the copies of the level, at most 1024; none removes all. NPCs then take another plan at
+ * their next decision, and avoid legs on which a block stops their rehearsals. Call it when a block has come to rest,
+ * from any thread. If a block is refused, all stay as they were. */
+sf_status sf_rehearsals_set_blocks(const sf_rehearsals* rehearsals, const sf_block* blocks, size_t count,
+    sf_error* error);
 /* Prepares the next decision of an agent, after sf_follower_advance and before sf_agents_observe: smooths the plan,
  * rehearses the next two legs in a copy of the level, and lets the agent move calmly where a rehearsal has arrived.
  * `state` is as in sf_agents_observe. `origin` is the position on the map of the origin of the agent's coordinates, m;

@@ -318,6 +318,17 @@ pub struct Gait {
     pub avoids_jumps: i32,
 }
 
+/// `sf_block`: an upright box that a game has put into its level.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Block {
+    pub foot: Vec3,
+    pub width: f32,
+    pub depth: f32,
+    pub height: f32,
+    pub yaw: f32,
+}
+
 /// `sf_outcome`: the outcome of a decision.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

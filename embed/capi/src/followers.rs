@@ -10,7 +10,7 @@ use surefoot_planner::{AbilitySet, Caution, Query};
 use surefoot_rollout::follow::Step;
 use surefoot_rollout::game::{self, GameAttempt, Prepared};
 use surefoot_rollout::{FollowConfig, Follower as Rules};
-use surefoot_world::map::LevelFrame;
+use surefoot_world::map::{LevelFrame, Piece, PieceShape};
 use surefoot_world::{Arrival, CharacterProfile, End, GAITS, Gait, NamedGait, Vec3};
 
 /// Most threads of rehearsals.
@@ -31,6 +31,18 @@ impl Rehearsals {
         }
         let inner = game::Rehearsals::new(map.inner().clone(), profile, &policy.inner, thread_count as usize);
         Ok(Self { inner })
+    }
+
+    /// Puts exactly these blocks onto the level.
+    pub fn set_blocks(&self, blocks: &[abi::Block]) -> Result<(), Fault> {
+        let piece = |(idx, block): (usize, &abi::Block)| {
+            let abi::Block { foot, width, depth, height, yaw } = *block;
+            let foot = foot.checked(format!("blocks[{idx}].foot"))?;
+            let shape = PieceShape::Block { foot, half: [width / 2.0, depth / 2.0], height, yaw };
+            Ok(Piece { name: format!("blocks[{idx}]"), shape })
+        };
+        let pieces: Vec<Piece> = blocks.iter().enumerate().map(piece).collect::<Result<_, Fault>>()?;
+        self.inner.set_pieces(&pieces).map_err(|error| Fault::argument(error.to_string()))
     }
 }
 

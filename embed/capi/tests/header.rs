@@ -162,6 +162,7 @@ fn structs_and_constants_are_those_of_the_source() {
     compare!(program, "sf_ray", Ray { origin, direction });
     compare!(program, "sf_hit", Hit { distance, body_distance, surface });
     compare!(program, "sf_action", Action { forward, strafe, turn, jump });
+    compare!(program, "sf_block", Block { foot, width, depth, height, yaw });
     compare!(program, "sf_other", Other { feet, velocity });
     compare!(program, "sf_device", Device { kind, two_way, from, to });
     compare!(

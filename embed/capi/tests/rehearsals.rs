@@ -4,7 +4,7 @@
 use crate::stage::{agents, fails, handle, level, load_graph, map, ok, policy, state, step, world};
 use std::ptr::null;
 use std::sync::Arc;
-use surefoot::abi::{Action, Body, Gait, Hit, RAY_COUNT, State, Vec3};
+use surefoot::abi::{Action, Block, Body, Gait, Hit, RAY_COUNT, State, Vec3};
 use surefoot::exports::*;
 use surefoot::{Agents, Follower, Graph, Rehearsals, World};
 use surefoot_levels::{ImportOptions, NoFiles};
@@ -13,6 +13,7 @@ use surefoot_planner::{BuildSettings, Progress};
 use surefoot_policy::Policy;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs::build;
+use surefoot_world::map::{Piece, PieceShape};
 use surefoot_world::{CharacterProfile, Map};
 
 /// Places are on the map.
@@ -216,6 +217,41 @@ fn an_npc_walks_as_its_gait_says() {
         sf_follower_set_gait(follower, &walk, &mut step(), error)
     });
     unsafe { sf_follower_destroy(follower) };
+}
+
+/// A wall across the floor with a gap at its end.
+const WALL: Block = Block { foot: Vec3 { x: 30.0, y: 0.0, z: 7.0 }, width: 1.0, depth: 14.0, height: 6.0, yaw: 0.0 };
+
+#[test]
+fn npcs_avoid_blocks_that_a_game_adds() {
+    let mut game = Game::on(floor(), Some(0));
+    let foot = Vec3 { y: game.vertices[0].y, ..WALL.foot };
+    let shape = PieceShape::Block { foot: [foot.x, foot.y, foot.z].into(), half: [0.5, 7.0], height: 6.0, yaw: 0.0 };
+    let walled = floor().with_pieces(vec![Piece { name: "wall".to_owned(), shape }]).expect("a valid piece");
+    unsafe { sf_world_destroy(game.world) };
+    game.world = world(&Arc::new(walled));
+    let at = |x: f32| Vec3 { x, y: foot.y, z: 7.0 };
+    let rehearsals = game.rehearsals.expect("rehearsals");
+    let (mut ignorant, mut aware) = (Seen::default(), Seen::default());
+    game.walk_to([at(5.0), at(55.0)], None, &mut ignorant);
+    let wall = Block { foot, ..WALL };
+    ok(|error| unsafe { sf_rehearsals_set_blocks(rehearsals, &wall, 1, error) });
+    assert!(game.walk_to([at(5.0), at(55.0)], None, &mut aware), "{aware:?}");
+    assert!(aware.decisions < ignorant.decisions, "{ignorant:?} {aware:?}");
+    assert!(aware.turned < 0.5 * ignorant.turned, "{ignorant:?} {aware:?}");
+
+    // Refused blocks change nothing, and removed ones no longer stop rehearsals.
+    let flat = Block { height: 0.0, ..wall };
+    fails(1, "the height of the piece `blocks[1]` is 0", |error| unsafe {
+        sf_rehearsals_set_blocks(rehearsals, [wall, flat].as_ptr(), 2, error)
+    });
+    let mut again = Seen::default();
+    assert!(game.walk_to([at(5.0), at(55.0)], None, &mut again));
+    assert_eq!(again, aware, "the wall is still there");
+    ok(|error| unsafe { sf_rehearsals_set_blocks(rehearsals, null(), 0, error) });
+    let mut forgotten = Seen::default();
+    game.walk_to([at(5.0), at(55.0)], None, &mut forgotten);
+    assert_eq!(forgotten, ignorant);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::abi;
 use crate::agents::{Agents, Policy};
 use crate::followers::{self, Follower, Rehearsals};
 use crate::graphs::{Graph, abilities, caution as checked_caution};
-use crate::memory::{self, fill, growing, hand_out, lock, reference, write, write_growing};
+use crate::memory::{self, fill, growing, hand_out, lock, reference, slice, write, write_growing};
 use crate::worlds::Map;
 use std::ffi::c_char;
 use std::sync::Mutex;
@@ -73,6 +73,10 @@ export! {
     ) {
         let (policy, map) = (reference(policy, "policy")?, reference(map, "map")?);
         hand_out(rehearsals, "rehearsals", Rehearsals::new(policy, map, profile(body)?, thread_count)?)
+    }
+
+    fn sf_rehearsals_set_blocks(rehearsals: *const Rehearsals, blocks: *const abi::Block, count: usize) {
+        reference(rehearsals, "rehearsals")?.set_blocks(slice(blocks, count, "blocks")?)
     }
 
     fn sf_follower_prepare(
