@@ -19,6 +19,7 @@ namespace Surefoot.Tests
             ["sf_hit"] = "SightHit",
             ["sf_action"] = "AgentAction",
             ["sf_other"] = "OtherCharacter",
+            ["sf_block"] = "Block",
             ["sf_device"] = "Device",
             ["sf_body"] = "Body",
             ["sf_state"] = "CharacterState",

@@ -116,6 +116,22 @@ namespace Surefoot
         public Vec3 To;
     }
 
+    /// <summary>An upright box that the game has put into its level, such as a crate or a closed door; <c>sf_block</c>.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct Block
+    {
+        /// <summary>Middle of its bottom on the map, m.</summary>
+        public Vec3 Foot;
+        /// <summary>Extent along x before it is turned, m (0.05 to 1000).</summary>
+        public float Width;
+        /// <summary>Extent along z before it is turned, m (0.05 to 1000).</summary>
+        public float Depth;
+        /// <summary>Extent upwards, m (0.05 to 1000).</summary>
+        public float Height;
+        /// <summary>Turn about the upright axis, rad, counter-clockwise seen from above.</summary>
+        public float Yaw;
+    }
+
     /// <summary>What makes a character move as it does; <c>sf_body</c>. Begin with <see cref="Default"/>.</summary>
     [StructLayout(LayoutKind.Sequential)]
     public struct Body

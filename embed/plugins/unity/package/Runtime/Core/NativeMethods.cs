@@ -137,6 +137,8 @@ namespace Surefoot
         internal static extern Status sf_rehearsals_create(PolicyHandle policy, MapHandle map, Body* body, uint threadCount, out RehearsalsHandle rehearsals, NativeError* error);
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern void sf_rehearsals_destroy(IntPtr rehearsals);
+        [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
+        internal static extern Status sf_rehearsals_set_blocks(RehearsalsHandle rehearsals, Block* blocks, UIntPtr count, NativeError* error);
 
         [DllImport(Name, CallingConvention = CallingConvention.Cdecl)]
         internal static extern Status sf_map_load(byte* path, out MapHandle map, NativeError* error);

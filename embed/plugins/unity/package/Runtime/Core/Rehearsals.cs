@@ -1,4 +1,5 @@
 using System;
+using System.Runtime.InteropServices;
 
 namespace Surefoot
 {
@@ -21,6 +22,19 @@ namespace Surefoot
             body.StructSize = (uint)sizeof(Body);
             Native.Check(NativeMethods.sf_rehearsals_create(policy.Handle, map.Handle, &body, threadCount, out handle, &error), &error);
             Handle = handle;
+        }
+
+        /// <summary>
+        /// Puts exactly these blocks into the copies of the level, at most 1024. NPCs then take another plan, and avoid legs on which a block stops
+        /// their rehearsals.
+        /// </summary>
+        public void SetBlocks(ReadOnlySpan<Block> blocks)
+        {
+            NativeError error;
+            fixed (Block* first = &MemoryMarshal.GetReference(blocks))
+            {
+                Native.Check(NativeMethods.sf_rehearsals_set_blocks(Handle, first, Native.Size(blocks.Length), &error), &error);
+            }
         }
 
         internal RehearsalsHandle Handle { get; }
