@@ -111,9 +111,11 @@ impl Rehearsals {
     ///
     /// # Errors
     /// If a piece is not valid, or there are too many. The pieces then stay as they are.
-    pub fn set_pieces(&self, pieces: &[Piece]) -> Result<(), PieceError> {
+    pub fn set_pieces(&self, mut pieces: Vec<Piece>) -> Result<(), PieceError> {
+        // Maps compare pieces in the order of their names.
+        pieces.sort_by(|one, other| one.name.cmp(&other.name));
         let mut map = self.map.write().unwrap_or_else(PoisonError::into_inner);
-        *map = map.holding(pieces)?;
+        *map = map.holding(&pieces)?;
         Ok(())
     }
 
@@ -330,7 +332,7 @@ impl GameAttempt {
         if !self.is_free(npc) {
             self.attempt.skip_plain_rehearsal(map, profile, &npc.body);
             self.rehearse((on, map), npc, hidden, *noise);
-            if self.collect(map, npc, noise) == Some(AfterRehearsal::Plan) {
+            if self.collect(npc, noise) == Some(AfterRehearsal::Plan) {
                 return Prepared::Plan;
             }
         }
@@ -403,13 +405,13 @@ impl GameAttempt {
     }
 
     /// Takes the results of the rehearsal that is under way, if it has ended.
-    fn collect(&mut self, map: &Map, npc: &Npc, noise: &mut NoiseStream) -> Option<AfterRehearsal> {
+    fn collect(&mut self, npc: &Npc, noise: &mut NoiseStream) -> Option<AfterRehearsal> {
         let Pending { results, acted, .. } = self.pending.as_ref()?;
         let (rehearsed, acted) = (results.lock().unwrap_or_else(PoisonError::into_inner).take(), *acted);
         let Rehearsed { mut failures, forecast, then } = rehearsed?;
         self.pending = None;
         let last = failures.last().copied().filter(|_| forecast.is_none());
-        let is_proved = |leg: LegKey| leg.edge().is_some() && !self.is_altered(map, leg, npc.body.feet);
+        let is_proved = |leg: LegKey| leg.edge().is_some() && !self.is_altered(leg, npc.body.feet);
         let is_trusted = last.is_some_and(|last| then == AfterRehearsal::End || !last.is_harm && is_proved(last.leg));
         if is_trusted {
             failures.pop();
@@ -435,8 +437,8 @@ impl GameAttempt {
     }
 
     /// Whether a piece may be in the way of a leg of the plan, so that the game's proof of its edge no longer counts.
-    fn is_altered(&self, map: &Map, key: LegKey, feet: Vec3) -> bool {
-        let Some(plan) = self.attempt.follower.current_plan() else { return false };
+    fn is_altered(&self, key: LegKey, feet: Vec3) -> bool {
+        let Some((map, plan)) = self.map.as_ref().zip(self.attempt.follower.current_plan()) else { return false };
         let Some(idx) = plan.legs.iter().rposition(|leg| leg.key == key) else { return false };
         let to = plan.waypoints[idx];
         let from = idx.checked_sub(1).map_or(feet, |before| plan.waypoints[before]);

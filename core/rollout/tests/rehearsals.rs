@@ -1,6 +1,6 @@
 //! Rehearsals: what they foretell happens, and NPCs that rehearse stay alive where others fall.
 
-use super::stage::router;
+use super::stage::{of_boxes, router};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
@@ -8,11 +8,12 @@ use surefoot_planner::LegKey;
 use surefoot_policy::Policy;
 use surefoot_rollout::attempt::{Recovery, RetryBudget};
 use surefoot_rollout::attempts::Figures;
+use surefoot_rollout::game::Rehearsals;
 use surefoot_rollout::rehearse::{NoiseStream, Rehearsal, RehearsalFailure, RehearsalStart};
 use surefoot_rollout::{
     AttemptResult, DecidingNpc, DecisionBatch, DecisionLoop, FollowConfig, Follower, Goal, Noise, Rollout,
 };
-use surefoot_world::map::MapKind;
+use surefoot_world::map::{MapKind, MapSize, Piece, PieceShape};
 use surefoot_world::{Arrival, CharacterProfile, End, Map, MapSpec, RawMapSpec, TaskConfig, Vec3, World, navigable};
 
 /// Platforms over a void.
@@ -145,4 +146,23 @@ fn after_a_failure_other_noise_is_tried_then_another_way_and_at_last_nothing() {
     assert_eq!(recoveries(harm)[..3], [Recovery::ChangeNoise, Recovery::ChangeNoise, Recovery::Avoid(harm)]);
     assert_eq!(recoveries(stall)[..2], [Recovery::ChangeNoise, Recovery::Avoid(stall)]);
     assert_eq!([recoveries(harm)[95], recoveries(stall)[95]], [Recovery::Stop; 2]);
+}
+
+#[test]
+fn a_level_that_has_its_pieces_already_stays_the_same() {
+    let size = MapSize { width: 32, height: 30, depth: 24 };
+    let map = of_boxes(size, [[Vec3::ZERO, Vec3::new(32.0, 1.0, 24.0)]]);
+    let rehearsals = Rehearsals::new(map, CharacterProfile::default(), &Policy::shipped().unwrap(), 0);
+    // The names of a dozen do not sort by their numbers.
+    let block = |idx: u8| {
+        let foot = Vec3::new(2.0 * f32::from(idx) + 2.0, 1.0, 12.0);
+        Piece { name: format!("block {idx}"), shape: PieceShape::Block { foot, half: [0.5; 2], height: 1.0, yaw: 0.0 } }
+    };
+    let level_with = |count| {
+        rehearsals.set_pieces((0..count).map(block).collect()).unwrap();
+        rehearsals.map()
+    };
+    let level = level_with(12);
+    assert!(Arc::ptr_eq(&level, &level_with(12)));
+    assert!(!Arc::ptr_eq(&level, &level_with(11)));
 }

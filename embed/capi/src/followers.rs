@@ -42,7 +42,7 @@ impl Rehearsals {
             Ok(Piece { name: format!("blocks[{idx}]"), shape })
         };
         let pieces: Vec<Piece> = blocks.iter().enumerate().map(piece).collect::<Result<_, Fault>>()?;
-        self.inner.set_pieces(&pieces).map_err(|error| Fault::argument(error.to_string()))
+        self.inner.set_pieces(pieces).map_err(|error| Fault::argument(error.to_string()))
     }
 }
 

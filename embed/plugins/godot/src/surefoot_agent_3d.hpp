@@ -85,6 +85,7 @@ public:
     void act(const sf_action& action);
     // Moves the character. Returns the ability that it used.
     sf_ability step(float seconds);
+    sf_vec3 feet() const;
     sf_state state() const;
     void cast(const sf_ray* rays, size_t ray_count, sf_hit* hits);
     // Whether the character touched a collider of this group in its last move.
@@ -100,7 +101,6 @@ private:
     void end();
     bool read_body(const engine::Variant& body, double& feet_offset);
     sf_agents* make_agents(sf_policy*& policy);
-    sf_vec3 feet() const;
     SurefootGraph* graph() const { return dynamic_cast<SurefootGraph*>(engine::Instance::of(graph_)); }
 
     void tick();

@@ -40,11 +40,11 @@ void SurefootAgent3D::act(const sf_action& action) {
 }
 
 sf_ability SurefootAgent3D::step(float seconds) {
-    const bool was_on_floor = life_->body.call("is_on_floor").boolean();
     if (moves_body_) {
         life_->walker.move(seconds);
         life_->used = life_->walker.take_jump();
     } else {
+        const bool was_on_floor = life_->body.call("is_on_floor").boolean();
         life_->body.call("_physics_process", static_cast<double>(seconds));
         const bool has_left = was_on_floor && !life_->body.call("is_on_floor").boolean();
         if (life_->used == SF_WALK && has_left && life_->body.call("get_velocity").vector3().y > jumped_speed) {

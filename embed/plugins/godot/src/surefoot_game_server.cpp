@@ -38,14 +38,13 @@ std::string in_metres(float value) {
     return text;
 }
 
+sf_vec3 from_protocol(sfg_vec3 it) { return {it.x, it.y, it.z}; }
+sfg_vec3 to_protocol(sf_vec3 it) { return {it.x, it.y, it.z}; }
+
+// The agent that is a child of a node; null without one.
 SurefootAgent3D* agent_below(const Variant& node) {
-    const int64_t child_count = node.call("get_child_count").integer();
-    for (int64_t idx = 0; idx < child_count; idx++) {
-        if (auto* agent = dynamic_cast<SurefootAgent3D*>(engine::Instance::of(node.call("get_child", idx)))) {
-            return agent;
-        }
-    }
-    return nullptr;
+    const Variant agents = node.call("find_children", "*", "SurefootAgent3D", false, false);
+    return dynamic_cast<SurefootAgent3D*>(engine::Instance::of(agents.at(int64_t{0})));
 }
 
 }  // namespace
@@ -91,7 +90,7 @@ struct SurefootGameServer::Calls {
     static void place(void* world, uint32_t idx, sfg_vec3 feet, float yaw) {
         World& of = *static_cast<World*>(world);
         World::Character& character = of.characters[idx];
-        character.agent->place(frames::minus({feet.x, feet.y, feet.z}, of.server.origin_), yaw);
+        character.agent->place(frames::minus(from_protocol(feet), of.server.origin_), yaw);
         character.flags = 0;
     }
 
@@ -104,7 +103,7 @@ struct SurefootGameServer::Calls {
             }
             const sf_ability used = character.agent->step(SFG_TICK_SECONDS);
             character.flags = used == SF_JUMP ? SFG_JUMPED : used == SF_DOUBLE_JUMP ? SFG_DOUBLE_JUMPED : 0;
-            if (character.agent->state().feet.y + of.server.origin_.y < -fall_m) {
+            if (character.agent->feet().y + of.server.origin_.y < -fall_m) {
                 character.flags |= SFG_FELL;
             } else if (of.server.has_lava_ && character.agent->touches(lava)) {
                 character.flags |= SFG_BURNT;
@@ -116,27 +115,23 @@ struct SurefootGameServer::Calls {
         World& of = *static_cast<World*>(world);
         const World::Character& character = of.characters[idx];
         const sf_state now = character.agent->state();
-        const sf_vec3 feet = frames::plus(now.feet, of.server.origin_);
-        state->feet = {feet.x, feet.y, feet.z};
-        state->velocity = {now.velocity.x, now.velocity.y, now.velocity.z};
+        state->feet = to_protocol(frames::plus(now.feet, of.server.origin_));
+        state->velocity = to_protocol(now.velocity);
         state->yaw = now.yaw;
-        state->flags = character.flags;
         // From the ground, a jump is always made.
-        if ((now.flags & SF_GROUNDED) != 0) {
-            state->flags |= SFG_GROUNDED | SFG_CAN_JUMP;
-        } else if ((now.flags & SF_CAN_JUMP) != 0) {
-            state->flags |= SFG_CAN_JUMP;
-        }
+        const uint32_t grounded = (now.flags & SF_GROUNDED) != 0 ? SFG_GROUNDED | SFG_CAN_JUMP : 0;
+        const uint32_t can_jump = (now.flags & SF_CAN_JUMP) != 0 ? SFG_CAN_JUMP : 0;
+        state->flags = character.flags | grounded | can_jump;
     }
 
     static void cast(void* world, sfg_vec3 from, const sfg_vec3 directions[SFG_RAYS], float range, sfg_hit hits[SFG_RAYS]) {
         World& of = *static_cast<World*>(world);
-        const sf_vec3 origin = frames::minus({from.x, from.y, from.z}, of.server.origin_);
+        const sf_vec3 origin = frames::minus(from_protocol(from), of.server.origin_);
         sf_ray rays[SFG_RAYS]{};
         sf_hit found[SFG_RAYS]{};
         for (int idx = 0; idx < SFG_RAYS; idx++) {
             rays[idx].origin = origin;
-            rays[idx].direction = {directions[idx].x, directions[idx].y, directions[idx].z};
+            rays[idx].direction = from_protocol(directions[idx]);
         }
         of.characters.front().agent->cast(rays, SFG_RAYS, found);
         for (int idx = 0; idx < SFG_RAYS; idx++) {
@@ -156,7 +151,7 @@ void SurefootGameServer::register_class() {
         .property<&S::get_address, &S::set_address>({"address", GDEXTENSION_VARIANT_TYPE_STRING, 0, "", ""})
         .property<&S::get_character, &S::set_character>(
             {"character", GDEXTENSION_VARIANT_TYPE_OBJECT, hint_resource, "PackedScene", "PackedScene"})
-        .property<&S::get_level, &S::set_level>({"level", GDEXTENSION_VARIANT_TYPE_STRING, hint_file, "*.glb,*.sfmap", ""});
+        .property<&S::get_level, &S::set_level>({"level", GDEXTENSION_VARIANT_TYPE_STRING, hint_file, "*.glb,*.gltf,*.obj,*.sfmap", ""});
 }
 
 SurefootGameServer::~SurefootGameServer() { sfg_free(server_); }
