@@ -618,7 +618,7 @@ typedef void (*sf_cast_rays)(void* user, const sf_ray* rays, size_t ray_count, s
 
 /* ------------------------------------------------------------ library */
 
-/* Version of the library, such as "0.2.0"; do not free it. */
+/* Version of the library, such as "0.3.0"; do not free it. */
 const char* sf_version(void);
 /* SF_ABI_VERSION of the library: compare it with the header's before any other call. */
 uint32_t sf_abi_version(void);

@@ -48,7 +48,7 @@ pub const BODIES: [NamedBody; 11] = [
             (it.jump_speed, it.gravity, it.extra_jumps) = (4.5, 9.8, 0);
             (it.max_slope, it.step_height) = (45.0f32.to_radians(), 0.0);
             // The template sets the velocity at once, on the ground and in the air.
-            (it.ground_acceleration, it.air_acceleration) = (100.0, 50.0);
+            (it.ground_acceleration, it.air_acceleration) = (300.0, 300.0);
             (it.uses_zip_lines, it.uses_jetpacks) = (false, false);
         },
     },

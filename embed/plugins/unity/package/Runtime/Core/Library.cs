@@ -11,7 +11,7 @@ namespace Surefoot
 
         private static bool isLoaded;
 
-        /// <summary>Version of the native library, such as "0.2.0".</summary>
+        /// <summary>Version of the native library, such as "0.3.0".</summary>
         public static string Version
         {
             get
