@@ -8,4 +8,5 @@ mod graphs;
 mod kills;
 mod levels;
 mod memory;
+mod released;
 mod restarts;

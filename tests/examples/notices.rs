@@ -1,20 +1,21 @@
-//! Writes the notices of all crates that the program is linked with: `cargo run -p e2e --example notices`.
+//! Writes the notices of all third-party packages in a release: `cargo run -p e2e --example notices`. Needs Studio's
+//! packages in `studio/page/node_modules`, where `npm ci` or a build of Studio puts them.
 //!
-//! `surefoot licenses` prints the file, and the container image includes it. A test compares its headings with the
-//! linked crates.
+//! `surefoot licenses` prints the file, and every package of a release includes it. A test compares its lists with what
+//! the packages are made of.
 
-use e2e::packages::{folders, linked};
+use e2e::packages::{Package, folders, lists};
 use e2e::source::root;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
 fn main() {
-    let (packages, folders) = (linked(), folders());
-    // Many crates have identical texts; each text is written once.
+    let (lists, folders) = (lists(), folders());
+    // Many packages have identical texts; each text is written once.
     let mut texts: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for package in &packages {
-        let entries =
-            std::fs::read_dir(&folders[&(package.name.clone(), package.version.clone())]).expect("the crate's sources");
+    for package in lists.iter().flat_map(|(_, packages)| packages) {
+        let folder = &folders[&(package.name.clone(), package.version.clone())];
+        let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
         let mut paths: Vec<_> =
             entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.is_file()).collect();
         paths.sort();
@@ -32,16 +33,21 @@ fn main() {
         }
     }
     let mut file = String::from(
-        "# Crates that surefoot is linked from\n\n\
-         Surefoot itself is licensed under MIT or Apache-2.0, as you like.\n\n",
+        "# Third-party software in Surefoot\n\n\
+         Surefoot itself is licensed under MIT or Apache-2.0, as you like.\n\
+         libsurefoot and the plugins for engines contain some of the crates in the programs.\n",
     );
-    for package in &packages {
-        writeln!(file, "- {}", package.heading()).expect("a String takes everything");
+    for (heading, packages) in &lists {
+        write!(file, "\n## {heading}\n\n").expect("a String takes everything");
+        for line in packages.iter().map(Package::heading) {
+            writeln!(file, "- {line}").expect("a String takes everything");
+        }
     }
     for (text, users) in &texts {
         write!(file, "\n## {}\n\n{text}\n", users.join(", ")).expect("a String takes everything");
     }
     let path = root().join("cli/THIRD_PARTY_NOTICES.md");
     std::fs::write(&path, &file).expect("the file can be written");
-    println!("{}: {} crates, {} texts, {} KB", path.display(), packages.len(), texts.len(), file.len() / 1000);
+    let count: usize = lists.iter().map(|(_, packages)| packages.len()).sum();
+    println!("{}: {count} packages, {} texts, {} KB", path.display(), texts.len(), file.len() / 1000);
 }

@@ -1,23 +1,23 @@
-//! The crates that the program is linked with, as reported by cargo.
+//! The third-party packages in a release, as reported by cargo and by npm's lock file.
 
 use crate::source::root;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::process::Command;
 
-/// A third-party crate.
+/// A third-party crate, or package of npm.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Package {
-    /// Name of the crate.
+    /// Name of the crate or package.
     pub name: String,
-    /// Version of the crate.
+    /// Version of the crate or package.
     pub version: String,
     /// Licence as an SPDX expression.
     pub license: String,
 }
 
 impl Package {
-    /// Heading of the crate in the third-party notices.
+    /// Line of the package in the third-party notices.
     pub fn heading(&self) -> String {
         format!("{} {} ({})", self.name, self.version, self.license)
     }
@@ -26,13 +26,29 @@ impl Package {
 /// Features of the image.
 pub const IMAGE: &str = "surefoot-cli/agones,surefoot-cli/fleet,surefoot-lab/fleet";
 
-/// Every third-party crate of the shipped programs: on Linux, with the features of the image.
+/// Arguments of cargo that select the shipped programs, with the features of the image.
+pub const PROGRAMS: &[&str] = &["--package", "surefoot-cli", "--package", "surefoot-lab", "--features", IMAGE];
+/// Arguments of cargo that select libsurefoot.
+pub const LIBRARY: &[&str] = &["--package", "surefoot-capi"];
+/// Arguments of cargo that select the native module of the Python package.
+pub const PYTHON: &[&str] = &["--package", "surefoot-python"];
+
+/// The lists of the third-party notices by heading. Each leaves out what the lists before it have.
+///
+/// # Panics
+/// If cargo fails, or Studio's lock file cannot be read.
+pub fn lists() -> [(&'static str, BTreeSet<Package>); 3] {
+    let programs = linked(PROGRAMS);
+    let python = linked(PYTHON).difference(&programs).cloned().collect();
+    [("In the programs", programs), ("Only in the Python package", python), ("In Studio", bundled())]
+}
+
+/// Every third-party crate that is linked on Linux into the packages which `selection` names: [`PROGRAMS`] or another.
 ///
 /// # Panics
 /// If cargo fails.
-pub fn linked() -> BTreeSet<Package> {
-    let program = ["--package", "surefoot-cli", "--package", "surefoot-lab", "--features", IMAGE];
-    let about = [&program[..], &["--edges", "normal", "--target", "x86_64-unknown-linux-gnu"]].concat();
+pub fn linked(selection: &[&str]) -> BTreeSet<Package> {
+    let about = [selection, &["--edges", "normal", "--target", "x86_64-unknown-linux-gnu"]].concat();
     let tree = cargo(&[&["tree", "--prefix", "none", "--format", "{p}|{l}|"], &about[..]].concat());
     let lines = tree.lines().filter(|line| !line.is_empty() && !line.contains(" (/") && !line.contains(":\\"));
     lines
@@ -45,6 +61,29 @@ pub fn linked() -> BTreeSet<Package> {
             Package { name: name.to_owned(), version: version.to_owned(), license: license.to_owned() }
         })
         .collect()
+}
+
+/// Every package of npm that Studio's page is bundled from, as its lock file says.
+fn bundled() -> BTreeSet<Package> {
+    let lock = std::fs::read_to_string(page().join("package-lock.json")).expect("Studio's lock file");
+    let lock: serde_json::Value = serde_json::from_str(&lock).expect("the lock file is JSON");
+    let packages = lock["packages"].as_object().expect("packages").iter();
+    packages
+        .filter(|(path, package)| !path.is_empty() && package["dev"] != true)
+        .map(|(path, package)| Package {
+            name: path.trim_start_matches("node_modules/").to_owned(),
+            version: text(&package["version"]),
+            license: text(&package["license"]),
+        })
+        .collect()
+}
+
+fn page() -> PathBuf {
+    root().join("studio/page")
+}
+
+fn text(value: &serde_json::Value) -> String {
+    value.as_str().expect("a text").to_owned()
 }
 
 /// The sets of features that each crate is built with, by name and version, for the arguments `about` of `cargo tree`.
@@ -62,7 +101,7 @@ pub fn features(about: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
     found
 }
 
-/// Folder with the sources of each crate, by name and version.
+/// Folder with the sources of each crate, and of each package in Studio, by name and version.
 ///
 /// # Panics
 /// If cargo fails.
@@ -70,15 +109,14 @@ pub fn folders() -> BTreeMap<(String, String), PathBuf> {
     let metadata = ["metadata", "--format-version", "1", "--filter-platform", "x86_64-unknown-linux-gnu"];
     let metadata = cargo(&[&metadata[..], &["--features", IMAGE]].concat());
     let metadata: serde_json::Value = serde_json::from_str(&metadata).expect("metadata is JSON");
-    let text = |value: &serde_json::Value| value.as_str().expect("a text").to_owned();
     let packages = metadata["packages"].as_array().expect("packages").iter();
-    packages
-        .map(|package| {
-            let manifest = PathBuf::from(text(&package["manifest_path"]));
-            let folder = manifest.parent().expect("a folder").to_owned();
-            ((text(&package["name"]), text(&package["version"])), folder)
-        })
-        .collect()
+    let crates = packages.map(|package| {
+        let manifest = PathBuf::from(text(&package["manifest_path"]));
+        let folder = manifest.parent().expect("a folder").to_owned();
+        ((text(&package["name"]), text(&package["version"])), folder)
+    });
+    let modules = page().join("node_modules");
+    crates.chain(bundled().into_iter().map(|it| ((it.name.clone(), it.version), modules.join(it.name)))).collect()
 }
 
 fn cargo(arguments: &[&str]) -> String {

@@ -23,7 +23,7 @@ const JUMP_PRICE = 2
 /** How each entrant gets its links. */
 const ENTRANTS = {
   detour: { about: 'plain', links: () => [] },
-  'detour-jump-down': { about: 'with automatic one-way links down and across gaps', links: automaticLinks },
+  'detour-jumps': { about: 'with automatic one-way links down, across gaps and up', links: automaticLinks },
   'detour-links': { about: 'with the proved links of a Surefoot graph', links: graphLinks },
 }
 

@@ -4,6 +4,7 @@
 // - Unreal Engine 5.5, "Automatic Navigation Link Generation": trajectories are sampled along the edges of the NavMesh, a multiple of the cell
 //   size apart ("Sampling Separation Factor"); each starts near the edge, is a parabola, and looks for ground down to "Jump Max Depth", with a
 //   tolerance of height at both ends; similar links are filtered by the distance of their ends ("Filter Distance Threshold"). Its links lead down.
+// - Unreal Engine 5.7, `FNavLinkGenerationJumpConfig`: a link of a ledge also has an upward direction, with an area of its own.
 // - Unity, `NavMeshBuildSettings.ledgeDropHeight` and `maxJumpAcrossDistance`: a drop lands just beyond the edge, lower by more than a step; a
 //   jump across a gap is longer than the body is wide, and lands at the level of its start.
 // Engines have one parabola for each set of settings. Here the parabolas are those of the body: it runs off the edge or jumps at its own speeds
@@ -26,7 +27,7 @@ const STRIDE_M = 0.1
 const TICK_S = 1 / 60
 
 /**
- * Links from the edges of a NavMesh to ground below or across a gap, all one-way. `edges` come from `boundary`, `triangles` are the level's,
+ * Links from the edges of a NavMesh to ground below or across a gap, and from lower ground to them, all one-way. `edges` come from `boundary`, `triangles` are the level's,
  * `body` is a character profile, `agent` has Recast's parameters, and `nearest` returns the point of the NavMesh nearest to a landing, if
  * there is one that close.
  */
@@ -34,16 +35,18 @@ export function jumpLinks({ edges, triangles, body, agent, nearest }) {
   const level = { triangles, body, climb: agent.walkableClimb * agent.ch, nearest, reach: (agent.walkableRadius + 2) * agent.cs + body.radius }
   const drops = new Links(SETTINGS.filterDistance)
   const jumps = new Links(SETTINGS.filterDistance)
+  const climbs = new Links(SETTINGS.filterDistance)
   for (const edge of edges) {
     for (const sample of samples(edge, SETTINGS.samplingSeparation * agent.cs)) {
       const lip = lipBeyond(level, sample, edge.outward)
       if (lip === undefined) continue
       drops.add(lip.start, landing(level, lip.start, lip.edge, edge.outward, 0), 'walk')
       jumps.add(lip.start, landing(level, lip.start, lip.start, edge.outward, body.jump_speed), 'jump')
+      climbs.add(takeOff(level, lip.start, edge.outward), lip.start, 'jump')
     }
   }
   const radius = 2 * agent.cs
-  return [...drops.all, ...jumps.all].map((link) => ({ ...link, radius, bidirectional: false }))
+  return [...drops.all, ...jumps.all, ...climbs.all].map((link) => ({ ...link, radius, bidirectional: false }))
 }
 
 /** Points along an edge, the same distance apart and from its ends. */
@@ -91,6 +94,28 @@ function landing(level, start, from, outward, up) {
   return undefined
 }
 
+/** Where the body can jump up to a ledge from, at the first speed at which it lands there. */
+function takeOff(level, ledge, [outX, outZ]) {
+  const { triangles, climb, body, nearest } = level
+  const up = body.jump_speed
+  for (const share of SETTINGS.jumpSpeeds) {
+    const speed = share * body.forward_speed
+    // A body lands on its way down; a flight that ends at the height of its start is a jump across.
+    for (let time = up / body.gravity; time < (2 * up) / body.gravity; time += TICK_S) {
+      const rise = up * time - (body.gravity * time * time) / 2
+      if (rise <= climb) break
+      const [x, z] = [ledge[0] + speed * time * outX, ledge[2] + speed * time * outZ]
+      const floor = triangles.heightAt(x, z, ledge[1] - rise + climb, ledge[1] - rise)
+      const hit = floor === undefined ? undefined : flight(level, [x, floor, z], [-outX, -outZ], speed, up)
+      // From higher ground than the parabola's start, the body passes the ledge a little and lands beyond it.
+      const isOnLedge = hit !== undefined && Math.abs(hit.at[1] - ledge[1]) <= climb
+      const start = isOnLedge ? nearest([x, floor, z]) : undefined
+      if (start !== undefined) return start
+    }
+  }
+  return undefined
+}
+
 /** What the feet meet on the way down, if the body meets nothing before. */
 function flight({ triangles, body, climb }, from, [outX, outZ], speed, up) {
   let feet = from
@@ -116,7 +141,7 @@ class Links {
   }
 
   add(start, end, by) {
-    if (end === undefined) return
+    if (start === undefined || end === undefined) return
     const cell = start.map((value) => Math.floor(value / this.distance))
     if (this.#neighbours(cell).some((other) => this.#isSimilar(other, start, end))) return
     const key = cell.join()

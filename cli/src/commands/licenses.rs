@@ -1,4 +1,4 @@
-//! `surefoot licenses`: the notices of all crates in the programs.
+//! `surefoot licenses`: the notices of all third-party packages in a release.
 
 use crate::terminal::print_json;
 use std::io::{ErrorKind, Write};
@@ -24,7 +24,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             _ => Ok(()),
         };
     }
-    let list = NOTICES.split("\n## ").next().unwrap_or_default();
+    let list = NOTICES.split("\n## ").find(|part| part.starts_with("In the programs\n")).unwrap_or_default();
     let crates = list.lines().filter_map(|line| {
         let (name, rest) = line.strip_prefix("- ")?.split_once(' ')?;
         let (version, license) = rest.split_once(" (")?;

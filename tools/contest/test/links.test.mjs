@@ -16,7 +16,7 @@ const ON_GROUND = [3, 0, 3]
 
 before(() => init())
 
-test('links lead from a table down to the ground on all four sides, and none leads up', () => {
+test('links lead from a table down to the ground on all four sides, and none leads up higher than the body jumps', () => {
   const { links, finder } = linked(boxes(GROUND, TABLE))
   const drops = links.filter(({ by }) => by === 'walk')
   for (const outside of [({ x }) => x < 12, ({ x }) => x > 18, ({ z }) => z < 12, ({ z }) => z > 18]) {
@@ -28,6 +28,27 @@ test('links lead from a table down to the ground on all four sides, and none lea
   }
   assert.equal(finder.approach({ start: ON_TABLE, goal: ON_GROUND }).isComplete, true)
   assert.equal(finder.approach({ start: ON_GROUND, goal: ON_TABLE }).isComplete, false)
+})
+
+test('links lead up to a ledge that the body can jump on, from all sides', () => {
+  const low = [
+    [12, 0, 12],
+    [18, 2, 18],
+  ]
+  const { links, finder } = linked(boxes(GROUND, low))
+  const climbs = links.filter(({ startPosition, endPosition }) => endPosition.y > startPosition.y + 1)
+  assert.ok(climbs.length > 0 && climbs.every(({ by }) => by === 'jump'))
+  for (const outside of [({ x }) => x < 12, ({ x }) => x > 18, ({ z }) => z < 12, ({ z }) => z > 18]) {
+    assert.ok(climbs.some(({ startPosition }) => outside(startPosition)))
+  }
+  assert.equal(finder.approach({ start: ON_GROUND, goal: [15, 2, 15] }).isComplete, true)
+  // Under a ceiling it cannot jump.
+  const ceiling = [
+    [0, 2, 0],
+    [30, 2.2, 11.9],
+  ]
+  const under = linked(boxes(GROUND, low, ceiling)).links.filter((it) => it.endPosition.y > it.startPosition.y + 1)
+  assert.ok(under.every(({ startPosition: { z } }) => z > 11.9))
 })
 
 test('no link crosses a wall around a table', () => {

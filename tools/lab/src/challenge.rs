@@ -3,6 +3,7 @@
 mod motion;
 
 use crate::processes::{Services, Setup};
+use crate::provenance::Start;
 use anyhow::{Context, bail};
 use flate2::Compression;
 use flate2::read::GzDecoder;
@@ -112,6 +113,9 @@ pub struct ScoreArgs {
     /// Number of threads; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// Write the scores and their provenance into this folder
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
     /// Print one JSON document: a score, or a list of them with several runs
     #[arg(long)]
     json: bool,
@@ -161,6 +165,9 @@ pub struct HostArgs {
     workers: u16,
     #[command(flatten)]
     credentials: CredentialArgs,
+    /// Write the score and its provenance into this folder
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -272,6 +279,7 @@ fn is_packed(path: &Path) -> bool {
 }
 
 fn print_scores(args: &ScoreArgs) -> anyhow::Result<()> {
+    let start = Start::now();
     let thread_count = args.threads.unwrap_or_else(core_count);
     let mut loaded: Option<(GoalSet, PathBuf)> = None;
     let mut scores = Vec::with_capacity(args.runs.len());
@@ -292,6 +300,9 @@ fn print_scores(args: &ScoreArgs) -> anyhow::Result<()> {
         bar.finish_and_clear();
         scores.push(scored.with_context(|| format!("cannot score {}", path.display()))?);
         loaded = Some((set, folder));
+    }
+    if let Some(folder) = &args.out {
+        start.write(folder, "challenge", &scores, (Vec::new(), None))?;
     }
     match (args.json, scores.as_slice()) {
         (true, [score]) => print_json(score),
@@ -317,6 +328,7 @@ struct HostedScore {
 }
 
 fn host_set(args: &HostArgs) -> anyhow::Result<()> {
+    let start = Start::now();
     let (set, folder) = load_set(&args.set)?;
     let hosting = Hosting {
         lockstep: args.lockstep,
@@ -353,6 +365,9 @@ fn host_set(args: &HostArgs) -> anyhow::Result<()> {
         ticks_late_share: late / ticks.max(1.0),
         decisions_on_time_share: answered / (answered + missed).max(1.0),
     };
+    if let Some(folder) = &args.out {
+        start.write(folder, "challenge", &hosted, (Vec::new(), None))?;
+    }
     if args.json {
         return print_json(&hosted);
     }

@@ -10,6 +10,7 @@ mod challenge;
 mod eval;
 mod export;
 mod processes;
+mod provenance;
 mod train;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};

@@ -1,22 +1,22 @@
 //! `surefoot eval`.
 
 mod args;
+mod attempts;
 mod measure;
 mod plain;
-mod provenance;
 mod results;
 mod suites;
 mod tables;
 
+use crate::provenance::Start;
 pub use args::Args;
 use measure::measure;
 use std::sync::Arc;
-use std::time::Instant;
 use surefoot_eval::record::Record;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.check {
-        return provenance::check(args, folder);
+        return attempts::check(args, folder);
     }
     let Some(folder) = &args.out else {
         return measure(args, None)?.print(args.json);
@@ -30,9 +30,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         );
         return Ok(());
     }
-    let (start, started) = (provenance::Start::now(), Instant::now());
+    let start = Start::now();
     let record = Arc::new(Record::new());
     let results = measure(args, Some(record.clone()))?;
-    start.write(folder, &results, &record, started.elapsed())?;
+    let attempts = attempts::write_attempts(folder, &record)?;
+    start.write(folder, "eval", &results.json()?, (record.models(), attempts))?;
+    results.write(folder)?;
     results.print(args.json)
 }

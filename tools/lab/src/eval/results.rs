@@ -1,6 +1,6 @@
 //! Results of all suites: as JSON, as a table, and as plots.
 
-use anyhow::Context;
+use crate::provenance::write_into;
 use serde::Serialize;
 use std::path::Path;
 use surefoot_cli::terminal::print_json;
@@ -135,11 +135,4 @@ fn size_outcomes(outcomes: &[variants::Outcome]) -> Vec<plots::SizeOutcome> {
         })
     };
     outcomes.iter().filter_map(size).collect()
-}
-
-/// Writes a file into a folder, which is made if there is none.
-pub fn write_into(folder: &Path, name: &str, text: &str) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let path = folder.join(name);
-    std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
 }

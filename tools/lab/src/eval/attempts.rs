@@ -1,114 +1,37 @@
-//! Provenance: how a published table was made, and a check that it can be reproduced.
+//! The attempts behind published figures, and a check that the figures can be reproduced.
 
 use super::args::Args;
 use super::measure::measure;
-use super::results::{Results, write_into};
+use crate::provenance::{Attempts, PROVENANCE, Provenance, RESULTS};
 use anyhow::{Context, bail, ensure};
 use clap::Parser;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::fs::File;
 use std::io::{BufReader, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
-use surefoot_cli::commands::{core_count, machine, revision};
+use surefoot_cli::commands::{core_count, machine};
 use surefoot_cli::terminal::print_json;
-use surefoot_eval::record::{Comparison, Model, Record};
+use surefoot_eval::record::{Comparison, Record};
 
-/// Names of the files of a table's folder.
-const RESULTS: &str = "results.json";
+/// Name of the file of attempts.
 const ATTEMPTS: &str = "attempts.jsonl.gz";
-const PROVENANCE: &str = "provenance.json";
 /// Largest relative difference of figures that are derived again from the same attempts.
 const TOLERANCE: f64 = 1.0e-9;
-
-/// How a table was made.
-#[derive(Serialize, Deserialize)]
-struct Provenance {
-    /// Arguments of the command, from `eval` on.
-    command: Vec<String>,
-    /// Version of Surefoot.
-    version: String,
-    /// Commit of the checkout that the command ran in, followed by `+` if there were changes; empty outside a checkout.
-    commit: String,
-    /// Processors.
-    machine: String,
-    /// Mean number of runnable processes in the minute before; about 0 on an idle machine. Absent where the system does
-    /// not report it.
-    load_before: Option<f64>,
-    /// Wall time, s; short if finished units were loaded.
-    wall_s: f64,
-    /// Names of the models with hashes of their weights.
-    models: Vec<Model>,
-    /// Hash (BLAKE3) of the figures.
-    results: String,
-    /// The attempts, if they were recorded.
-    attempts: Option<Attempts>,
-}
-
-/// The file of attempts.
-#[derive(Serialize, Deserialize)]
-struct Attempts {
-    file: String,
-    /// Hash (BLAKE3) of the file.
-    hash: String,
-    bytes: u64,
-    /// Maps and seeds by model and condition.
-    units: usize,
-    /// Version of the builder of their graphs.
-    #[serde(default = "first_recorded_builder")]
-    builder: u32,
-}
-
-/// Version of the builder when records did not have it yet.
-fn first_recorded_builder() -> u32 {
-    11
-}
-
 /// First version of the builder with which the default body steps higher than the paper's.
 const BODY_CLIMBS_STAIRS: u32 = 14;
 
-/// The state of the machine and the checkout before a table is made.
-pub struct Start {
-    load_before: Option<f64>,
-    commit: String,
-}
-
-impl Start {
-    pub fn now() -> Self {
-        let load = std::fs::read_to_string("/proc/loadavg").ok();
-        let load_before = load.and_then(|text| text.split_whitespace().next()?.parse().ok());
-        Self { load_before, commit: revision().unwrap_or_default() }
+/// Writes the attempts into a folder, if there are any.
+pub fn write_attempts(folder: &Path, record: &Record) -> anyhow::Result<Option<Attempts>> {
+    if record.is_empty() {
+        return Ok(None);
     }
-
-    /// Writes figures, table, attempts and provenance into a folder.
-    pub fn write(self, folder: &Path, results: &Results, record: &Record, wall: Duration) -> anyhow::Result<()> {
-        let figures = serde_json::to_string_pretty(&results.json()?)? + "\n";
-        write_into(folder, RESULTS, &figures)?;
-        let attempts = if record.is_empty() { None } else { Some(write_attempts(&folder.join(ATTEMPTS), record)?) };
-        let arguments: Vec<String> = std::env::args().collect();
-        let first = arguments.iter().position(|it| it == "eval").unwrap_or(0);
-        let provenance = Provenance {
-            command: arguments[first..].to_vec(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            commit: self.commit,
-            machine: machine(),
-            load_before: self.load_before,
-            wall_s: wall.as_secs_f64(),
-            models: record.models(),
-            results: blake3::hash(figures.as_bytes()).to_hex().to_string(),
-            attempts,
-        };
-        write_into(folder, PROVENANCE, &(serde_json::to_string_pretty(&provenance)? + "\n"))?;
-        results.write(folder)
-    }
-}
-
-fn write_attempts(path: &Path, record: &Record) -> anyhow::Result<Attempts> {
-    let write = || -> anyhow::Result<()> { Ok(record.write(BufWriter::new(File::create(path)?))?) };
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let path = folder.join(ATTEMPTS);
+    let write = || -> anyhow::Result<()> { Ok(record.write(BufWriter::new(File::create(&path)?))?) };
     write().with_context(|| format!("cannot write {}", path.display()))?;
-    let (hash, bytes) = hash_file(path)?;
-    Ok(Attempts { file: ATTEMPTS.to_owned(), hash, bytes, units: record.len(), builder: record.builder() })
+    let (hash, bytes) = hash_file(&path)?;
+    Ok(Some(Attempts { file: ATTEMPTS.to_owned(), hash, bytes, units: record.len(), builder: record.builder() }))
 }
 
 /// Hash and size of a file.

@@ -1,0 +1,10 @@
+set(PACKAGE_VERSION "@VERSION@")
+# Before 1.0, a minor version may break programs.
+string(REGEX MATCH "^[0-9]+\\.[0-9]+" _surefoot_minor "${PACKAGE_VERSION}")
+if(PACKAGE_FIND_VERSION VERSION_LESS_EQUAL PACKAGE_VERSION AND PACKAGE_FIND_VERSION VERSION_GREATER_EQUAL _surefoot_minor)
+    set(PACKAGE_VERSION_COMPATIBLE TRUE)
+endif()
+if(PACKAGE_FIND_VERSION VERSION_EQUAL PACKAGE_VERSION)
+    set(PACKAGE_VERSION_EXACT TRUE)
+endif()
+unset(_surefoot_minor)
