@@ -5,7 +5,7 @@
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
-use surefoot_cli::commands::fleet::prove;
+use surefoot_cli::commands::fleet::{migrate, prove};
 use surefoot_cli::commands::{body, graph, health, licenses, map, services, top, up};
 use surefoot_cli::{config, programs, terminal};
 
@@ -41,6 +41,9 @@ enum Command {
     Work(services::WorkArgs),
     /// Run a prover: run jobs that planners and evaluations send over NATS.
     Prove(prove::Args),
+    /// Prepare what the processes of a fleet share.
+    #[command(subcommand)]
+    Fleet(migrate::Command),
     /// Build, check, edit and export graphs.
     #[command(
         subcommand,
@@ -128,6 +131,7 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Work(args) if args.inference != services::Inference::Cpu => programs::hand_over_to_lab(),
         Command::Work(args) => services::run_worker(&args, Ok),
         Command::Prove(args) => prove::run(&args),
+        Command::Fleet(command) => migrate::run(&command),
         Command::Graph(command) => graph::run(&command),
         Command::Body(command) => body::run(&command),
         Command::Health(args) => health::run(&args),

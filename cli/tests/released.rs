@@ -1,7 +1,7 @@
 //! Files of released versions, which this version must still read (docs/reference/compatibility.md).
 //!
-//! `released/VERSION` holds a world of two NPCs on an imported level, a recording, and a graph. Programs of that version
-//! wrote them.
+//! `released/VERSION` holds a world of two NPCs on an imported level, a recording, and a graph, which programs of that
+//! version wrote.
 
 use std::path::{Path, PathBuf};
 use surefoot_processes::{Process, free_address, output, surefoot, wait_until};

@@ -2,9 +2,10 @@
 
     python bench.py [SUREFOOT]    the program, such as target/release/surefoot, for the figures over loopback
 
-Every figure is a median of rounds in which all packages take turns, on one thread each. Ratios are given of wall time,
-and of the time that the process was running, which other work on the machine disturbs less. The latter is meaningless
-for a server in another process. `gymnasium[mujoco]` and `envpool` are measured if they are installed.
+Every figure is a median of rounds in which all packages take turns, on one thread each; `default` is the vector
+environment with its default arguments, on all cores. Ratios are given of wall time, and of the time that the process
+was running, which other work on the machine disturbs less. The latter is meaningless for a server in another process.
+`gymnasium[mujoco]` and `envpool` are measured if they are installed.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ STEPS = 8
 ROUNDS = 15
 LEVEL = surefoot.Level.generate(0)
 GOALS_M = (5.0, 25.0)
+SAME: dict[str, object] = {"goal_distance": GOALS_M, "autoreset_mode": AutoresetMode.SAME_STEP}
 ACTIONS = np.random.default_rng(0).uniform(-1, 1, (AGENTS, 4)).astype(np.float32)
 
 
@@ -50,9 +52,7 @@ def timed(run: Callable[[], object]) -> Times:
 
 def of_vector_env(**arguments: object) -> Callable[[], Times]:
     """Seconds of some steps of a vector environment."""
-    envs = surefoot.VectorEnv(
-        AGENTS, LEVEL, goal_distance=GOALS_M, seed=1, autoreset_mode=AutoresetMode.SAME_STEP, **arguments
-    )
+    envs = surefoot.VectorEnv(AGENTS, LEVEL, **arguments)
     envs.reset(seed=1)
 
     def run() -> None:
@@ -63,7 +63,7 @@ def of_vector_env(**arguments: object) -> Callable[[], Times]:
 
 
 def of_buffers() -> Callable[[], Times]:
-    env = surefoot.BufferEnv(AGENTS, LEVEL, goal_distance=GOALS_M, seed=1)
+    env = surefoot.BufferEnv(AGENTS, LEVEL, goal_distance=GOALS_M, seed=1, threads=1)
     env.reset(seed=1)
     env.actions[:] = ACTIONS
 
@@ -135,14 +135,15 @@ def main() -> None:
     about = machine()
     runs: dict[str, Callable[[], Times]] = {
         "rust": in_rust(),
-        "vector_env": of_vector_env(copy=False),
-        "vector_env_copy": of_vector_env(),
+        "vector_env": of_vector_env(**SAME, threads=1, copy=False),
+        "vector_env_copy": of_vector_env(**SAME, threads=1),
+        "default": of_vector_env(),
         "buffer_env": of_buffers(),
     }
     process = None
     if len(sys.argv) > 1:
         process, uri = serve(sys.argv[1])
-        runs["loopback"] = of_vector_env(server=uri, copy=False)
+        runs["loopback"] = of_vector_env(**SAME, server=uri, copy=False)
     missing = []
     try:
         runs["mujoco_ant"] = of_gymnasium(gymnasium.make_vec("Ant-v5", num_envs=8, vectorization_mode="sync"), 8)

@@ -1,5 +1,6 @@
 """Checks manifests, dashboard and alerts: SUREFOOT FOLDER-OF-RENDERED-LAYOUTS METRICS-URI..."""
 
+import itertools
 import json
 import pathlib
 import re
@@ -19,7 +20,23 @@ VERSIONS = ["1.30", "1.37"]
 FOREIGN = ["Fleet", "FleetAutoscaler", "ScaledObject"]
 FOREIGN = {kind: json.loads((DEPLOY / "schemas" / f"{kind.lower()}.json").read_text()) for kind in FOREIGN}
 # What the Secret of a fleet holds, of the form that docs/guides/kubernetes.md says.
-SECRETS = {"store": "postgres://surefoot:secret@postgres:5432/surefoot", "blobs": "s3://surefoot/blobs", "nats": "nats://nats:4222"}
+SECRETS = {
+    "store": "postgres://surefoot:secret@postgres:5432/surefoot",
+    "role": "surefoot",
+    "blobs": "s3://surefoot/blobs",
+    "nats": "nats://nats:4222",
+}
+# What Helm adds to a manifest, by path.
+OF_HELM = {
+    "metadata.namespace",
+    "metadata.labels.app.kubernetes.io/managed-by",
+    "metadata.labels.app.kubernetes.io/instance",
+    "metadata.annotations.helm.sh/hook",
+    "metadata.annotations.helm.sh/hook-delete-policy",
+    "spec.template.spec.containers.surefoot.imagePullPolicy",
+}
+# Seconds that a service needs to end after SIGTERM, with room: five of drain and four of saving.
+END_SECONDS = 15
 # Prometheus makes these itself.
 OWN_METRICS = {"up"}
 errors = []
@@ -60,18 +77,18 @@ def pod_of(item):
     """The template of the pods that a resource makes."""
     if item["kind"] == "Fleet":
         return item["spec"]["template"]["spec"]["template"]
-    return item["spec"].get("template") if item["kind"] in ("Deployment", "StatefulSet") else None
+    return item["spec"].get("template") if item["kind"] in ("Deployment", "StatefulSet", "Job") else None
 
 
-def flags_of(surefoot, command):
-    """The variables that a command knows."""
-    told = subprocess.run([surefoot, command, "--help"], capture_output=True, text=True, check=True).stdout
-    return set(re.findall(r"\[env: ([A-Z_0-9]+)[=\]]", told))
+def help_of(surefoot, command):
+    return subprocess.run([surefoot, *command, "--help"], capture_output=True, text=True, check=True).stdout
 
 
-def check_container(where, container, flags, surefoot):
-    command = container["args"][0]
-    known = flags.setdefault(command, flags_of(surefoot, command))
+def check_container(where, container, helps, surefoot):
+    command = tuple(itertools.takewhile(lambda argument: not argument.startswith("-"), container["args"]))
+    if command not in helps:
+        helps[command] = help_of(surefoot, command)
+    known = set(re.findall(r"\[env: ([A-Z_0-9]+)[=\]]", helps[command]))
     variables = {}
     for variable in container["env"]:
         source = variable.get("valueFrom", {})
@@ -85,11 +102,12 @@ def check_container(where, container, flags, surefoot):
         variables[variable["name"]] = value
     own = {variable["name"] for variable in container["env"] if "fieldRef" in variable.get("valueFrom", {})}
     for name in variables.keys() - known - own:
-        errors.append(f"{where}: `surefoot {command}` knows no variable {name}")
-    # Values: the program parses them. It reads no files yet.
-    parsed = subprocess.run([surefoot, *container["args"], "--print-config"], env=variables, capture_output=True, text=True)
-    if parsed.returncode != 0:
-        errors.append(f"{where}: {parsed.stderr.strip()}")
+        errors.append(f"{where}: `surefoot {' '.join(command)}` knows no variable {name}")
+    if "--print-config" in helps[command]:
+        # Values: the program parses them. It reads no files yet.
+        parsed = subprocess.run([surefoot, *container["args"], "--print-config"], env=variables, capture_output=True, text=True)
+        if parsed.returncode != 0:
+            errors.append(f"{where}: {parsed.stderr.strip()}")
     if "limits" not in container["resources"] or not {"cpu", "memory"} <= container["resources"]["requests"].keys():
         errors.append(f"{where}: requests and a limit of memory are missing")
     for mount in (value for value in variables.values() if value.startswith("/")):
@@ -97,7 +115,65 @@ def check_container(where, container, flags, surefoot):
             errors.append(f"{where}: {mount} lies on no volume")
 
 
-def check_names(where, items, flags, surefoot):
+def check_end_and_probes(what, item, items):
+    """Liveness asks only whether a process answers, and pods behind a Service outlive its list of endpoints."""
+    pod, labels = item["spec"]["template"]["spec"], item["spec"]["template"]["metadata"]["labels"]
+    services = [other for other in items if other["kind"] == "Service"]
+    for container in pod["containers"]:
+        if container.get("ports"):
+            for probe in ("startupProbe", "livenessProbe"):
+                if "tcpSocket" not in container.get(probe, {}):
+                    errors.append(f"{what}: {probe} must be a tcpSocket")
+            if container.get("readinessProbe", {}).keys().isdisjoint({"grpc", "exec"}):
+                errors.append(f"{what}: readinessProbe must ask for the health of the service")
+        wait = container.get("lifecycle", {}).get("preStop", {}).get("sleep", {}).get("seconds", 0)
+        if any(service["spec"]["selector"].items() <= labels.items() for service in services) and not wait:
+            errors.append(f"{what}: a Service sends clients to it, so it needs preStop")
+        if item["kind"] != "Job" and pod["terminationGracePeriodSeconds"] < wait + END_SECONDS:
+            errors.append(f"{what}: terminationGracePeriodSeconds is too short")
+
+
+def check_members(where, items):
+    """Workers of a fleet know every planner, and servers that exist."""
+    replicas = {item["metadata"]["name"]: item["spec"]["replicas"] for item in items if item["kind"] == "StatefulSet"}
+    if "planner" not in replicas:
+        return
+    worker = next(item for item in items if item["kind"] == "Deployment" and item["metadata"]["name"] == "worker")
+    variables = {it["name"]: it.get("value") for it in worker["spec"]["template"]["spec"]["containers"][0]["env"]}
+    planners = {f"http://planner-{idx}.planners:7601" for idx in range(replicas["planner"])}
+    if set(variables["SUREFOOT_PLANNER"].split(",")) != planners:
+        errors.append(f"{where}: workers do not know the {replicas['planner']} planners")
+    servers = {f"http://server-{idx}.servers:7600" for idx in range(replicas["server"])}
+    if not set(variables["SUREFOOT_SERVER"].split(",")) <= servers:
+        errors.append(f"{where}: workers know servers that do not exist")
+
+
+def fields(value, path=""):
+    """Each scalar of a manifest with its path. Items of lists go by their names, so that their order does not count."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from fields(inner, f"{path}.{key}" if path else key)
+    elif isinstance(value, list):
+        for idx, inner in enumerate(value):
+            name = inner.get("mountPath", inner.get("name", idx)) if isinstance(inner, dict) else idx
+            yield from fields(inner, f"{path}.{name}")
+    else:
+        yield path, value
+
+
+def check_equal(where, chart, layout):
+    """The chart, without values, says what kustomize says."""
+    chart, layout = ({(it["kind"], it["metadata"]["name"]): dict(fields(it)) for it in items} for items in (chart, layout))
+    for kind, name in chart.keys() ^ layout.keys():
+        errors.append(f"{where}: only the chart or only kustomize has {kind} {name}")
+    for kind, name in chart.keys() & layout.keys():
+        ours, theirs = chart[kind, name], layout[kind, name]
+        for path in (ours.keys() | theirs.keys()) - OF_HELM:
+            if ours.get(path) != theirs.get(path):
+                errors.append(f"{where}: {kind} {name}: {path} is {ours.get(path)!r} in the chart, {theirs.get(path)!r} in kustomize")
+
+
+def check_names(where, items, helps, surefoot):
     """What one resource says of another."""
     named = {(item["kind"], item["metadata"]["name"]) for item in items}
     pods = [pod_of(item) for item in items if pod_of(item)]
@@ -131,8 +207,10 @@ def check_names(where, items, flags, surefoot):
         pod = pod_of(item)
         if not pod:
             continue
-        if kind != "Fleet" and not item["spec"]["selector"]["matchLabels"].items() <= pod["metadata"]["labels"].items():
+        if kind not in ("Fleet", "Job") and not item["spec"]["selector"]["matchLabels"].items() <= pod["metadata"]["labels"].items():
             errors.append(f"{where}: {what} does not select its own pods")
+        if kind != "Fleet":
+            check_end_and_probes(f"{where}: {what}", item, items)
         volumes = {volume["name"] for volume in pod["spec"]["volumes"]}
         volumes |= {claim["metadata"]["name"] for claim in spec.get("volumeClaimTemplates", [])}
         for volume in pod["spec"]["volumes"]:
@@ -140,7 +218,7 @@ def check_names(where, items, flags, surefoot):
             if claim and ("PersistentVolumeClaim", claim["claimName"]) not in named:
                 errors.append(f"{where}: {what} claims {claim['claimName']}, which does not exist")
         for container in pod["spec"]["containers"]:
-            check_container(f"{where}: {what}, container {container['name']}", container, flags, surefoot)
+            check_container(f"{where}: {what}, container {container['name']}", container, helps, surefoot)
             for mount in container["volumeMounts"]:
                 if mount["name"] not in volumes:
                     errors.append(f"{where}: {what} has no volume {mount['name']}")
@@ -215,15 +293,22 @@ def check_metrics(uris):
 
 def main():
     surefoot, rendered, *uris = sys.argv[1:]
-    flags, count = {}, 0
-    sources = [path for path in sorted(DEPLOY.glob("*/*.yaml")) if path.name != "kustomization.yaml"]
-    for path in sources + sorted(pathlib.Path(rendered).glob("*.yaml")):
-        items = [item for item in yaml.safe_load_all(path.read_text()) if item]
-        count += len(items)
+    helps, layouts = {}, {}
+    for path in sorted(pathlib.Path(rendered).glob("*.yaml")):
+        items = layouts[path.stem] = [item for item in yaml.safe_load_all(path.read_text()) if item]
         for item in items:
             check_schema(path.name, item)
-        if path not in sources:
-            check_names(path.name, items, flags, surefoot)
+        check_names(path.name, items, helps, surefoot)
+        check_members(path.name, items)
+    version = subprocess.run([surefoot, "--version"], capture_output=True, text=True, check=True).stdout.split()[1]
+    for name, items in layouts.items():
+        images = {it["image"] for pod in filter(None, map(pod_of, items)) for it in pod["spec"]["containers"]}
+        if not name.startswith("valued-") and images != {f"registry.example/surefoot:{version}"}:
+            errors.append(f"{name}: the images are {images}, this program is version {version}")
+    charts = [name for name in layouts if name.startswith("chart-")]
+    for name in charts:
+        check_equal(name, layouts[name], layouts[name.removeprefix("chart-")])
+    count = sum(map(len, layouts.values()))
     expression_count = check_metrics(uris)
     if errors:
         sys.exit("\n".join(errors))

@@ -58,6 +58,35 @@ async fn a_database_that_cannot_be_opened_says_why() {
     assert!(other.contains("migration 1"), "{other}");
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_role_that_may_not_change_tables_needs_the_migrations_first() {
+    let ground = Ground::new();
+    let postgres = Postgres::start_empty(&ground);
+    let refused = async || Database::open(&postgres.url()).await.unwrap_err().to_string();
+    let names_the_command = |error: &str, missing: &str| {
+        assert!(error.contains(missing) && error.contains("run surefoot fleet migrate"), "{error}");
+    };
+    names_the_command(&refused().await, "lacks migration 1,");
+    postgres.migrate();
+    Database::open(&postgres.url()).await.unwrap();
+    assert!(!postgres.refuses("DELETE FROM graphs"));
+    for statement in ["CREATE TABLE more ()", "DROP TABLE graphs", "DELETE FROM _sqlx_migrations"] {
+        assert!(postgres.refuses(statement), "{statement}");
+    }
+
+    // As an earlier version left it.
+    postgres.query("DELETE FROM _sqlx_migrations WHERE version = 6");
+    postgres.query("ALTER TABLE operations DROP COLUMN requesters, DROP COLUMN withdrawn");
+    names_the_command(&refused().await, "lacks migration 6,");
+    Database::open(&postgres.owner_url("surefoot")).await.expect("its role may change tables");
+    Database::open(&postgres.url()).await.expect("the schema is up to date again");
+
+    postgres.query("CREATE ROLE stranger LOGIN");
+    let stranger = postgres.url().replace("surefoot@", "stranger@");
+    let error = Database::open(&stranger).await.unwrap_err().to_string();
+    names_the_command(&error, "permission denied for table _sqlx_migrations");
+}
+
 async fn blobs_keep_what_they_are_given(blobs: &Blobs) {
     let bytes: Vec<u8> = (0..2_000_000u32).map(|idx| (idx.wrapping_mul(idx) >> 7) as u8).collect();
     let id = blobs.put(bytes.clone()).await.unwrap();

@@ -6,7 +6,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
-use surefoot_processes::{LIMIT, Process, free_address};
+use surefoot_processes::{LIMIT, Process, free_address, output};
 
 /// Folder with all data and logs of a test.
 #[derive(Debug)]
@@ -52,13 +52,20 @@ pub struct Postgres {
 }
 
 impl Postgres {
-    /// Creates and starts one.
+    /// Creates and starts one, with the schema of this version.
     pub fn start(ground: &Ground) -> Self {
+        let postgres = Self::start_empty(ground);
+        postgres.migrate();
+        postgres
+    }
+
+    /// Creates and starts one without a schema.
+    pub fn start_empty(ground: &Ground) -> Self {
         let data = ground.path("postgres");
         std::fs::create_dir(&data).expect("a folder");
         let mut create = postgres_command("initdb", &data);
         create
-            .args(["--username", "surefoot", "--auth", "trust", "--no-sync", "--encoding", "UTF8", "--pgdata"])
+            .args(["--username", "postgres", "--auth", "trust", "--no-sync", "--encoding", "UTF8", "--pgdata"])
             .arg(&data);
         let created = create.output().expect("initdb runs");
         assert!(created.status.success(), "initdb: {}", String::from_utf8_lossy(&created.stderr));
@@ -66,8 +73,18 @@ impl Postgres {
         let process = Self::launch(&data, address);
         let mut postgres = Self { process, address, data };
         postgres.wait();
+        postgres.run("CREATE ROLE surefoot LOGIN", "postgres");
         postgres.run("CREATE DATABASE surefoot", "postgres");
         postgres
+    }
+
+    /// Brings the schema up to date, as the job of a deployment does.
+    ///
+    /// # Panics
+    /// If that fails.
+    pub fn migrate(&self) {
+        let migrated = output(&["fleet", "migrate", "--store", &self.owner_url("surefoot"), "--role", "surefoot"]);
+        assert!(migrated.status.success(), "{}", String::from_utf8_lossy(&migrated.stderr));
     }
 
     fn launch(data: &Path, address: SocketAddr) -> Process {
@@ -87,9 +104,14 @@ impl Postgres {
         }
     }
 
-    /// Its URL.
+    /// Its URL, with the role of servers and planners, which may not change tables.
     pub fn url(&self) -> String {
         Self::url_at(self.address)
+    }
+
+    /// The URL of one of its databases, with a role that may do everything.
+    pub fn owner_url(&self, database: &str) -> String {
+        format!("postgres://postgres@{}/{database}", self.address)
     }
 
     /// Its URL behind a relay at `address`.
@@ -105,14 +127,19 @@ impl Postgres {
         self.run(statement, "surefoot")
     }
 
+    /// Whether a statement fails for the role of servers and planners.
+    pub fn refuses(&self, statement: &str) -> bool {
+        self.try_run(&format!("SET ROLE surefoot; {statement}"), "surefoot").is_none()
+    }
+
     fn run(&self, statement: &str, database: &str) -> Vec<String> {
         self.try_run(statement, database).unwrap_or_else(|| panic!("PostgreSQL refuses {statement}"))
     }
 
     fn try_run(&self, statement: &str, database: &str) -> Option<Vec<String>> {
-        let url = format!("postgres://surefoot@{}/{database}", self.address);
-        let output =
-            Command::new("psql").args([&url, "-X", "-q", "-A", "-t", "-c", statement]).output().expect("psql runs");
+        let mut psql = Command::new("psql");
+        psql.args([&self.owner_url(database), "-X", "-q", "-A", "-t", "-c", statement]);
+        let output = psql.output().expect("psql runs");
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         output.status.success().then(|| text.lines().map(str::to_owned).collect())
     }

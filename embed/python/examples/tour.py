@@ -26,7 +26,7 @@ LEVEL = surefoot.Level.generate(7, size=100, features={"lava": 0.5, "pads": 2.0}
 
 def step_many() -> None:
     """A vector environment, whose actions a shipped policy chooses."""
-    envs = surefoot.VectorEnv(64, LEVEL, goal_distance=(5, 25), worlds=2, threads=2, autoreset_mode=AutoresetMode.SAME_STEP)
+    envs = surefoot.VectorEnv(64, LEVEL, goal_distance=(5, 25), autoreset_mode=AutoresetMode.SAME_STEP)
     policy = surefoot.Policy.load("general-lstm")
     observations, _ = envs.reset(seed=1)
     begun = np.ones(64, np.bool_)
@@ -41,7 +41,7 @@ def step_many() -> None:
 
 def step_one() -> None:
     """One environment, as gymnasium.make makes it."""
-    env = gymnasium.make("surefoot/PointGoal-v0", level=LEVEL, body="climber")
+    env = gymnasium.make("surefoot/PointGoal-v0", level=LEVEL, body="climber", render_mode="rgb_array")
     env.action_space.seed(1)
     observation, _ = env.reset(seed=1)
     length = 0
@@ -50,7 +50,8 @@ def step_one() -> None:
         length += 1
         if terminated or truncated:
             break
-    print(f"{env}: {info['outcome']} after {length} decisions, {observation.shape[0]} values")
+    picture = np.asarray(env.render())
+    print(f"{env}: {info['outcome']} after {length} decisions, {observation.shape[0]} values, a picture {picture.shape}")
 
 
 def step_agents() -> None:

@@ -1,5 +1,6 @@
 //! Environments in several worlds, of this process or of a server. Knows nothing of Python.
 
+use crate::draws::Seeds;
 use std::sync::Arc;
 use surefoot_game_client::GameError;
 use surefoot_rollout::env::Route;
@@ -10,11 +11,11 @@ use surefoot_world::{CharacterProfile, Map, Vec3};
 
 /// Environments that are stepped together.
 pub trait Environments: Send {
-    /// Starts again with another seed.
+    /// Starts again with other seeds.
     ///
     /// # Errors
-    /// If a level has nowhere to stand, or the server refuses.
-    fn reseed(&mut self, seed: u64) -> Result<(), EnvError>;
+    /// If a level has nowhere to stand, the server refuses, or these environments cannot do it.
+    fn reseed(&mut self, seeds: Seeds) -> Result<(), EnvError>;
 
     /// Writes the current observations.
     fn observations(&self, rows: &mut [f32]);
@@ -99,6 +100,11 @@ pub struct Setup {
 }
 
 impl Setup {
+    /// Level of a world.
+    pub fn level(&self, world: usize) -> &Arc<Map> {
+        &self.levels[world % self.levels.len()]
+    }
+
     /// Length of an observation.
     pub fn observation_len(&self) -> usize {
         observation_len(self.solid)
@@ -121,6 +127,16 @@ pub struct Outputs<'a> {
 }
 
 impl<'a> Outputs<'a> {
+    /// Lends out the same outputs.
+    pub fn reborrow(&mut self) -> Outputs<'_> {
+        Outputs {
+            observations: &mut *self.observations,
+            rewards: &mut *self.rewards,
+            terminated: &mut *self.terminated,
+            truncated: &mut *self.truncated,
+        }
+    }
+
     /// Splits off the outputs of the first `count` environments.
     pub fn split(self, count: usize, observation_len: usize) -> (Self, Self) {
         let (observations, more_observations) = self.observations.split_at_mut(count * observation_len);

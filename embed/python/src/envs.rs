@@ -2,18 +2,20 @@
 
 use crate::arrays::{StepArrays, readable, rows, writable};
 use crate::body;
+use crate::draws::Seeds;
 use crate::environments::{Autoreset, EnvError, Environments, Finished, Setup};
-use crate::error::{state, value};
+use crate::error::{fixed, state, value};
 use crate::level::Level;
 use crate::local::{LocalWorlds, open_world};
 use crate::remote::RemoteWorlds;
 use crate::server::Server;
+use crate::threads::core_count;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use std::f32::consts::TAU;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
-use surefoot_rollout::env::{Env, Route, actions_of};
+use surefoot_rollout::env::{Env, Episodes, Route, actions_of};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{Map, Vec3};
 
@@ -48,6 +50,13 @@ impl Worlds {
     fn shape(&self) -> [usize; 2] {
         [self.env_count, self.observation_len]
     }
+}
+
+/// Seed of all environments, or of each.
+#[derive(FromPyObject)]
+enum SeedOrSeeds {
+    One(u64),
+    Each(Vec<u64>),
 }
 
 fn failed() -> PyErr {
@@ -129,7 +138,7 @@ impl Worlds {
         goal_distance: (f32, f32),
         autoreset: &str,
         seed: u64,
-        threads: usize,
+        threads: Option<usize>,
         server: Option<Py<Server>>,
     ) -> PyResult<Self> {
         let setup = setup(&levels, body, solid, (num_envs, worlds), goal_distance, autoreset)?;
@@ -137,13 +146,9 @@ impl Worlds {
         let inner: Box<dyn Environments> = if let Some(server) = server {
             let link = server.get().link.clone();
             Box::new(py.detach(|| RemoteWorlds::open(link, setup, seed))?)
-        } else if (1..=worlds).contains(&threads) {
-            Box::new(py.detach(|| LocalWorlds::open(setup, seed, threads)).map_err(value)?)
         } else {
-            return Err(value(format!(
-                "threads is {threads}, but the environments are in {worlds} world(s), each of which one thread steps: \
-                 pass worlds={threads} or more"
-            )));
+            let (seeds, threads) = (Seeds::Worlds(seed), threads.unwrap_or_else(core_count));
+            Box::new(py.detach(|| LocalWorlds::open(setup, &seeds, threads)).map_err(value)?)
         };
         Ok(Self { env_count: num_envs, observation_len, inner: Mutex::new(inner) })
     }
@@ -153,12 +158,20 @@ impl Worlds {
         self.observation_len
     }
 
-    /// Starts again with a seed.
-    fn reseed(&mut self, py: Python<'_>, seed: u64, observations: &Bound<'_, PyArrayDyn<f32>>) -> PyResult<()> {
+    /// Starts again with one seed for each environment, or with one seed for all.
+    fn reseed(&mut self, py: Python<'_>, seed: SeedOrSeeds, observations: &Bound<'_, PyArrayDyn<f32>>) -> PyResult<()> {
+        let seeds = match seed {
+            SeedOrSeeds::One(seed) => Seeds::Worlds(seed),
+            SeedOrSeeds::Each(seeds) if seeds.len() == self.env_count => Seeds::Envs(seeds),
+            SeedOrSeeds::Each(seeds) => {
+                let (found, count) = (seeds.len(), self.env_count);
+                return Err(value(format!("seed has {found} values, but there are {count} environments")));
+            }
+        };
         let mut observations = writable(observations, &self.shape(), "observations")?;
         let (rows, inner) = (observations.as_slice_mut()?, self.inner()?);
         py.detach(|| {
-            inner.reseed(seed)?;
+            inner.reseed(seeds)?;
             inner.observations(rows);
             Ok(())
         })
@@ -247,6 +260,10 @@ impl Worlds {
         let rests = self.lock()?.rests();
         Ok(rests.ok_or_else(|| value("a server does not report which environments wait"))?.into_pyarray(py))
     }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(fixed("environments cannot be copied or pickled: make others with the same arguments and seed"))
+    }
 }
 
 /// Environments of one world that Rust steps without Python, for `bench.py`.
@@ -261,7 +278,8 @@ impl RustOnly {
     #[new]
     fn new(py: Python<'_>, level: Py<Level>, num_envs: usize, goal_distance: (f32, f32), seed: u64) -> PyResult<Self> {
         let setup = setup(&[level], "surefoot", false, (num_envs, 1), goal_distance, "SameStep")?;
-        Ok(Self { env: Mutex::new(py.detach(|| open_world(&setup, 0, num_envs, seed)).map_err(value)?) })
+        let episodes = Episodes::Endless { npc_count: num_envs, band: goal_distance, seed };
+        Ok(Self { env: Mutex::new(py.detach(|| open_world(&setup, 0, episodes)).map_err(value)?) })
     }
 
     /// Duration of `steps` steps with these actions, s.

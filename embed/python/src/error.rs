@@ -1,7 +1,7 @@
 //! Errors as Python's exceptions: one line that says what to change.
 
 use pyo3::PyErr;
-use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError};
 use std::path::Path;
 
 /// An argument, or the content of a file, that is of no use.
@@ -14,7 +14,11 @@ pub fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
-        text = format!("{text}: {error}");
+        let why = error.to_string();
+        // Some errors say what caused them.
+        if !text.ends_with(&why) {
+            text = format!("{text}: {why}");
+        }
         cause = error.source();
     }
     text
@@ -23,6 +27,11 @@ pub fn chain(error: &dyn std::error::Error) -> String {
 /// A call that came at the wrong time.
 pub fn state(message: impl std::fmt::Display) -> PyErr {
     PyRuntimeError::new_err(message.to_string())
+}
+
+/// An object that cannot be copied or pickled.
+pub fn fixed(message: &'static str) -> PyErr {
+    PyTypeError::new_err(message)
 }
 
 /// A file that cannot be read or written: `FileNotFoundError` and its like.

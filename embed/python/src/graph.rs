@@ -7,6 +7,7 @@ use crate::level::Level;
 use crate::picture;
 use crate::plan::{Arrival, Plan};
 use crate::policy::Policy;
+use crate::threads::{core_count, with_own_threads};
 use crate::zone;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -45,6 +46,9 @@ pub struct Graph {
 /// Indices of vertices, and a time for each, s.
 type VertexTimes<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f32>>);
 
+/// A constructor, and its arguments.
+type Reduced<'py> = (Bound<'py, PyAny>, (String, Option<Level>));
+
 /// Builds a graph, and calls `progress` with the numbers of finished and of known probes.
 fn build(
     py: Python<'_>,
@@ -55,7 +59,7 @@ fn build(
 ) -> PyResult<Built> {
     let progress = Progress::default();
     std::thread::scope(|scope| {
-        let builder = scope.spawn(|| graphs::build(context, settings, threads, &progress));
+        let builder = scope.spawn(|| with_own_threads(|| graphs::build(context, settings, threads, &progress)));
         while !builder.is_finished() {
             py.detach(|| std::thread::sleep(LOOK_EVERY));
             let seen = (progress.done.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
@@ -73,7 +77,8 @@ fn build(
 impl Graph {
     fn of(graph: NavGraph, map: Option<Arc<Map>>, frame: Option<LevelFrame>, threads: usize) -> Self {
         let frame = map.as_ref().map(|map| *map.frame()).or(frame);
-        Self { router: Router::new(graph, DEFAULT_LABEL_LIMIT, threads), map, frame }
+        let router = with_own_threads(|| Router::new(graph, DEFAULT_LABEL_LIMIT, threads));
+        Self { router, map, frame }
     }
 
     /// The frame of a query with this keyword; `None` for the coordinates of the map.
@@ -90,6 +95,11 @@ impl Graph {
 
     fn graph(&self) -> &NavGraph {
         self.router.graph()
+    }
+
+    /// The content of a file of the graph.
+    fn to_text(&self) -> String {
+        export_about(self.graph(), Format::Json, About { frame: self.frame, body: None })
     }
 }
 
@@ -150,7 +160,7 @@ impl Graph {
         let settings = BuildSettings::default();
         let settings = settings.with(|it| (it.vertices, it.seed) = (vertices, seed));
         let settings = settings.map_err(|error| value(chain(&error)))?;
-        let threads = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        let threads = threads.unwrap_or_else(core_count);
         if threads == 0 {
             return Err(value("threads is 0, but must be 1 or more"));
         }
@@ -171,15 +181,33 @@ impl Graph {
             std::io::ErrorKind::InvalidData => value(format!("{}: this is not a graph", path.display())),
             _ => file(&path, &error),
         })?;
-        let graph = import_json(&text).map_err(|error| value(format!("{}: {}", path.display(), chain(&error))))?;
-        let map = level.map(|level| level.get().map.clone());
-        Ok(py.detach(|| Self::of(graph, map, frame_of(&text), 1)))
+        Self::_of_text(py, &text, level).map_err(|error| value(format!("{}: {}", path.display(), error.value(py))))
     }
 
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let about = About { frame: self.frame, body: None };
-        let written = py.detach(|| std::fs::write(&path, export_about(self.graph(), Format::Json, about)));
-        written.map_err(|error| file(&path, &error))
+        py.detach(|| std::fs::write(&path, self.to_text())).map_err(|error| file(&path, &error))
+    }
+
+    /// The graph of the content of a file, for unpickling.
+    #[staticmethod]
+    fn _of_text(py: Python<'_>, text: &str, level: Option<Py<Level>>) -> PyResult<Self> {
+        let graph = import_json(text).map_err(|error| value(chain(&error)))?;
+        let map = level.map(|level| level.get().map.clone());
+        Ok(py.detach(|| Self::of(graph, map, frame_of(text), 1)))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
+        let (graph, py) = (slf.get(), slf.py());
+        let level = graph.map.clone().map(Level::from);
+        Ok((slf.get_type().getattr("_of_text")?, (py.detach(|| graph.to_text()), level)))
+    }
+
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     #[pyo3(signature = (

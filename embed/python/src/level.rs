@@ -3,6 +3,8 @@
 use crate::arrays::rows;
 use crate::error::{chain, file, value};
 use crate::picture;
+use crate::threads::with_own_threads;
+use numpy::{IntoPyArray, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
@@ -26,6 +28,12 @@ pub struct Level {
 impl Level {
     fn of(Imported { map, warnings, nodes, .. }: Imported) -> Self {
         Self { map: Arc::new(map), warnings: warnings.iter().map(ToString::to_string).collect(), nodes }
+    }
+}
+
+impl From<Arc<Map>> for Level {
+    fn from(map: Arc<Map>) -> Self {
+        Self { map, warnings: Vec::new(), nodes: Vec::new() }
     }
 }
 
@@ -115,7 +123,7 @@ impl Level {
             repair,
         };
         let spec = MapSpec::try_from(raw).map_err(value)?;
-        let map = py.detach(|| surefoot_generate::generate(&spec));
+        let map = py.detach(|| with_own_threads(|| surefoot_generate::generate(&spec)));
         Ok(Self::of(Imported::saved(map)))
     }
 
@@ -136,12 +144,13 @@ impl Level {
             other => return Err(value(format!("up is `{other}`, but must be \"y\" or \"z\""))),
         };
         let options = ImportOptions { scale, up, keep_sides, ignore_names: !names, all_scenes };
-        py.detach(|| load(&path, &options))
+        py.detach(|| with_own_threads(|| load(&path, &options)))
     }
 
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let level = py.detach(|| surefoot_levels::read_level(data, None, &ImportOptions::default(), &NoFiles));
+        let read = || surefoot_levels::read_level(data, None, &ImportOptions::default(), &NoFiles);
+        let level = py.detach(|| with_own_threads(read));
         level.map(Self::of).map_err(|error| value(chain(&error)))
     }
 
@@ -236,6 +245,14 @@ impl Level {
         let view = picture::view(view)?;
         let picture = py.detach(|| picture::draw(&self.map, view, pixels_per_m, None))?;
         Ok(PyBytes::new(py, &picture))
+    }
+
+    #[pyo3(signature = (*, pixels_per_m = 3.0, view = "top"))]
+    fn pixels<'py>(&self, py: Python<'py>, pixels_per_m: f32, view: &str) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let view = picture::view(view)?;
+        let (shape, rgb) =
+            py.detach(|| picture::draw(&self.map, view, pixels_per_m, None).map(|png| picture::pixels(&png)))?;
+        rgb.into_pyarray(py).reshape(shape)
     }
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {

@@ -2,12 +2,14 @@
 //! module to Gymnasium, PettingZoo and others.
 //!
 //! [`environments`] is what all environments have in common; [`local`] steps those of this process on several threads,
-//! [`remote`] those of a server. None of the three knows Python. [`envs`] passes the caller's arrays to them. [`level`]
-//! and [`body`] describe environments. [`graph`] builds graphs and answers with a [`plan`]; [`zone`] has the zones of
-//! queries; [`policy`] decides. [`error`] turns every failure into an exception.
+//! [`remote`] those of a server, and [`draws`] has their starts and goals. None of the four knows Python. [`envs`]
+//! passes the caller's arrays to them. [`level`] and [`body`] describe environments. [`graph`] builds graphs and
+//! answers with a [`plan`]; [`zone`] has the zones of queries; [`policy`] decides. [`error`] turns every failure into
+//! an exception.
 
 mod arrays;
 mod body;
+mod draws;
 mod environments;
 mod envs;
 mod error;
@@ -19,6 +21,7 @@ mod plan;
 mod policy;
 mod remote;
 mod server;
+mod threads;
 mod zone;
 
 use pyo3::prelude::*;

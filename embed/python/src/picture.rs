@@ -1,7 +1,9 @@
-//! Pictures of levels and graphs, for notebooks.
+//! Pictures of levels and graphs, for notebooks and frames.
 
 use crate::error::value;
+use crate::threads::with_own_threads;
 use pyo3::PyResult;
+use std::io::Cursor;
 use surefoot_planner::NavGraph;
 use surefoot_report::render::{Picture, View};
 use surefoot_world::Map;
@@ -35,11 +37,20 @@ pub fn draw(map: &Map, view: View, pixels_per_m: f32, graph: Option<&NavGraph>) 
             (MOST_PIXELS / 4.0).sqrt() / extent.x.max(extent.z)
         )));
     }
-    let mut picture = Picture::of(map, view, pixels_per_m, None);
+    let mut picture = with_own_threads(|| Picture::of(map, view, pixels_per_m, None));
     if let Some(graph) = graph {
         let at = |vertex| graph.position(vertex);
         let edges = graph.edges().map(|edge| (at(edge.key.from), at(edge.key.to), edge.evidence.ability));
         picture.graph(graph.vertices().map(at), edges);
     }
     Ok(picture.to_png())
+}
+
+/// Height, width and RGB values of a PNG file that [`draw`] made.
+pub fn pixels(png: &[u8]) -> ([usize; 3], Vec<u8>) {
+    let mut reader = png::Decoder::new(Cursor::new(png)).read_info().expect("a PNG of ours");
+    let (width, height) = reader.info().size();
+    let mut rgb = vec![0; width as usize * height as usize * 3];
+    reader.next_frame(&mut rgb).expect("a PNG of ours");
+    ([height as usize, width as usize, 3], rgb)
 }

@@ -1,7 +1,7 @@
 //! Policies: actions for batches of observations, and the memory of recurrent policies.
 
 use crate::arrays::readable;
-use crate::error::{chain, value};
+use crate::error::{chain, fixed, value};
 use numpy::{IntoPyArray, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyFileNotFoundError;
 use pyo3::prelude::*;
@@ -168,6 +168,10 @@ impl Policy {
         state.memories.set_rows(memory.as_slice()?.to_vec());
         state.rows = shape[0];
         Ok(())
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(fixed("policies cannot be copied or pickled: load the policy again, and set its memory"))
     }
 
     fn __repr__(&self) -> String {

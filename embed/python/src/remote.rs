@@ -4,12 +4,14 @@
 //! sends them as routes. If the connection to the server is lost, the client connects again, creates new environments,
 //! and ends the running episodes as [`LOST`].
 
+use crate::draws::{Draws, Seeds};
 use crate::environments::{Autoreset, EnvError, Environments, Finished, Outputs, Setup, check_actions};
+use crate::threads::core_count;
 use std::time::{Duration, Instant};
 use surefoot_game_client::{Game, GameEnv, GameError, Level};
 use surefoot_net::client::Credentials;
 use surefoot_rollout::Goal;
-use surefoot_rollout::env::{Draw, Route, actions_of};
+use surefoot_rollout::env::{Route, actions_of};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{End, Vec3};
 
@@ -34,6 +36,9 @@ pub struct RemoteWorlds {
     server: ServerLink,
     setup: Setup,
     worlds: Vec<RemoteWorld>,
+    /// Draws starts and goals, unless the server does.
+    draws: Option<Draws>,
+    /// Seed of the episodes that the server draws.
     seed: u64,
     /// Number of resets without a seed.
     resets: u64,
@@ -49,8 +54,6 @@ struct RemoteWorld {
     seed: u64,
     /// `None` after the server was lost.
     env: Option<GameEnv>,
-    /// Draws starts and goals, unless the server does.
-    draw: Option<Draw>,
     rests: Vec<bool>,
     goals: Vec<Vec3>,
     /// Whether the next step only returns the first observations of new environments.
@@ -60,12 +63,13 @@ struct RemoteWorld {
 
 impl RemoteWorld {
     /// Creates the environment on the server with the next episodes.
-    fn open(&mut self, game: &Game, band: (f32, f32)) -> Result<(), GameError> {
+    fn open(&mut self, game: &Game, band: (f32, f32), draws: Option<&mut Draws>) -> Result<(), GameError> {
         self.env = None;
         if self.level.map.spec().is_none() {
             game.keep(&self.level.map)?;
         }
-        let goals: Option<Vec<Goal>> = self.draw.as_mut().map(|draw| (0..self.count).map(|_| draw.goal()).collect());
+        let goals: Option<Vec<Goal>> =
+            draws.map(|draws| (0..self.count).map(|npc_idx| draws.goal(self.first + npc_idx)).collect());
         self.env = Some(match &goals {
             Some(goals) => game.open(&self.level, goals)?,
             None => game.open_endless(&self.level, self.count, band, self.seed)?,
@@ -76,14 +80,14 @@ impl RemoteWorld {
     }
 
     /// Sends a step; with [`Autoreset::NextStep`], environments whose episode has ended start the next one.
-    fn send(&mut self, actions: &[f32], autoreset: Autoreset) -> Result<(), GameError> {
+    fn send(&mut self, actions: &[f32], autoreset: Autoreset, draws: Option<&mut Draws>) -> Result<(), GameError> {
         self.renewed.clear();
         let Some(env) = self.env.as_mut().filter(|_| !self.is_fresh) else { return Ok(()) };
         let mut routes = Vec::new();
-        if let (Autoreset::NextStep, Some(draw)) = (autoreset, &mut self.draw) {
+        if let (Autoreset::NextStep, Some(draws)) = (autoreset, draws) {
             self.renewed.extend((0..self.count).filter(|npc_idx| self.rests[*npc_idx]));
             for &npc_idx in &self.renewed {
-                let Goal { start, yaw, goal } = draw.goal();
+                let Goal { start, yaw, goal } = draws.goal(self.first + npc_idx);
                 self.goals[npc_idx] = goal;
                 routes.push(Route { npc_idx, start: Some((start, yaw)), waypoints: vec![goal] });
             }
@@ -124,8 +128,8 @@ impl RemoteWorlds {
     /// # Errors
     /// If the server refuses, or a level has nowhere to stand.
     pub fn open(server: ServerLink, setup: Setup, seed: u64) -> Result<Self, EnvError> {
-        let mut far = Self { server, setup, worlds: Vec::new(), seed, resets: 0 };
-        far.reseed(seed)?;
+        let mut far = Self { server, setup, worlds: Vec::new(), draws: None, seed, resets: 0 };
+        far.reseed(Seeds::Worlds(seed))?;
         Ok(far)
     }
 
@@ -140,7 +144,7 @@ impl RemoteWorlds {
             let error = match Game::connect(&self.server.uri, &self.server.credentials) {
                 Ok(game) => {
                     self.server.game = game;
-                    match world.open(&self.server.game, self.setup.band) {
+                    match world.open(&self.server.game, self.setup.band, self.draws.as_mut()) {
                         Ok(()) => return Ok(()),
                         Err(error) => error,
                     }
@@ -181,26 +185,29 @@ impl RemoteWorlds {
 }
 
 impl Environments for RemoteWorlds {
-    fn reseed(&mut self, seed: u64) -> Result<(), EnvError> {
-        (self.seed, self.resets) = (seed, 0);
+    fn reseed(&mut self, seeds: Seeds) -> Result<(), EnvError> {
+        self.draws = match (self.setup.autoreset, &seeds) {
+            (Autoreset::SameStep, Seeds::Worlds(_)) => None,
+            (Autoreset::SameStep, Seeds::Envs(_)) => {
+                let text = "a server draws the episodes of SAME_STEP with one seed: give one, or use NEXT_STEP";
+                return Err(EnvError::Argument(text.to_owned()));
+            }
+            (Autoreset::NextStep | Autoreset::Disabled, seeds) => Some(Draws::on(&self.setup, seeds, core_count())?),
+        };
+        if let Seeds::Worlds(seed) = seeds {
+            self.seed = seed;
+        }
+        self.resets = 0;
         self.worlds.clear();
-        let Setup { levels, body, solid, band, autoreset, .. } = self.setup.clone();
         let mut first = 0;
-        for (world, count) in self.setup.counts().into_iter().enumerate() {
-            let map = levels[world % levels.len()].clone();
-            let seed = seed.wrapping_add(world as u64);
-            let draw = match autoreset {
-                Autoreset::SameStep => None,
-                Autoreset::NextStep | Autoreset::Disabled => Some(Draw::on(&map, &body, band, seed)?),
-            };
-            let level = Level { map, body: body.clone(), solid_npcs: solid };
+        for (idx, count) in self.setup.counts().into_iter().enumerate() {
+            let (map, body) = (self.setup.level(idx).clone(), self.setup.body.clone());
             self.worlds.push(RemoteWorld {
-                level,
+                level: Level { map, body, solid_npcs: self.setup.solid },
                 count,
                 first,
-                seed,
+                seed: self.seed.wrapping_add(idx as u64),
                 env: None,
-                draw,
                 rests: Vec::new(),
                 goals: Vec::new(),
                 is_fresh: false,
@@ -208,7 +215,8 @@ impl Environments for RemoteWorlds {
             });
             first += count;
         }
-        self.worlds.iter_mut().try_for_each(|world| world.open(&self.server.game, band)).map_err(EnvError::from)
+        let mut open = |world: &mut RemoteWorld| world.open(&self.server.game, self.setup.band, self.draws.as_mut());
+        self.worlds.iter_mut().try_for_each(&mut open).map_err(EnvError::from)
     }
 
     fn renew(&mut self, mask: &[bool], rows: &mut [f32]) -> Result<(), EnvError> {
@@ -222,7 +230,7 @@ impl Environments for RemoteWorlds {
             // If the server draws the episodes, the new environment needs another seed.
             world.seed = seed.wrapping_add(idx as u64);
             world.is_fresh = false;
-            world.open(&self.server.game, self.setup.band)?;
+            world.open(&self.server.game, self.setup.band, self.draws.as_mut())?;
         }
         self.observations(rows);
         Ok(())
@@ -247,7 +255,7 @@ impl Environments for RemoteWorlds {
         let autoreset = self.setup.autoreset;
         for world in &mut self.worlds {
             let own = &actions[world.first * ACTION_LEN..][..world.count * ACTION_LEN];
-            if world.send(own, autoreset).is_err() {
+            if world.send(own, autoreset, self.draws.as_mut()).is_err() {
                 // `recover` reports the cause.
                 world.env = None;
             }

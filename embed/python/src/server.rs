@@ -1,7 +1,7 @@
 //! World servers for Python.
 
 use crate::environments::EnvError;
-use crate::error::{chain, value};
+use crate::error::{chain, fixed, value};
 use crate::remote::ServerLink;
 use pyo3::exceptions::{PyConnectionError, PyKeyboardInterrupt};
 use pyo3::prelude::*;
@@ -43,6 +43,17 @@ fn uri_of(text: &str) -> String {
     if text.contains("://") { text.to_owned() } else { format!("http://{text}") }
 }
 
+/// Says which arguments a certificate depends on.
+fn explained(error: GameError) -> GameError {
+    match error {
+        GameError::Unreachable { uri, reason } if reason.contains("certificate") => {
+            let reason = format!("{reason} (tls_ca is its authority, and tls_server_name the name in it)");
+            GameError::Unreachable { uri, reason }
+        }
+        other => other,
+    }
+}
+
 /// Connects to a server.
 #[pyfunction]
 #[pyo3(signature = (
@@ -72,7 +83,7 @@ pub fn connect(
     let token = token.map(Secret::new);
     let credentials = Credentials::load(token.as_ref(), &files).map_err(|error| value(chain(&error)))?;
     let uri = uri_of(uri);
-    let game = py.detach(|| Game::connect(&uri, &credentials)).map_err(EnvError::from)?;
+    let game = py.detach(|| Game::connect(&uri, &credentials)).map_err(|error| EnvError::from(explained(error)))?;
     Ok(Server { link: ServerLink { uri, credentials, patience: Duration::from_secs_f64(patience), game } })
 }
 
@@ -81,6 +92,10 @@ impl Server {
     #[getter]
     fn uri(&self) -> &str {
         &self.link.uri
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(fixed("connections cannot be copied or pickled: call connect in the other process"))
     }
 
     fn __repr__(&self) -> String {

@@ -9,6 +9,7 @@ into your arrays.
 
 from __future__ import annotations
 
+import pkgutil
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -21,6 +22,8 @@ from .vector import VectorEnv
 if TYPE_CHECKING:
     from .parallel import ParallelEnv
 
+# Stubs of the gRPC contracts, which users generate, are packages below this one: `surefoot.world.v1`.
+__path__ = pkgutil.extend_path(__path__, __name__)
 __version__ = VERSION
 __all__ = [
     "Arrival",

@@ -122,8 +122,18 @@ class Level:
     def warnings(self) -> list[str]:
         """Warnings about an imported level."""
 
+    @property
+    def nodes(self) -> list[dict[str, Any]]:
+        """What became of each node of an imported level: `index`, `name`, `role`, `reason`, `triangles`, and `bounds`,
+        the lowest and highest corner in the level's own coordinates, or `None`. Empty for maps."""
+
     def png(self, *, pixels_per_m: float = 3.0, view: Literal["top", "iso"] = "top") -> bytes:
         """A picture as the content of a PNG file."""
+
+    def pixels(
+        self, *, pixels_per_m: float = 3.0, view: Literal["top", "iso"] = "top"
+    ) -> npt.NDArray[np.uint8]:
+        """A picture as an array (height, width, 3)."""
 
     def _repr_png_(self) -> bytes: ...
     def __eq__(self, other: object) -> bool: ...
@@ -141,17 +151,12 @@ class Worlds:
         goal_distance: tuple[float, float],
         autoreset: str,
         seed: int,
-        threads: int,
+        threads: int | None,
         server: Server | None,
     ) -> None: ...
     @property
-    def nodes(self) -> list[dict[str, Any]]:
-        """What became of each node of an imported level: `index`, `name`, `role`, `reason`, `triangles`, and `bounds`,
-        the lowest and highest corner in the level's own coordinates, or `None`. Empty for maps."""
-
-    @property
     def observation_len(self) -> int: ...
-    def reseed(self, seed: int, observations: _Floats) -> None: ...
+    def reseed(self, seed: int | Sequence[int], observations: _Floats) -> None: ...
     def first_observations(self, observations: _Floats) -> None: ...
     def renew(self, mask: _Flags, observations: _Floats) -> None: ...
     def step(

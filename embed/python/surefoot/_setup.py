@@ -63,8 +63,8 @@ def fresh_seed() -> int:
 
 def checked_seed(seed: int) -> int:
     """A seed in range."""
-    if not 0 <= seed < 2**64:
-        raise ValueError(f"seed is {seed}, but must be 0 to 2**64 - 1")
+    if not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**64:
+        raise ValueError(f"seed is {seed!r}, but must be a whole number, 0 to 2**64 - 1")
     return int(seed)
 
 
@@ -90,13 +90,19 @@ class Setup:
     worlds: int
     goal_distance: tuple[float, float]
     autoreset: str
-    threads: int
+    threads: int | None
     server: Server | None = None
+
+    def level_of(self, env: int) -> Level:
+        """The level of an environment."""
+        each, more = divmod(self.num_envs, self.worlds)
+        world = env // (each + 1) if env < more * (each + 1) else (env - more) // each
+        return self.levels[world % len(self.levels)]
 
     def open(self, seed: int) -> Worlds:
         """Opens the worlds, here or on the server."""
         seed = checked_seed(seed)
-        if self.server is not None and self.threads != 1:
+        if self.server is not None and self.threads is not None:
             raise ValueError("threads applies to environments of this process: a server has its own threads")
         return Worlds(
             self.levels,
@@ -110,6 +116,11 @@ class Setup:
             self.threads,
             self.server,
         )
+
+
+def thread_count(threads: int | None) -> int | None:
+    """The greatest number of threads; `None` for all cores."""
+    return None if threads is None else whole("threads", threads)
 
 
 def whole(name: str, value: int) -> int:

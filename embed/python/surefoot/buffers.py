@@ -23,6 +23,7 @@ from ._setup import (
     levels_of,
     observation_space,
     server_of,
+    thread_count,
     whole,
 )
 
@@ -56,7 +57,7 @@ class BufferEnv:
         goal_distance: Sequence[float] = (5.0, 25.0),
         seed: int | None = None,
         worlds: int | None = None,
-        threads: int = 1,
+        threads: int | None = None,
         server: Server | str | None = None,
         log_interval: int = 128,
     ) -> None:
@@ -76,7 +77,7 @@ class BufferEnv:
             worlds=len(levels) if worlds is None else whole("worlds", worlds),
             goal_distance=distances(goal_distance),
             autoreset=AutoresetMode.SAME_STEP.value,
-            threads=whole("threads", threads),
+            threads=thread_count(threads),
             server=server_of(server),
         )
         buf = {} if buf is None else buf

@@ -10,6 +10,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from pettingzoo import ParallelEnv as _ParallelEnv
 
+from ._frames import RENDER_FPS, RENDER_MODES, Frame, checked_mode
 from ._native import Server
 from ._setup import BodyLike, Flags, Floats, LevelLike, action_space, observation_space
 from .vector import VectorEnv
@@ -22,7 +23,12 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
     stays where it is until `reset`.
     """
 
-    metadata: dict[str, Any] = {"name": "surefoot_point_goal_v0", "render_modes": [], "is_parallelizable": True}
+    metadata: dict[str, Any] = {
+        "name": "surefoot_point_goal_v0",
+        "render_modes": RENDER_MODES,
+        "render_fps": RENDER_FPS,
+        "is_parallelizable": True,
+    }
 
     def __init__(
         self,
@@ -34,9 +40,9 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
         goal_distance: tuple[float, float] = (5.0, 25.0),
         seed: int | None = None,
         server: Server | str | None = None,
-        render_mode: None = None,
+        render_mode: str | None = None,
     ) -> None:
-        self.render_mode = render_mode
+        self.render_mode = checked_mode(render_mode)
         self._env = _Crowd(
             num_agents,
             level,
@@ -121,8 +127,11 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
         """Where the NPCs must go, m."""
         return self._env.goals()
 
-    def render(self) -> None:
-        """Does nothing: there are no pictures."""
+    def render(self) -> Frame | None:
+        """With `render_mode="rgb_array"`, a picture of all NPCs and goals, as `VectorEnv.render` makes it."""
+        if self.render_mode is None:
+            return None
+        return next(self._env._frames([range(len(self.possible_agents))]))
 
     def close(self) -> None:
         """Ends the environment."""

@@ -80,9 +80,9 @@ class SB3VecEnv(VecEnv):
         """No environment is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
-    def get_images(self) -> Sequence[None]:
-        """There are no pictures."""
-        return [None] * self.num_envs
+    def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
+        """Pictures with `render_mode="rgb_array"`."""
+        return self.envs.render() or [None] * self.num_envs
 
 
 __all__ = ["SB3VecEnv"]

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
+from ._frames import RENDER_FPS, RENDER_MODES, Frame, checked_mode
 from ._native import Server
 from ._setup import BodyLike, Floats, LevelLike
 from .vector import VectorEnv
@@ -23,7 +24,7 @@ class PointGoalEnv(gymnasium.Env[Floats, Floats]):
     as fast.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": RENDER_FPS}
 
     def __init__(
         self,
@@ -33,9 +34,9 @@ class PointGoalEnv(gymnasium.Env[Floats, Floats]):
         goal_distance: Sequence[float] = (5.0, 25.0),
         seed: int | None = None,
         server: Server | str | None = None,
-        render_mode: None = None,
+        render_mode: str | None = None,
     ) -> None:
-        self.render_mode = render_mode
+        self.render_mode = checked_mode(render_mode)
         self._env = VectorEnv(
             1,
             level,
@@ -45,6 +46,7 @@ class PointGoalEnv(gymnasium.Env[Floats, Floats]):
             autoreset_mode=AutoresetMode.DISABLED,
             copy=False,
             server=server,
+            render_mode=render_mode,
         )
         self.observation_space = self._env.single_observation_space
         self.action_space = self._env.single_action_space
@@ -70,6 +72,11 @@ class PointGoalEnv(gymnasium.Env[Floats, Floats]):
         info = {"outcome": infos["outcome"][0]} if infos else {}
         self._has_episode = not infos
         return observations[0].copy(), float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def render(self) -> Frame | None:
+        """With `render_mode="rgb_array"`, a picture as `VectorEnv.render` makes it."""
+        frames = self._env.render()
+        return None if frames is None else frames[0]
 
     def position(self) -> Floats:
         """Feet of the NPC, m."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector import VectorEnv as _VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._native import Server, Worlds
+from ._frames import RENDER_FPS, RENDER_MODES, Canvas, Frame, checked_mode
+from ._native import Level, Server, Worlds
 from ._setup import (
     BodyLike,
     Flags,
@@ -21,11 +22,13 @@ from ._setup import (
     Setup,
     action_space,
     body_text,
+    checked_seed,
     distances,
     fresh_seed,
     levels_of,
     observation_space,
     server_of,
+    thread_count,
     whole,
 )
 
@@ -49,16 +52,22 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         seed: Seed of starts and goals until `reset` gets one; random by default.
         worlds: Number of worlds among which the environments are divided; the worlds are on the levels in turn. By
             default one for each level. World k draws its starts and goals with seed + k. Results depend on it.
-        threads: Number of threads that step the worlds, at most one for each. Results do not depend on it.
+        threads: Greatest number of threads that step the environments, by default as many as cores. With `others`, or
+            on a level with movers, one thread steps a world. Results do not depend on it.
         autoreset_mode: What happens to an environment after its episode has ended.
         copy: Whether `reset` and `step` return arrays of their own; otherwise those that the next call overwrites.
         server: A server that runs the environments instead of this process: its address, or what `surefoot.connect`
             returned. The same arguments give the same bits there. If the connection is lost, the environments are
             created again as soon as the server is back, and the episodes that ran are truncated with the outcome
             "lost".
+        render_mode: With `"rgb_array"`, `render` returns pictures.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata: dict[str, Any] = {
+        "render_modes": RENDER_MODES,
+        "render_fps": RENDER_FPS,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -70,16 +79,16 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         goal_distance: Sequence[float] = (5.0, 25.0),
         seed: int | None = None,
         worlds: int | None = None,
-        threads: int = 1,
+        threads: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         copy: bool = True,
         server: Server | str | None = None,
-        render_mode: None = None,
+        render_mode: str | None = None,
     ) -> None:
         self.num_envs = whole("num_envs", num_envs)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.render_mode = render_mode
+        self.render_mode = checked_mode(render_mode)
         self.copy = copy
         levels = levels_of(level)
         self.setup = Setup(
@@ -90,7 +99,7 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
             worlds=len(levels) if worlds is None else whole("worlds", worlds),
             goal_distance=distances(goal_distance),
             autoreset=self.autoreset_mode.value,
-            threads=whole("threads", threads),
+            threads=thread_count(threads),
             server=server_of(server),
         )
         self.single_observation_space = observation_space(self.setup.others)
@@ -104,20 +113,27 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         self._truncated: Flags = np.zeros(self.num_envs, np.bool_)
         self._is_new = True
         self._was_reset = False
+        self._canvases: dict[Level, Canvas] = {}
+        # Places of the routes that redirect gave.
+        self._routes: dict[int, Floats] = {}
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Starts new episodes. With `options={"reset_mask": mask}`, only some environments do."""
+        """Starts new episodes. With `options={"reset_mask": mask}`, only some environments do.
+
+        A list of seeds has one for each environment, which then has the episodes that it would have alone in its world;
+        `None` in the list is a random seed.
+        """
         self._check_open()
-        if seed is not None and not isinstance(seed, (int, np.integer)):
-            raise ValueError(f"seed is {seed!r}, but must be a whole number: the environments share one generator")
+        seeds = _checked_seed(seed)
         mask = None if options is None else options.get("reset_mask")
         if mask is not None:
-            self._renew(self._checked(mask), seed)
-        elif seed is not None:
-            super().reset(seed=int(seed))
-            self._worlds.reseed(int(seed), self._observations)
+            self._renew(self._checked(mask), seeds)
+        elif seeds is not None:
+            if isinstance(seeds, int):
+                super().reset(seed=seeds)
+            self._worlds.reseed(seeds, self._observations)
         elif self._is_new:
             self._worlds.first_observations(self._observations)
         else:
@@ -125,6 +141,7 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         if mask is None:
             self._terminated[:] = False
             self._truncated[:] = False
+            self._routes.clear()
         self._is_new = False
         self._was_reset = True
         return self._own(self._observations), {}
@@ -136,14 +153,16 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
             raise ValueError("options['reset_mask'] names no environment: set at least one to True")
         return np.ascontiguousarray(mask)
 
-    def _renew(self, mask: Flags, seed: int | None) -> None:
-        if seed is not None:
+    def _renew(self, mask: Flags, seeds: int | list[int] | None) -> None:
+        if seeds is not None:
             raise ValueError("a seed needs a reset of all environments: leave out the seed or the reset_mask")
         if not self._was_reset:
             raise ResetNeeded("reset all environments first")
         self._worlds.renew(mask, self._observations)
         self._terminated[mask] = False
         self._truncated[mask] = False
+        for env in np.flatnonzero(mask):
+            self._routes.pop(int(env), None)
 
     def step(self, actions: npt.ArrayLike) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
         """Runs one decision of every environment."""
@@ -159,6 +178,9 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         values = np.ascontiguousarray(actions, dtype=np.float32)
         ends = self._worlds.step(values, self._observations, self._rewards, self._terminated, self._truncated)
         infos = {} if ends is None else self._infos(*ends)
+        if ends is not None and self._routes:
+            for env in ends[0]:
+                self._routes.pop(int(env), None)
         return (
             self._own(self._observations),
             self._own(self._rewards),
@@ -212,6 +234,29 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         """Where the NPCs must go, m: an array of x, y and z for each."""
         return self._worlds.goals()
 
+    def render(self) -> tuple[Frame, ...] | None:
+        """With `render_mode="rgb_array"`, a picture of each environment: an array (height, width, 3).
+
+        It shows the level from above, x to the right and z downwards, up to 480 pixels wide and high. The NPC is white
+        and its goal red; a line is the route that `redirect` gave. A server does not report goals of `SAME_STEP`.
+        """
+        if self.render_mode is None:
+            return None
+        return tuple(self._frames([[env] for env in range(self.num_envs)]))
+
+    def _frames(self, groups: Sequence[Sequence[int]]) -> Iterator[Frame]:
+        """A picture for each group of environments, which share a world."""
+        if not self._was_reset:
+            raise ResetNeeded("call reset before render")
+        has_goals = self.setup.server is None or self.autoreset_mode is not AutoresetMode.SAME_STEP
+        positions, goals = self.positions(), self.goals() if has_goals else np.zeros((self.num_envs, 0, 3), np.float32)
+        for group in groups:
+            level = self.setup.level_of(group[0])
+            if level not in self._canvases:
+                self._canvases[level] = Canvas(level)
+            routes = [self._routes[env] for env in group if env in self._routes]
+            yield self._canvases[level].frame(positions[group], goals[group].reshape(-1, 3), routes)
+
     def redirect(
         self,
         env: int,
@@ -229,6 +274,16 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         if self.setup.server is not None:
             raise NotImplementedError("redirect needs environments of this process: leave the server out")
         self._worlds.redirect(env, waypoints, start, yaw, self._observations)
+        self._routes[env] = np.array([self.positions()[env], *waypoints], np.float32)
         if start is not None:
             self._terminated[env] = self._truncated[env] = False
         return np.array(self._observations[env])
+
+
+def _checked_seed(seed: int | Sequence[int | None] | None) -> int | list[int] | None:
+    """A seed, or one for each environment."""
+    if seed is None:
+        return None
+    if isinstance(seed, (Sequence, np.ndarray)):
+        return [fresh_seed() if each is None else checked_seed(each) for each in seed]
+    return checked_seed(seed)

@@ -18,21 +18,24 @@ PROGRAM = os.environ.get("SUREFOOT", str(Path(__file__).parents[3] / "target/rel
 class Process:
     """A world server that can be stopped and started again at the same address."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *arguments: str, authority: Path | None = None) -> None:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+            self.address = f"127.0.0.1:{free.getsockname()[1]}"
         self.log = folder / "serve.log"
+        self.serve = [PROGRAM, "serve", "--listen", self.address, *arguments]
+        if authority is None:
+            self.uri = f"grpc://{self.address}"
+            self.health = [PROGRAM, "health", f"http://{self.address}"]
+        else:
+            self.uri = f"grpcs://{self.address}"
+            self.health = [PROGRAM, "health", f"https://{self.address}", "--tls-ca", str(authority)]
         self.start()
-
-    @property
-    def uri(self) -> str:
-        return f"grpc://127.0.0.1:{self.port}"
 
     def start(self) -> None:
         with self.log.open("ab") as log:
-            self.process = subprocess.Popen([PROGRAM, "serve", "--listen", f"127.0.0.1:{self.port}"], stdout=log, stderr=log)
-        while subprocess.run([PROGRAM, "health", f"http://127.0.0.1:{self.port}"], capture_output=True).returncode != 0:
+            self.process = subprocess.Popen(self.serve, stdout=log, stderr=log)
+        while subprocess.run(self.health, capture_output=True).returncode != 0:
             assert self.process.poll() is None, self.log.read_text()
 
     def stop(self) -> None:

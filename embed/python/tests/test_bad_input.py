@@ -34,7 +34,8 @@ SMALL = {"seed": 7, "size": 60}
         ({"goal_distance": 7}, "goal_distance is 7"),
         ({"goal_distance": (0, float("nan"))}, "goal_distance is"),
         ({"worlds": 9}, "worlds is 9, but must be 1 to 4"),
-        ({"threads": 2}, "pass worlds=2 or more"),
+        ({"threads": 0}, "threads is 0"),
+        ({"render_mode": "human"}, "render_mode is 'human', but must be 'rgb_array'"),
         ({"seed": -1}, "seed is -1"),
         ({"autoreset_mode": "Never"}, "Never"),
     ],
@@ -98,9 +99,18 @@ def test_wrong_masks_are_refused(mask: Any) -> None:
         envs.reset(options={"reset_mask": mask})
 
 
-def test_a_list_of_seeds_is_refused() -> None:
-    with pytest.raises(ValueError, match="must be a whole number"):
-        surefoot.VectorEnv(2, SMALL).reset(seed=[1, 2])  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("seed", "match"),
+    [
+        ([1, 2, 3], "seed has 3 values, but there are 2 environments"),
+        ([1, -1], "seed is -1, but must be a whole number"),
+        ([1, 2.5], "seed is 2.5, but must be a whole number"),
+        (2.5, "seed is 2.5, but must be a whole number"),
+    ],
+)
+def test_wrong_seeds_are_refused(seed: Any, match: str) -> None:
+    with pytest.raises(ValueError, match=match):
+        surefoot.VectorEnv(2, SMALL).reset(seed=seed)
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import signal
 import subprocess
 import sys
+from functools import partial
+from threading import Thread
 from typing import Any
 
 import gymnasium
@@ -48,6 +52,43 @@ def test_a_process_that_does_not_import_the_package_makes_an_environment_by_a_na
     assert done.stdout.strip() == "(369,)"
 
 
+def test_spawned_processes_know_the_environments(level: surefoot.Level) -> None:
+    # Nothing that is sent to these processes imports the package, except the name.
+    by_name = partial(gymnasium.make, "surefoot:surefoot/PointGoal-v0", level={"seed": 7, "size": 60})
+    alone = surefoot.PointGoalEnv(level)
+    first = np.stack([alone.reset(seed=seed)[0] for seed in (1, 2)])
+    for envs in (
+        gymnasium.vector.AsyncVectorEnv([by_name] * 2, context="spawn"),
+        gymnasium.make_vec(
+            "surefoot/PointGoal-v0", 2, "async", vector_kwargs={"context": "spawn"}, level={"seed": 7, "size": 60}
+        ),
+    ):
+        np.testing.assert_array_equal(envs.reset(seed=[1, 2])[0], first)
+        envs.close()
+
+
+@pytest.mark.parametrize("use", ["generate", "pickle", "draw", "step", "build"])
+def test_forked_processes_can_do_what_their_parent_did(use: str, level: surefoot.Level) -> None:
+    envs = surefoot.VectorEnv(128, level)
+    run = {
+        "generate": lambda: surefoot.Level.generate(8, size=60),
+        "pickle": lambda: pickle.loads(pickle.dumps(level)),
+        "draw": lambda: level.png(),
+        "step": lambda: (envs.reset(), envs.step(np.zeros((128, 4)))),
+        "build": lambda: surefoot.Graph.build(level, vertices=10),
+    }[use]
+    run()
+    child = os.fork()
+    if child == 0:
+        signal.alarm(60)
+        try:
+            run()
+            os._exit(0)
+        finally:
+            os._exit(1)
+    assert os.waitpid(child, 0)[1] == 0
+
+
 def test_make_vec_uses_the_vector_environment(level: surefoot.Level) -> None:
     envs = gymnasium.make_vec("surefoot/PointGoal-v0", num_envs=6, level=level)
     assert isinstance(envs, surefoot.VectorEnv)
@@ -76,6 +117,74 @@ def test_the_same_seed_gives_the_same_bits_on_any_number_of_threads(mode: Autore
     steps = 1 if mode is AutoresetMode.DISABLED else 150
     assert_same(play(make(1), steps), play(make(1), steps))
     assert_same(play(make(1), steps), play(make(3), steps))
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+@pytest.mark.parametrize("movers", ["none", "all,crates=2"])
+def test_one_world_gives_the_same_bits_on_any_number_of_threads(mode: AutoresetMode, movers: str) -> None:
+    level = surefoot.Level.generate(3, size=60, kind="islands", movers=movers)
+    made = [
+        surefoot.VectorEnv(100, level, threads=threads, autoreset_mode=mode, goal_distance=(2, 8))
+        for threads in (1, 3, None)
+    ]
+    traces = [play(envs, 1 if mode is AutoresetMode.DISABLED else 60) for envs in made]
+    assert_same(traces[0], traces[1])
+    assert_same(traces[0], traces[2])
+    mask = np.arange(100) % 3 == 0
+    for change in (
+        lambda envs: envs.reset(options={"reset_mask": mask})[0],
+        lambda envs: envs.redirect(70, envs.goals()[:2], start=envs.positions()[3]),
+        lambda envs: envs.positions(),
+        lambda envs: envs.goals(),
+    ):
+        alone, *others = (change(envs) for envs in made)
+        for other in others:
+            np.testing.assert_array_equal(other, alone)
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="there is one core")
+def test_by_default_one_world_uses_several_cores(level: surefoot.Level) -> None:
+    def threads_in_a_step(**arguments: Any) -> int:
+        envs = surefoot.VectorEnv(1024, level, **arguments)
+        envs.reset(seed=1)
+        steps = Thread(target=lambda: [envs.step(action) for action in actions(1024, 10)])
+        before = len(os.listdir("/proc/self/task"))
+        steps.start()
+        most = 0
+        while steps.is_alive():
+            most = max(most, len(os.listdir("/proc/self/task")) - before)
+        return most
+
+    # The thread that Python started is one of them.
+    assert threads_in_a_step(threads=1) == 1
+    assert threads_in_a_step() > 1
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_an_environment_with_its_own_seed_has_the_episodes_that_it_has_alone(
+    mode: AutoresetMode, islands: surefoot.Level
+) -> None:
+    def make(count: int) -> surefoot.VectorEnv:
+        return surefoot.VectorEnv(count, islands, goal_distance=(2, 8), autoreset_mode=mode)
+
+    seeds = [11, 5, 11]
+    together, alone = make(3), [make(1) for _ in seeds]
+    first = together.reset(seed=seeds)[0]
+    for row, env, seed in zip(first, alone, seeds, strict=True):
+        np.testing.assert_array_equal(row, env.reset(seed=seed)[0][0])
+    np.testing.assert_array_equal(first[0], first[2])
+    ends = 0
+    for action in actions(3, 150):
+        step = together.step(action)
+        ends += int((step[2] | step[3]).sum())
+        for index, env in enumerate(alone):
+            for mine, theirs in zip(step[:4], env.step(action[index : index + 1])[:4], strict=True):
+                np.testing.assert_array_equal(mine[index], theirs[0])
+    assert ends > 3, "episodes end"
+    np.testing.assert_array_equal(together.reset()[0][1], alone[1].reset()[0][0])
+    with_none = make(2).reset(seed=[5, None])[0]
+    np.testing.assert_array_equal(with_none[0], first[1])
+    assert not np.array_equal(with_none[1], first[1])
 
 
 def test_other_seeds_give_other_episodes(level: surefoot.Level) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,20 @@ def test_a_server_gives_the_same_bits(mode: AutoresetMode, others: bool, islands
     assert sum(int((step[2] | step[3]).sum()) for step in there[1:]) > 10, "episodes end"
     for mine, theirs in zip(here[1:], there[1:], strict=True):
         assert mine[4].keys() == theirs[4].keys()
+
+
+def test_seeds_of_environments_mean_the_same_there(islands: surefoot.Level, server: Process) -> None:
+    here, there = (
+        surefoot.VectorEnv(5, islands, goal_distance=(2, 8), worlds=2, server=it) for it in (None, server.uri)
+    )
+    seeds = [4, 9, 4, 1, 2]
+    np.testing.assert_array_equal(here.reset(seed=seeds)[0], there.reset(seed=seeds)[0])
+    ends = 0
+    for action in np.random.default_rng(2).uniform(-1, 1, (120, 5, 4)).astype(np.float32):
+        mine, theirs = here.step(action), there.step(action)
+        np.testing.assert_array_equal(mine[0], theirs[0])
+        ends += int((mine[2] | mine[3]).sum())
+    assert ends > 3, "episodes end"
 
 
 def test_levels_of_files_are_sent_to_the_server(level: surefoot.Level, server: Process, tmp_path: Path) -> None:
@@ -116,3 +131,8 @@ def test_what_a_server_cannot_do_is_said(islands: surefoot.Level, server: Proces
         surefoot.VectorEnv(4, islands, worlds=2, threads=2, server=server.uri)
     with pytest.raises(ValueError, match="refused"):
         surefoot.VectorEnv(5000, islands, server=server.uri)
+    with pytest.raises(ValueError, match="give one, or use NEXT_STEP"):
+        same_step = surefoot.VectorEnv(2, islands, server=server.uri, autoreset_mode=AutoresetMode.SAME_STEP)
+        same_step.reset(seed=[1, 2])
+    with pytest.raises(TypeError, match="call connect in the other process"):
+        pickle.dumps(surefoot.connect(server.uri))

@@ -1,10 +1,10 @@
 //! The PostgreSQL database that all servers and planners of a fleet share.
 //!
-//! Its schema is in `migrations/`; the first process that starts applies it. Queries are checked when they are
-//! compiled, against the descriptions in `.sqlx`, which `tests/fleet/check` compares with a database.
+//! Its schema is in `migrations/`, and `schema` checks it at every start. Queries are checked when they are compiled,
+//! against the descriptions in `.sqlx`, which `tests/fleet/check` compares with a database.
 
 use crate::error::FleetError;
-use sqlx::migrate::MigrateError;
+use crate::schema;
 use sqlx::pool::PoolConnection;
 use sqlx::postgres::{PgConnectOptions, PgPool, PgPoolOptions};
 use sqlx::{PgConnection, Postgres};
@@ -64,33 +64,15 @@ impl Drop for Urgent {
 }
 
 impl Database {
-    /// Connects to `url`, `postgres://user:password@host:port/database`, and brings the schema up to date.
+    /// Connects to `url`, `postgres://user:password@host:port/database`, and checks the schema. An older schema is
+    /// brought up to date if the role in `url` may do so.
     pub async fn open(url: &str) -> Result<Self, FleetError> {
-        let malformed = |why: String| {
-            FleetError::new("--store", format!("{why}the format is postgres://user:password@host:port/database"))
-        };
-        if !url.starts_with("postgres://") && !url.starts_with("postgresql://") {
-            return Err(malformed(String::new()));
-        }
-        let options = PgConnectOptions::from_str(url).map_err(|error| malformed(format!("{error}; ")))?;
-        let place = format!(
-            "postgres://{}:{}/{}",
-            options.get_host(),
-            options.get_port(),
-            options.get_database().unwrap_or_default()
-        );
-        let fail = |error: &dyn std::fmt::Display| FleetError::new(place.clone(), error.to_string());
-        let options = options.application_name("surefoot").options([
-            // A process that is stopped within a transaction must not hold its locks for long.
-            ("idle_in_transaction_session_timeout", "2s"),
-            ("statement_timeout", STATEMENT_TIMEOUT),
-        ]);
-        let at_most = |count| PgPoolOptions::new().max_connections(count).acquire_timeout(PATIENCE);
-        let pool = at_most(MAX_CONNECTIONS).connect_with(options.clone()).await.map_err(|error| fail(&error))?;
-        migrate(&pool).await.map_err(|error| fail(&error))?;
-        let urgent = at_most(MAX_URGENT).connect_lazy_with(options.clone());
-        let lookups = at_most(MAX_LOOKUPS).connect_lazy_with(options);
-        Ok(Self { pool, lookups, urgent })
+        let server = Server::parse(url)?;
+        let pool = server.connect(MAX_CONNECTIONS).await?;
+        let mut connection = server.session(&pool).await?;
+        schema::ensure(&mut connection).await.map_err(|error| server.fail(&error))?;
+        let lazily = |count| pool_of(count).connect_lazy_with(server.options.clone());
+        Ok(Self { pool, lookups: lazily(MAX_LOOKUPS), urgent: lazily(MAX_URGENT) })
     }
 
     /// A connection for leases and journals.
@@ -107,12 +89,65 @@ impl Database {
     }
 }
 
-/// Brings the schema up to date. Schemas only grow, so that an old version can use a newer one: while a fleet is
-/// upgraded, both run.
-async fn migrate(pool: &PgPool) -> Result<(), MigrateError> {
-    let mut connection = pool.acquire().await?;
-    // Processes that start together wait for the first one, and changing a large table takes time.
-    sqlx::query("SET statement_timeout = 0").execute(&mut *connection).await?;
-    connection.close_on_drop();
-    sqlx::migrate!().set_ignore_missing(true).run(&mut *connection).await
+/// Brings the schema of the database at `url` up to date, and lets `role` read and write its rows. Returns the address
+/// of the database and the number of its latest migration.
+pub async fn migrate(url: &str, role: Option<&str>) -> Result<(String, i64), FleetError> {
+    let server = Server::parse(url)?;
+    let pool = server.connect(1).await?;
+    let mut connection = server.session(&pool).await?;
+    schema::migrate(&mut connection).await.map_err(|error| server.fail(&error))?;
+    if let Some(role) = role {
+        schema::grant(&mut connection, role).await.map_err(|error| server.fail(&error))?;
+    }
+    Ok((server.place, schema::version()))
+}
+
+fn pool_of(max_connections: u32) -> PgPoolOptions {
+    PgPoolOptions::new().max_connections(max_connections).acquire_timeout(PATIENCE)
+}
+
+/// A database server, and how to connect to it.
+struct Server {
+    /// Its address, without the password.
+    place: String,
+    options: PgConnectOptions,
+}
+
+impl Server {
+    fn parse(url: &str) -> Result<Self, FleetError> {
+        let malformed = |why: String| {
+            FleetError::new("--store", format!("{why}the format is postgres://user:password@host:port/database"))
+        };
+        if !url.starts_with("postgres://") && !url.starts_with("postgresql://") {
+            return Err(malformed(String::new()));
+        }
+        let options = PgConnectOptions::from_str(url).map_err(|error| malformed(format!("{error}; ")))?;
+        let place = format!(
+            "postgres://{}:{}/{}",
+            options.get_host(),
+            options.get_port(),
+            options.get_database().unwrap_or_default()
+        );
+        let options = options.application_name("surefoot").options([
+            // A process that is stopped within a transaction must not hold its locks for long.
+            ("idle_in_transaction_session_timeout", "2s"),
+            ("statement_timeout", STATEMENT_TIMEOUT),
+        ]);
+        Ok(Self { place, options })
+    }
+
+    async fn connect(&self, max_connections: u32) -> Result<PgPool, FleetError> {
+        pool_of(max_connections).connect_with(self.options.clone()).await.map_err(|error| self.fail(&error))
+    }
+
+    /// A connection whose settings may be changed: it is closed afterwards.
+    async fn session(&self, pool: &PgPool) -> Result<PoolConnection<Postgres>, FleetError> {
+        let mut connection = pool.acquire().await.map_err(|error| self.fail(&error))?;
+        connection.close_on_drop();
+        Ok(connection)
+    }
+
+    fn fail(&self, error: &dyn std::fmt::Display) -> FleetError {
+        FleetError::new(self.place.clone(), error.to_string())
+    }
 }

@@ -10,5 +10,6 @@ pub mod error;
 pub mod membership;
 mod notifications;
 pub mod planners;
+mod schema;
 pub mod work;
 pub mod worlds;

@@ -1,6 +1,7 @@
 //! Flags of what the processes of a fleet share, and what is built of them. Builds without the feature `fleet` have the
 //! flags, and say so where one is used.
 
+pub mod migrate;
 pub mod prove;
 #[cfg(feature = "fleet")]
 mod shared;

@@ -1,9 +1,10 @@
-//! What can be wrong with files.
+//! What can be wrong with files and blocks.
 
 use std::error::Error;
 use std::path::PathBuf;
+use surefoot_world::map::PieceError;
 
-/// A file cannot be used; the message says what to change.
+/// A file or a block cannot be used; the message says what to change.
 #[derive(Debug, thiserror::Error)]
 pub enum SurefootError {
     /// A file cannot be read.
@@ -37,6 +38,12 @@ pub enum SurefootError {
     /// A level cannot be imported.
     #[error("the level cannot be used: {0}")]
     Level(String),
+    /// A block cannot be put into the level.
+    #[error("the blocks cannot be used: {0}")]
+    Blocks(#[from] PieceError),
+    /// Blocks are of no use without rehearsals.
+    #[error("the graph has no rehearsals, which blocks are for: call SurefootGraph::rehearsed_on first")]
+    NoRehearsals,
     /// A graph belongs to another level.
     #[error(
         "{astray} of the graph's {count} vertices are nowhere to stand in this level: \

@@ -3,11 +3,12 @@
 use crate::error::{SurefootError, chain};
 use crate::level::SurefootLevel;
 use crate::policy::SurefootPolicy;
+use crate::stage::{Stage, SurefootBlock};
 use bevy_ecs::prelude::*;
 use bevy_math::Vec3;
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock};
 use surefoot_planner::export::{body_of, import_json};
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::price::{EdgeCost, EdgeCosts};
@@ -15,7 +16,7 @@ use surefoot_planner::search::DEFAULT_LABEL_LIMIT;
 use surefoot_planner::{EdgeKey, NavGraph, Plan, Query, Router};
 use surefoot_rollout::game::Rehearsals;
 use surefoot_world::character::MoveScratch;
-use surefoot_world::{CharacterProfile, Map, navigable};
+use surefoot_world::{CharacterProfile, navigable};
 
 /// Largest share of vertices that may be nowhere to stand: a level may have been changed a little since.
 const MAX_ASTRAY: f32 = 0.1;
@@ -31,15 +32,6 @@ pub struct SurefootGraph {
     origin: Vec3,
     body: Option<CharacterProfile>,
     stage: Option<Arc<Stage>>,
-}
-
-/// Where agents rehearse.
-#[derive(Debug)]
-struct Stage {
-    map: Arc<Map>,
-    thread_count: usize,
-    /// The rehearsals of each policy and body.
-    made: Mutex<Vec<(SurefootPolicy, CharacterProfile, Arc<Rehearsals>)>>,
 }
 
 #[derive(Debug)]
@@ -110,20 +102,22 @@ impl SurefootGraph {
     /// [`aligned_to`](Self::aligned_to) as well.
     #[must_use]
     pub fn rehearsed_on(self, level: &SurefootLevel, thread_count: usize) -> Self {
-        let stage = Stage { map: level.map().clone(), thread_count, made: Mutex::default() };
-        Self { stage: Some(Arc::new(stage)), ..self }
+        Self { stage: Some(Arc::new(Stage::new(level.map().clone(), thread_count))), ..self }
+    }
+
+    /// Replaces the blocks that rehearsals know, at most 1024. Agents then take another plan, and avoid legs on which a
+    /// block stops their rehearsals. Call it when a block has come to rest, or is gone. Clones share the blocks.
+    ///
+    /// # Errors
+    /// If a block cannot be used, or agents do not rehearse. All blocks then stay as they were.
+    pub fn set_blocks(&self, blocks: &[SurefootBlock]) -> Result<(), SurefootError> {
+        let stage = self.stage.as_ref().ok_or(SurefootError::NoRehearsals)?;
+        stage.set_blocks(blocks, self.origin)
     }
 
     /// The rehearsals for agents with this policy and body, if they rehearse.
     pub(crate) fn rehearsals(&self, policy: &SurefootPolicy, body: &CharacterProfile) -> Option<Arc<Rehearsals>> {
-        let stage = self.stage.as_ref()?;
-        let mut made = stage.made.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((.., known)) = made.iter().find(|(of, profile, _)| of == policy && profile == body) {
-            return Some(known.clone());
-        }
-        let new = Arc::new(Rehearsals::new(stage.map.clone(), body.clone(), &policy.inner, stage.thread_count));
-        made.push((policy.clone(), body.clone(), new.clone()));
-        Some(new)
+        self.stage.as_ref().map(|stage| stage.rehearsals(policy, body))
     }
 
     /// Whether a graph is a clone of this one.

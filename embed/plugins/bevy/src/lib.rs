@@ -28,6 +28,7 @@ mod motion;
 mod policy;
 #[cfg(feature = "rapier")]
 pub mod rapier;
+mod stage;
 
 pub use agent::{
     AgentAction, AgentPlan, AgentState, AgentStatus, Failure, Goal, GoalRadius, GoalSight, Sight, SurefootAgent,
@@ -38,6 +39,7 @@ pub use graph::SurefootGraph;
 pub use level::{LevelFormat, SurefootLevel, SurfaceMesh};
 pub use motion::AgentLocomotion;
 pub use policy::{DefaultPolicy, SurefootPolicy};
+pub use stage::SurefootBlock;
 pub use surefoot_planner::{AbilitySet, Caution, Leg, LegKey, NoPath, Plan, Stop, VertexId};
 pub use surefoot_world::arrival::Line;
 pub use surefoot_world::map::Placed;

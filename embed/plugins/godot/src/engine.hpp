@@ -94,6 +94,7 @@ template <GDExtensionVariantType type_>
 class Typed : public Variant {
 public:
     Typed() : Variant(Variant::empty(type_)) {}
+    explicit Typed(const Variant& value) : Variant(value) {}
 };
 using Dictionary = Typed<GDEXTENSION_VARIANT_TYPE_DICTIONARY>;
 using Array = Typed<GDEXTENSION_VARIANT_TYPE_ARRAY>;
@@ -157,6 +158,7 @@ struct Convert<sf_vec3> {
 template <GDExtensionVariantType type_>
 struct Convert<Typed<type_>> {
     static constexpr Type type = type_;
+    static Typed<type_> from(const Variant& value) { return Typed<type_>(value); }
 };
 // Values of any type.
 template <>

@@ -159,8 +159,49 @@ sf_rehearsals* SurefootGraph::rehearsals_of(const sf_policy* policy, const sf_bo
     sf_map_destroy(map);
     if (rehearsals != nullptr) {
         stages_.push_back({label, body, rehearsals});
+        place_blocks(blocks_, rehearsals);
     }
     return rehearsals;
+}
+
+bool SurefootGraph::set_blocks(const Array& nodes) {
+    if (level_.empty()) {
+        push_error("SurefootGraph.set_blocks: there is no level, so that no agent rehearses: set `level`, or call align_to, first");
+        return false;
+    }
+    std::vector<SceneBlock> blocks;
+    if (!read_blocks("SurefootGraph.set_blocks", nodes, blocks)) {
+        return false;
+    }
+    for (const Stage& stage : stages_) {
+        if (!place_blocks(blocks, stage.rehearsals)) {
+            return false;
+        }
+    }
+    blocks_ = std::move(blocks);
+    return true;
+}
+
+// Puts blocks into the level of rehearsals. An error names the node.
+bool SurefootGraph::place_blocks(const std::vector<SceneBlock>& blocks, const sf_rehearsals* rehearsals) const {
+    std::vector<sf_block> on_map;
+    for (const SceneBlock& it : blocks) {
+        on_map.push_back(it.block);
+        on_map.back().foot = to_map(it.block.foot);
+    }
+    sf_error error;
+    if (sf_rehearsals_set_blocks(rehearsals, on_map.data(), on_map.size(), &error) == SF_OK) {
+        return true;
+    }
+    std::string message = error.message;
+    for (size_t idx = 0; idx < blocks.size(); idx++) {
+        const std::string name = "blocks[" + std::to_string(idx) + "]";
+        if (const size_t at = message.find(name); at != std::string::npos) {
+            message.replace(at, name.size(), blocks[idx].label);
+        }
+    }
+    push_error("SurefootGraph.set_blocks: " + message);
+    return false;
 }
 
 sf_vec3 SurefootGraph::to_map(sf_vec3 place) const { return frames::plus(place, origin_); }
@@ -288,6 +329,7 @@ void SurefootGraph::register_class() {
         .method<&G::find_path>("find_path", {"start", "goal", "caution", "without"}, {Variant(1.0), Variant(int64_t{0})})
         .method<&G::set_edge_open>("set_edge_open", {"from", "to", "is_open"})
         .method<&G::set_edge_price>("set_edge_price", {"from", "to", "factor"})
+        .method<&G::set_blocks>("set_blocks", {"nodes"})
         .method<&G::get_vertices>("get_vertices")
         .method<&G::get_edges>("get_edges");
 }

@@ -1,6 +1,7 @@
 // The resource SurefootGraph: a proved graph of a level, its plans, and its edges, which open and close.
 #pragma once
 
+#include "blocks.hpp"
 #include "engine.hpp"
 
 namespace surefoot {
@@ -26,6 +27,9 @@ public:
     engine::Dictionary find_path(sf_vec3 start, sf_vec3 goal, double caution, int64_t without);
     bool set_edge_open(int64_t from, int64_t to, bool is_open);
     bool set_edge_price(int64_t from, int64_t to, double factor);
+    // Tells rehearsals which nodes stand in the level now, beside what its file has. False, and an error, if one of them
+    // is no block; all then stay as they were.
+    bool set_blocks(const engine::Array& nodes);
     engine::PackedVector3Array get_vertices();
     engine::Array get_edges();
 
@@ -48,10 +52,12 @@ private:
     };
 
     std::vector<sf_vec3> vertices();
+    bool place_blocks(const std::vector<SceneBlock>& blocks, const sf_rehearsals* rehearsals) const;
     void forget_rehearsals();
 
     std::string file_, level_;
     std::vector<Stage> stages_;
+    std::vector<SceneBlock> blocks_;
     // Whether reading the level failed, which is said once.
     bool is_level_unreadable_ = false;
     sf_vec3 origin_{};

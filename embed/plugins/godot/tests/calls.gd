@@ -12,6 +12,7 @@ func _initialize() -> void:
 	await process_frame
 	_use_graph(arguments[0], arguments[1])
 	_misuse_graphs(arguments[0])
+	await _misuse_blocks(arguments[0], arguments[1])
 	_use_agents()
 	await _follow_a_target()
 	await _watch_a_leap()
@@ -87,6 +88,41 @@ func _misuse_graphs(file: String) -> void:
 	print("MISTAKE arguments of other types")
 	var untyped: Variant = _graph_of(file)
 	_expect(untyped.callv("find_path", ["here", "there"]) == null, "other types")
+
+
+func _misuse_blocks(file: String, level: String) -> void:
+	var crate := _ground()
+	var graph := _graph_of(file)
+	print("MISTAKE blocks without a level")
+	_expect(not graph.set_blocks([crate]), "no level")
+	graph.align_to(level)
+	_expect(graph.set_blocks([crate]) and graph.set_blocks([]), "blocks are taken")
+	print("MISTAKE a block that is no node")
+	_expect(not graph.set_blocks([null]), "no node")
+	print("MISTAKE a block outside the scene")
+	var outside := Node3D.new()
+	_expect(not graph.set_blocks([outside]), "outside the scene")
+	print("MISTAKE a block without a shape")
+	root.add_child(outside)
+	_expect(not graph.set_blocks([outside]), "no shape")
+	outside.free()
+	# An agent that has decided has rehearsals.
+	var character := _character()
+	var agent: SurefootAgent3D = character.get_node("Agent")
+	agent.graph = graph
+	agent.set_goal(Vector3(0, 0, 8))
+	await agent.decided
+	await process_frame
+	print("MISTAKE a block that reaches out of the map")
+	_expect(not graph.set_blocks([crate]), "too large")
+	var shape: CollisionShape3D = crate.get_child(0)
+	shape.disabled = true
+	_expect(graph.set_blocks([crate]), "disabled shapes are no blocks")
+	shape.disabled = false
+	shape.shape.size = Vector3(2, 2, 2)
+	_expect(graph.set_blocks([crate]) and graph.set_blocks([shape]), "bodies and shapes are blocks")
+	character.free()
+	crate.free()
 
 
 func _character(prepare := Callable()) -> CharacterBody3D:

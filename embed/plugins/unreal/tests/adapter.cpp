@@ -1,8 +1,8 @@
 // Tests of the adapter, with the simulation of libsurefoot as the game.
 //
-//     adapter LEVEL GRAPH SQUARE LINKS [EXPORTED]
+//     adapter LEVEL GRAPH SQUARE SQUARE_GRAPH WALLED LINKS [EXPORTED]
 //
-// The script `check` makes level and graph, and exports links of them if the program can; the other files lie beside this one.
+// The script `check` makes level and graphs, and exports links of them if the program can; the other files lie beside this one.
 #include "game.h"
 
 #include "SurefootLinkFile.h"
@@ -45,6 +45,12 @@ using surefoot::Vector;
 
 constexpr double metre = 100.0;
 
+std::string text_of(const std::string& path) {
+    std::ostringstream text;
+    text << std::ifstream(path, std::ios::binary).rdbuf();
+    return text.str();
+}
+
 Agents agents_of(std::uint32_t count) { return must(Agents::create("general-reactive", must(surefoot::default_body()), count)); }
 
 // ----------------------------------------------------------------------------------------------------------------- frames
@@ -60,6 +66,24 @@ void places_and_angles_come_back() {
         const double degrees = number(random) / 100.0;
         expect_near(LevelFrame::from_map_yaw(LevelFrame::to_map_yaw(degrees)), degrees, 1e-3, "an angle");
     }
+}
+
+// Corners of a turned block, by Unreal's rotation and by the map's.
+void blocks_keep_their_corners() {
+    const LevelFrame frame(Vector{-2200.0, 700.0, -100.0});
+    const surefoot::Block block{{300.0, -200.0, 150.0}, {100.0, 40.0, 70.0}, 30.0};
+    const sf_block native = frame.to_map_block(block);
+    const double turn = 0.5235987755982988, cosine = std::cos(turn), sine = std::sin(turn);
+    const float map_cosine = std::cos(native.yaw), map_sine = std::sin(native.yaw);
+    for (const double side : {-1.0, 1.0}) {
+        const double along = block.extent.x, across = side * block.extent.y;
+        const Vector corner{block.centre.x + along * cosine - across * sine, block.centre.y + along * sine + across * cosine,
+                            block.centre.z - block.extent.z};
+        const float x = native.width / 2.0f, z = float(side) * native.depth / 2.0f;
+        const sf_vec3 found{native.foot.x + x * map_cosine + z * map_sine, native.foot.y, native.foot.z - x * map_sine + z * map_cosine};
+        expect_near(frame.from_map(found), corner, 0.05, "a corner of a block");
+    }
+    expect_near(native.height, 1.4, 1e-3, "the height of a block");
 }
 
 // An unrotated actor faces +x and has +y at its right; 90 degrees turn it to +y.
@@ -324,14 +348,48 @@ void walks_by_plan(const std::string& level, const std::string& graph_path) {
     constexpr int goal_count = 8;
     const std::pair<int, int> free = visit(level, graph_path, goal_count, nullptr);
     expect(free.first * 4 >= goal_count * 3, std::to_string(free.first) + " arrived");
-    std::ostringstream bytes;
-    bytes << std::ifstream(level, std::ios::binary).rdbuf();
-    const std::string file = bytes.str();
+    const std::string file = text_of(level);
     const surefoot::Rehearsals rehearsals =
         must(surefoot::Rehearsals::create("general-reactive", must(surefoot::default_body()), file.data(), file.size(), 0));
     const std::pair<int, int> calm = visit(level, graph_path, goal_count, &rehearsals);
     expect(calm.first == goal_count, std::to_string(calm.first) + " arrived with rehearsals");
     expect(3 * calm.second < 2 * free.second, std::to_string(calm.second) + " jumps with rehearsals, " + std::to_string(free.second) + " without");
+}
+
+// Crosses the square, where the game has a wall with a gap at its end. Returns the number of decisions.
+int cross(const std::string& walled, const Graph& graph, const surefoot::Rehearsals& rehearsals, const LevelFrame& frame) {
+    int decisions = 0;
+    for (const double y : {-12.0, -6.0, 0.0, 6.0}) {
+        Game game(walled, frame);
+        Agents agents = agents_of(1);
+        agents.set_frame(frame);
+        must(agents.begin(0, 3));
+        const Vector start{-15.0 * metre, y * metre, 0.0};
+        const std::uint32_t npc = game.spawn(start, 0.0);
+        Attempt attempt = must(Attempt::begin(agents, 0, &graph, start, {15.0 * metre, y * metre, 0.0}));
+        attempt.set_rehearsals(&rehearsals);
+        decisions += walk(game, npc, agents, attempt);
+    }
+    return decisions;
+}
+
+void walks_around_blocks(const std::string& square, const std::string& graph_path, const std::string& walled) {
+    const LevelFrame frame = must(LevelFrame::of_level(square));
+    expect_near(must(LevelFrame::of_level(walled)).map_corner(), frame.map_corner(), 0.0, "the corner of the walled level");
+    const std::string file = text_of(square);
+    const surefoot::Rehearsals rehearsals =
+        must(surefoot::Rehearsals::create("general-reactive", must(surefoot::default_body()), file.data(), file.size(), 0));
+    const int ignorant = cross(walled, must(Graph::load(graph_path)), rehearsals, frame);
+    const surefoot::Block wall{{0.0, -6.0 * metre, 3.0 * metre}, {14.0 * metre, 0.5 * metre, 3.0 * metre}, 90.0};
+    must(rehearsals.set_blocks({wall}, frame));
+    const int aware = cross(walled, must(Graph::load(graph_path)), rehearsals, frame);
+    std::printf("a wall: passed after %.1f s, and after %.1f s if it is known\n", ignorant * Agents::decision_seconds, aware * Agents::decision_seconds);
+    expect(10 * aware < 9 * ignorant, "a wall that is known delays less");
+    surefoot::Block flat = wall;
+    flat.extent.z = 0.0;
+    expect_error(rehearsals.set_blocks({wall, flat}, frame), SF_INVALID_ARGUMENT, "blocks[1]");
+    must(rehearsals.set_blocks({}, frame));
+    expect(cross(walled, must(Graph::load(graph_path)), rehearsals, frame) == ignorant, "a wall that is gone is forgotten");
 }
 
 void chases_by_plan(const std::string& level, const std::string& graph_path) {
@@ -404,12 +462,6 @@ void errors_name_what_to_change(const std::string& square, const std::string& gr
 
 // ----------------------------------------------------------------------------------------------------------------- links
 
-std::string text_of(const std::string& path) {
-    std::ostringstream text;
-    text << std::ifstream(path).rdbuf();
-    return text.str();
-}
-
 void links_are_read(const std::string& path) {
     const std::vector<surefoot::Link> links = must(surefoot::parse_links(text_of(path)));
     expect(links.size() == 2, "there are two links");
@@ -468,12 +520,13 @@ void links_that_are_wrong_are_refused_by_name() {
 }  // namespace
 
 int main(int argc, char** argv) {
-    if (argc != 5 && argc != 6) {
-        std::fprintf(stderr, "usage: adapter LEVEL GRAPH SQUARE LINKS [EXPORTED]\n");
+    if (argc != 7 && argc != 8) {
+        std::fprintf(stderr, "usage: adapter LEVEL GRAPH SQUARE SQUARE_GRAPH WALLED LINKS [EXPORTED]\n");
         return 1;
     }
-    const std::string level = argv[1], graph = argv[2], square = argv[3], links = argv[4];
+    const std::string level = argv[1], graph = argv[2], square = argv[3], square_graph = argv[4], walled = argv[5], links = argv[6];
     places_and_angles_come_back();
+    blocks_keep_their_corners();
     sides_agree(square);
     levels_keep_their_origin(square);
     leaps_have_phases(square);
@@ -482,12 +535,13 @@ int main(int argc, char** argv) {
     arrives_standing(square);
     chases_straight(square);
     walks_by_plan(level, graph);
+    walks_around_blocks(square, square_graph, walled);
     chases_by_plan(level, graph);
     attempts_end(level, graph);
     errors_name_what_to_change(square, graph);
     links_are_read(links);
-    if (argc == 6) {
-        exported_links_are_read(argv[5]);
+    if (argc == 8) {
+        exported_links_are_read(argv[7]);
     }
     links_are_read_tolerantly();
     links_that_are_wrong_are_refused_by_name();

@@ -2,6 +2,8 @@
 
 #[cfg(feature = "avian")]
 mod avian;
+#[cfg(feature = "avian")]
+mod blocks;
 #[cfg(any(feature = "avian", feature = "rapier"))]
 mod crowd;
 mod files;

@@ -54,6 +54,8 @@ namespace UnityEngine
         public Vector3 localPosition { get; set; }
         public Vector3 eulerAngles { get; set; }
         public Quaternion rotation { get; set; }
+        public Vector3 lossyScale { get; }
+        public Vector3 TransformPoint(Vector3 position) => position;
         public void SetParent(Transform parent, bool worldPositionStays)
         {
         }
@@ -61,6 +63,12 @@ namespace UnityEngine
 
     public class Collider : Component
     {
+    }
+
+    public class BoxCollider : Collider
+    {
+        public Vector3 center { get; set; }
+        public Vector3 size { get; set; }
     }
 
     [Flags]
@@ -96,6 +104,7 @@ namespace UnityEngine
         public static Vector3 zero => default(Vector3);
         public static Vector3 up => default(Vector3);
         public static Vector3 down => default(Vector3);
+        public static Vector3 Scale(Vector3 left, Vector3 right) => left;
         public static Vector3 operator +(Vector3 left, Vector3 right) => left;
         public static Vector3 operator -(Vector3 left, Vector3 right) => left;
         public static Vector3 operator *(Vector3 left, float right) => left;
@@ -110,6 +119,7 @@ namespace UnityEngine
     public static class Mathf
     {
         public const float Deg2Rad = (float)(Math.PI / 180);
+        public static float Abs(float value) => value;
         public static float Max(float left, float right) => left;
         public static int Min(int left, int right) => left;
         public static int RoundToInt(float value) => 0;

@@ -50,6 +50,40 @@ namespace Surefoot.Unity
             return found != null ? found : new GameObject("Surefoot Brain").AddComponent<SurefootBrain>();
         }
 
+        /// <summary>
+        /// Replaces the blocks that rehearsals know, at most 1024: upright crates, barricades and closed doors. Call it when a box has come to
+        /// rest, or is gone. Agents then take another plan, and avoid legs on which a block stops their rehearsals.
+        /// </summary>
+        public void SetBlocks(IReadOnlyList<BoxCollider> boxes)
+        {
+            Prepare();
+            if (Rehearsals == null)
+            {
+                throw new SurefootException(Status.BadState, $"{name} has no rehearsals, which blocks are for: set its Graph and its Level");
+            }
+            Block[] blocks = new Block[boxes.Count];
+            for (int idx = 0; idx < blocks.Length; idx++)
+            {
+                blocks[idx] = BlockOf(boxes[idx]);
+            }
+            Rehearsals.SetBlocks(blocks);
+        }
+
+        private Block BlockOf(BoxCollider box)
+        {
+            Transform place = box.transform;
+            Vector3 size = Vector3.Scale(box.size, place.lossyScale);
+            Vector3 foot = place.TransformPoint(box.center) + Vector3.down * (Mathf.Abs(size.y) / 2);
+            return new Block
+            {
+                Foot = Frame.ToMap(foot.ToVec3()),
+                Width = Mathf.Abs(size.x),
+                Depth = Mathf.Abs(size.z),
+                Height = Mathf.Abs(size.y),
+                Yaw = UnityFrame.Yaw(place.eulerAngles.y),
+            };
+        }
+
         /// <summary>Takes an agent in, and returns its number.</summary>
         internal uint Join(SurefootAgent agent)
         {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace surefoot {
 
@@ -126,6 +127,13 @@ float LevelFrame::to_map_yaw(double degrees) {
 
 double LevelFrame::from_map_yaw(float yaw) {
     return 90.0 - yaw * degrees_per_radian;
+}
+
+sf_block LevelFrame::to_map_block(const Block& block) const {
+    const sf_vec3 half = to_map_velocity(block.extent);
+    const sf_vec3 foot = to_map({block.centre.x, block.centre.y, block.centre.z - block.extent.z});
+    // A turn has no direction of its own, unlike what faces +x or +z.
+    return {foot, 2.0f * half.x, 2.0f * half.z, 2.0f * half.y, float(-block.yaw_degrees / degrees_per_radian)};
 }
 
 // ----------------------------------------------------------------------------------------------------------------- agents
@@ -345,6 +353,13 @@ Result<Rehearsals> Rehearsals::create(const std::string& policy, const sf_body& 
         return error;
     }
     return Rehearsals(Handle<sf_rehearsals>(native));
+}
+
+Error Rehearsals::set_blocks(const std::vector<Block>& blocks, const LevelFrame& frame) const {
+    std::vector<sf_block> natives;
+    natives.reserve(blocks.size());
+    std::transform(blocks.begin(), blocks.end(), std::back_inserter(natives), [&frame](const Block& block) { return frame.to_map_block(block); });
+    return error_of(sf_rehearsals_set_blocks, handle(), static_cast<const sf_block*>(natives.data()), natives.size());
 }
 
 // ----------------------------------------------------------------------------------------------------------------- attempts

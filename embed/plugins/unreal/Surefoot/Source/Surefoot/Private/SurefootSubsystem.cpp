@@ -155,6 +155,21 @@ bool USurefootSubsystem::SetDevices(const TArray<FSurefootDevice>& Devices)
     return LogSurefootError(Agents->set_devices(Known), TEXT("SetDevices"));
 }
 
+bool USurefootSubsystem::SetBlocks(const TArray<FSurefootBlock>& Blocks)
+{
+    if (!Agents || Rehearsals.IsEmpty())
+    {
+        UE_LOG(LogSurefoot, Error, TEXT("SetBlocks: no level is loaded, so that no agent rehearses: call LoadLevel first"));
+        return false;
+    }
+    std::vector<surefoot::Block> Known;
+    for (const FSurefootBlock& Block : Blocks)
+    {
+        Known.push_back({ToSurefoot(Block.Centre), ToSurefoot(Block.Extent), Block.Yaw});
+    }
+    return LogSurefootError(Rehearsals.Last()->set_blocks(Known, Agents->frame()), TEXT("SetBlocks"));
+}
+
 TOptional<uint32> USurefootSubsystem::Join(USurefootAgentComponent& Agent)
 {
     int32 Free = Members.Find(nullptr);

@@ -53,6 +53,14 @@ struct Vector {
 
 double distance(const Vector& a, const Vector& b);
 
+// An upright box that the game has put into its level, such as a crate, a barricade or a closed door.
+struct Block {
+    Vector centre;
+    // Half of its size along each axis before it is turned, cm.
+    Vector extent;
+    double yaw_degrees = 0.0;
+};
+
 // Where a level lies on the map that Surefoot made of it.
 class SUREFOOT_API LevelFrame {
 public:
@@ -68,6 +76,7 @@ public:
 
     sf_vec3 to_map(const Vector& place) const;
     Vector from_map(const sf_vec3& place) const;
+    sf_block to_map_block(const Block& block) const;
 
     // Velocities and directions have no origin.
     static sf_vec3 to_map_velocity(const Vector& velocity);
@@ -255,6 +264,10 @@ public:
     // on `thread_count` threads of their own, at most 64; with 0 threads they run in Attempt::advance, and repeat themselves.
     static Result<Rehearsals> create(const std::string& policy, const sf_body& body, const void* level, std::size_t size,
                                      std::uint32_t thread_count = 1);
+
+    // Replaces the blocks in the copies of the level, at most 1024: attempts then plan again, and avoid legs on which a block stops their
+    // rehearsals. `frame` is the frame of the agents. If a block is refused, all stay as they were.
+    Error set_blocks(const std::vector<Block>& blocks, const LevelFrame& frame) const;
 
     const sf_rehearsals* handle() const { return handle_.get(); }
 

@@ -39,6 +39,24 @@ struct SUREFOOT_API FSurefootDevice
     bool bTwoWay = false;
 };
 
+/** An upright box that the game has put into its level, such as a crate, a barricade or a closed door. */
+USTRUCT(BlueprintType)
+struct SUREFOOT_API FSurefootBlock
+{
+    GENERATED_BODY()
+
+    UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Surefoot")
+    FVector Centre = FVector::ZeroVector;
+
+    /** Half of its size along each axis before it is turned, as the Box Extent of a box collision. */
+    UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Surefoot")
+    FVector Extent = FVector(50.0);
+
+    /** Rotation about z, degrees. */
+    UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Surefoot")
+    double Yaw = 0.0;
+};
+
 /**
  * Decides for all agents of a world, six times a second, with one batch of rays.
  *
@@ -71,6 +89,13 @@ public:
     /** Replaces the devices of the level; to be called after LoadGraph. */
     UFUNCTION(BlueprintCallable, Category = "Surefoot")
     bool SetDevices(const TArray<FSurefootDevice>& Devices);
+
+    /**
+     * Replaces the blocks that rehearsals know, at most 1024; to be called after LoadGraph and LoadLevel, whenever a block has come to rest or is
+     * gone. Agents then plan again, and avoid legs on which a block stops their rehearsals.
+     */
+    UFUNCTION(BlueprintCallable, Category = "Surefoot")
+    bool SetBlocks(const TArray<FSurefootBlock>& Blocks);
 
     /** Takes an agent in, and returns its number; unset, and in the log why, if there is no room. */
     TOptional<uint32> Join(USurefootAgentComponent& Agent);
