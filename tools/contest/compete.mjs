@@ -63,7 +63,7 @@ function graphLinks({ name }) {
   const scratch = mkdtempSync(join(tmpdir(), 'compete-'))
   try {
     const body = join(scratch, 'body.toml')
-    const fields = Object.entries(set.body).map(([field, value]) => `${field} = ${value}\n`)
+    const fields = Object.entries(set.body).map(([field, value]) => `${field} = ${JSON.stringify(value)}\n`)
     writeFileSync(body, fields.join(''))
     const map = join(setFolder, `${name}.sfmap`)
     // A cache of its own, so that the time is that of building.

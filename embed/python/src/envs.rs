@@ -21,6 +21,8 @@ use surefoot_world::{Map, Vec3};
 
 /// Most environments of one object.
 const MAX_ENVS: usize = 65_536;
+/// Most threads of one object.
+const MAX_THREADS: usize = 1024;
 /// Greatest distance of a goal, m.
 const MAX_GOAL_M: f32 = 1500.0;
 /// Largest coordinate, m.
@@ -147,7 +149,8 @@ impl Worlds {
             let link = server.get().link.clone();
             Box::new(py.detach(|| RemoteWorlds::open(link, setup, seed))?)
         } else {
-            let (seeds, threads) = (Seeds::Worlds(seed), threads.unwrap_or_else(core_count));
+            let (seeds, threads) = (Seeds::Worlds(seed), threads.unwrap_or_else(|| core_count().min(MAX_THREADS)));
+            in_range("threads", threads, MAX_THREADS)?;
             Box::new(py.detach(|| LocalWorlds::open(setup, &seeds, threads)).map_err(value)?)
         };
         Ok(Self { env_count: num_envs, observation_len, inner: Mutex::new(inner) })

@@ -35,6 +35,7 @@ SMALL = {"seed": 7, "size": 60}
         ({"goal_distance": (0, float("nan"))}, "goal_distance is"),
         ({"worlds": 9}, "worlds is 9, but must be 1 to 4"),
         ({"threads": 0}, "threads is 0"),
+        ({"threads": 2**40}, "must be 1 to 1024"),
         ({"render_mode": "human"}, "render_mode is 'human', but must be 'rgb_array'"),
         ({"seed": -1}, "seed is -1"),
         ({"autoreset_mode": "Never"}, "Never"),

@@ -32,7 +32,7 @@ def test_licences_and_notices_come_with_the_package() -> None:
     files = importlib.metadata.files("surefoot") or []
     texts = {file.name: file.read_text(encoding="utf-8") for file in files if "licenses" in file.parts}
     assert texts.keys() == {"LICENSE-APACHE", "LICENSE-MIT", "THIRD_PARTY_NOTICES.md"}
-    assert "MIT License" in texts["LICENSE-MIT"] and "rapier3d" in texts["THIRD_PARTY_NOTICES.md"]
+    assert "MIT License" in texts["LICENSE-MIT"] and "- pyo3 " in texts["THIRD_PARTY_NOTICES.md"]
     named = importlib.metadata.metadata("surefoot").get_all("License-File")
     assert named is not None and set(named) == set(texts)
 
