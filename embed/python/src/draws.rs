@@ -1,20 +1,11 @@
 //! Starts and goals of environments, drawn by one generator for each world or for each environment. Knows nothing of
 //! Python.
 
-use crate::environments::Setup;
+use crate::environments::{Seeds, Setup};
 use crate::threads::on_threads;
 use surefoot_rollout::Goal;
 use surefoot_rollout::env::Draw;
 use surefoot_world::navigable::NoGround;
-
-/// Seeds of starts and goals.
-#[derive(Debug, Clone)]
-pub enum Seeds {
-    /// World k draws with this seed plus k.
-    Worlds(u64),
-    /// Each environment draws with its own seed, and so gets the episodes that it would get alone in a world.
-    Envs(Vec<u64>),
-}
 
 /// The generators of environments.
 #[derive(Debug)]

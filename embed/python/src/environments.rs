@@ -1,6 +1,5 @@
 //! Environments in several worlds, of this process or of a server. Knows nothing of Python.
 
-use crate::draws::Seeds;
 use std::sync::Arc;
 use surefoot_game_client::GameError;
 use surefoot_rollout::env::Route;
@@ -8,6 +7,15 @@ use surefoot_world::character::ACTION_LEN;
 use surefoot_world::navigable::NoGround;
 use surefoot_world::sense::observation_len;
 use surefoot_world::{CharacterProfile, Map, Vec3};
+
+/// Seeds of starts and goals.
+#[derive(Debug, Clone)]
+pub enum Seeds {
+    /// World k draws with this seed plus k.
+    Worlds(u64),
+    /// Each environment draws with its own seed, and so gets the episodes that it would get alone in a world.
+    Envs(Vec<u64>),
+}
 
 /// Environments that are stepped together.
 pub trait Environments: Send {

@@ -2,8 +2,7 @@
 
 use crate::arrays::{StepArrays, readable, rows, writable};
 use crate::body;
-use crate::draws::Seeds;
-use crate::environments::{Autoreset, EnvError, Environments, Finished, Setup};
+use crate::environments::{Autoreset, EnvError, Environments, Finished, Seeds, Setup};
 use crate::error::{fixed, state, value};
 use crate::level::Level;
 use crate::local::{LocalWorlds, open_world};

@@ -3,8 +3,8 @@
 //! NPCs that cannot meet are stepped in parts of their world, so that one world uses several threads. The parts share
 //! the generator of starts and goals, so results do not depend on them.
 
-use crate::draws::{Draws, Seeds};
-use crate::environments::{Autoreset, EnvError, Environments, Finished, Outputs, Setup, check_actions};
+use crate::draws::Draws;
+use crate::environments::{Autoreset, EnvError, Environments, Finished, Outputs, Seeds, Setup, check_actions};
 use crate::threads::on_threads;
 use surefoot_rollout::Goal;
 use surefoot_rollout::env::{Ended, Env, Episodes, Route, actions_of};

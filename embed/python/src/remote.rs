@@ -4,8 +4,8 @@
 //! sends them as routes. If the connection to the server is lost, the client connects again, creates new environments,
 //! and ends the running episodes as [`LOST`].
 
-use crate::draws::{Draws, Seeds};
-use crate::environments::{Autoreset, EnvError, Environments, Finished, Outputs, Setup, check_actions};
+use crate::draws::Draws;
+use crate::environments::{Autoreset, EnvError, Environments, Finished, Outputs, Seeds, Setup, check_actions};
 use crate::threads::core_count;
 use std::time::{Duration, Instant};
 use surefoot_game_client::{Game, GameEnv, GameError, Level};
