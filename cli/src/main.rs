@@ -42,7 +42,11 @@ enum Command {
     /// Run a prover: run jobs that planners and evaluations send over NATS.
     Prove(prove::Args),
     /// Prepare what the processes of a fleet share.
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  \
+            surefoot fleet migrate --store postgres://surefoot_owner:PASSWORD@127.0.0.1/surefoot --role surefoot"
+    )]
     Fleet(migrate::Command),
     /// Build, check, edit and export graphs.
     #[command(
