@@ -28,4 +28,5 @@ for message in events:
             outcomes[world_pb2.Outcome.Name(event.attempt_ended.outcome)] += 1
     if not waiting:
         break
-print(f"{outcomes['OUTCOME_REACHED']} of {COUNT} arrived: {dict(outcomes)}")
+arrived = outcomes["OUTCOME_REACHED"] + outcomes["OUTCOME_REACHED_NEAR"]
+print(f"{arrived} of {COUNT} arrived: {dict(outcomes)}")

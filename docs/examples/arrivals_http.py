@@ -35,4 +35,5 @@ for line in events:
             outcomes[event["attemptEnded"].get("outcome", "OUTCOME_UNSPECIFIED")] += 1
     if not waiting:
         break
-print(f"{outcomes['OUTCOME_REACHED']} of {COUNT} arrived: {dict(outcomes)}")
+arrived = outcomes["OUTCOME_REACHED"] + outcomes["OUTCOME_REACHED_NEAR"]
+print(f"{arrived} of {COUNT} arrived: {dict(outcomes)}")
