@@ -1,7 +1,7 @@
 """Follows an NPC as an animation does: prints its pace, its leaps and where it will be. HTTP and JSON, nothing to install."""
 import json, sys, urllib.request
 
-address = sys.argv[1]
+address = (sys.argv[1:] or ["http://127.0.0.1:7600"])[0]
 
 
 def post(method, message):
@@ -33,3 +33,4 @@ for line in post("FollowNpc", {"npcId": npc_id, "rateHz": 20}):
     if npc.get("attemptsEnded"):
         break
 print(f"{npc['lastOutcome']}, {predictions} messages with a pose of the next second")
+call("DropWorld", {"worldId": world_id})

@@ -4,7 +4,9 @@ import grpc
 from surefoot.world.v1 import maps_pb2, maps_pb2_grpc, world_pb2, world_pb2_grpc
 
 COUNT = 64
-address, level = sys.argv[1], sys.argv[2]
+if len(sys.argv) != 3:
+    sys.exit(f"usage: {sys.argv[0]} ADDRESS LEVEL, such as 127.0.0.1:7600 level.glb")
+address, level = sys.argv[1:]
 channel = grpc.insecure_channel(address)
 maps, worlds = maps_pb2_grpc.MapServiceStub(channel), world_pb2_grpc.WorldServiceStub(channel)
 
@@ -30,3 +32,4 @@ for message in events:
         break
 arrived = outcomes["OUTCOME_REACHED"] + outcomes["OUTCOME_REACHED_NEAR"]
 print(f"{arrived} of {COUNT} arrived: {dict(outcomes)}")
+worlds.DropWorld(world_pb2.DropWorldRequest(world_id=world_id))

@@ -2,7 +2,9 @@
 import base64, collections, json, sys, urllib.request
 
 COUNT = 64
-address, level = sys.argv[1], sys.argv[2]
+if len(sys.argv) != 3:
+    sys.exit(f"usage: {sys.argv[0]} ADDRESS LEVEL, such as http://127.0.0.1:7600 level.glb")
+address, level = sys.argv[1:]
 
 
 def post(method, message):
@@ -37,3 +39,4 @@ for line in events:
         break
 arrived = outcomes["OUTCOME_REACHED"] + outcomes["OUTCOME_REACHED_NEAR"]
 print(f"{arrived} of {COUNT} arrived: {dict(outcomes)}")
+call("WorldService/DropWorld", {"worldId": world_id})

@@ -90,4 +90,6 @@ def main(server, folder, out):
         json.dump(run, file)
 
 
+if len(sys.argv) != 4:
+    sys.exit(f"usage: {sys.argv[0]} ADDRESS SET RUN, such as http://127.0.0.1:7600 sets/part run.json")
 main(*sys.argv[1:])

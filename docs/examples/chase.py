@@ -1,7 +1,7 @@
 """Lets an NPC keep to a player that walks away from it: HTTP and JSON, nothing to install."""
 import json, sys, time, urllib.request
 
-address = sys.argv[1]
+address = (sys.argv[1:] or ["http://127.0.0.1:7600"])[0]
 
 
 def post(method, message):
@@ -34,3 +34,4 @@ for line in events:
         break
 call("ClearGoals", {"npcIds": [npc_id]})
 print(f"beside the player after {times[0]:.1f} s, and again after {times[1] - times[0]:.1f} s")
+call("DropWorld", {"worldId": world_id})

@@ -4,7 +4,7 @@ import grpc
 from surefoot.planner.v1 import planner_pb2 as wire, planner_pb2_grpc
 from surefoot.world.v1 import map_pb2
 
-planner = planner_pb2_grpc.PlannerServiceStub(grpc.insecure_channel(sys.argv[1]))
+planner = planner_pb2_grpc.PlannerServiceStub(grpc.insecure_channel((sys.argv[1:] or ["127.0.0.1:7601"])[0]))
 spec = map_pb2.MapSpec(seed=42, size=map_pb2.MapSize(width=100, height=80, depth=100))
 build = planner.StartBuild(wire.StartBuildRequest(map=spec, settings=wire.BuildSettings(vertices=100))).build
 for progress in planner.WatchBuild(wire.WatchBuildRequest(build_id=build.build_id)):

@@ -1,7 +1,7 @@
 """Sends five NPCs to one place as a wedge, and prints how it ends for each: HTTP and JSON, nothing to install."""
 import json, sys, urllib.request
 
-address = sys.argv[1]
+address = (sys.argv[1:] or ["http://127.0.0.1:7600"])[0]
 
 
 def post(method, message):
@@ -34,3 +34,4 @@ for line in events:
     if len(ends) == 5:
         break
 print("leader:", ends.pop(leader), "followers:", *ends.values())
+call("DropWorld", {"worldId": world_id})

@@ -1,7 +1,7 @@
 """Lets an NPC walk to a goal carefully, and hurry half-way: HTTP and JSON, nothing to install."""
 import json, sys, urllib.request
 
-address = sys.argv[1]
+address = (sys.argv[1:] or ["http://127.0.0.1:7600"])[0]
 
 
 def post(method, message):
@@ -40,3 +40,4 @@ for line in post("FollowNpc", {"npcId": npc_id, "rateHz": 10}):
     if npc.get("attemptsEnded"):
         break
 print(npc["lastOutcome"])
+call("DropWorld", {"worldId": world_id})

@@ -1,7 +1,7 @@
 """Lets an NPC at rest look at a player that walks around it: HTTP and JSON, nothing to install."""
 import json, math, sys, time, urllib.request
 
-address = sys.argv[1]
+address = (sys.argv[1:] or ["http://127.0.0.1:7600"])[0]
 
 
 def call(method, message):
@@ -26,3 +26,4 @@ for degrees in (0, 90, 180, 270):
     yaw = call("GetNpc", {"npcId": npc_id})["npc"].get("yaw", 0)
     print(f"player at {degrees} degrees, NPC faces {math.degrees(yaw) % 360:.0f}")
 call("LookAt", {"npcs": [{"npcId": npc_id}]})
+call("DropWorld", {"worldId": world_id})

@@ -1,7 +1,7 @@
 """Sends an NPC around three stops, and prints when it reaches them: HTTP and JSON, nothing to install."""
 import json, sys, time, urllib.request
 
-address = sys.argv[1]
+address = (sys.argv[1:] or ["http://127.0.0.1:7600"])[0]
 
 
 def post(method, message):
@@ -35,3 +35,4 @@ for line in events:
     if len(visited) >= 4:
         break
 call("ClearGoals", {"npcIds": [npc_id]})
+call("DropWorld", {"worldId": world_id})

@@ -18,4 +18,6 @@ def ranking(key, addresses):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit(f"usage: {sys.argv[0]} KEY PLANNER...")
     print("\n".join(ranking(sys.argv[1], sys.argv[2:])))

@@ -3,7 +3,7 @@ import sys
 import grpc
 from surefoot.world.v1 import world_pb2 as wire, world_pb2_grpc, zone_pb2 as zones
 
-worlds = world_pb2_grpc.WorldServiceStub(grpc.insecure_channel(sys.argv[1]))
+worlds = world_pb2_grpc.WorldServiceStub(grpc.insecure_channel((sys.argv[1:] or ["127.0.0.1:7600"])[0]))
 size = dict(width=60, height=60, depth=60)
 world_id = worlds.CreateWorld(wire.CreateWorldRequest(map=dict(seed=7, size=size))).world.world_id
 start, goal = worlds.SampleGround(wire.SampleGroundRequest(world_id=world_id, count=2)).points
@@ -28,3 +28,4 @@ for message in events:
     if len(outcomes) == 2:
         break
 print(f"with the key: {outcomes[with_key.npc_id]}, without: {outcomes[without.npc_id]}")
+worlds.DropWorld(wire.DropWorldRequest(world_id=world_id))

@@ -163,6 +163,18 @@ async fn a_game_without_protobuf_makes_a_world_and_follows_its_events() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_call_of_an_unknown_content_type_names_the_header_to_send() {
+    let server = start_server(ServerConfig::default());
+    for headers in ["", "Content-Type: application/x-www-form-urlencoded\r\n"] {
+        let answer = post(&server, &format!("{WORLD}/ListWorlds"), headers, b"{}").await;
+        let (status, error) = answer.into_json().await;
+        assert_eq!((status, reason(&error)), (415, "MALFORMED_REQUEST"), "{headers}");
+        assert!(error["message"].as_str().unwrap().contains("Content-Type: application/json"), "{error}");
+    }
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_understood_is_refused_in_json_with_a_reason() {
     let server = start_server(ServerConfig::default());
     let get = format!("{WORLD}/GetNpc");

@@ -1,13 +1,22 @@
 //! Flags for both ends of a connection: limits and security of a service, credentials of a client.
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 use surefoot_net::client::{ClientTlsFiles, Credentials};
 use surefoot_net::secret::Secret;
 use surefoot_net::serving::security::ServerTls;
 use surefoot_net::serving::tokens::Tokens;
-use surefoot_net::serving::{EndpointConfig, Limits, Security};
+use surefoot_net::serving::{Endpoint, EndpointConfig, Limits, Security, ServeError};
+
+/// Binds the `address` that `flag` gave.
+pub fn open(flag: &str, address: SocketAddr, config: EndpointConfig) -> anyhow::Result<Endpoint> {
+    Endpoint::open(address, config).map_err(|error| match &error {
+        ServeError::Bind { source, .. } => anyhow!("{error}: {source}: give another address with {flag}"),
+        _ => error.into(),
+    })
+}
 
 /// Limits and security of a service.
 #[derive(clap::Args)]

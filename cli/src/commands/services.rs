@@ -1,7 +1,7 @@
 //! `surefoot serve`, `surefoot plan` and `surefoot work`: the three services of a deployment.
 
 use super::agones::AgonesArgs;
-use super::endpoint::{CredentialArgs, EndpointArgs};
+use super::endpoint::{CredentialArgs, EndpointArgs, open};
 use super::fleet::{NatsArg, StoreArgs};
 use super::{core_count, load_policy, parse_seconds};
 use crate::signals::shutdown_signal;
@@ -12,7 +12,7 @@ use std::time::Duration;
 use surefoot_agent::{WorkConfig, work};
 use surefoot_net::levels::MapPool;
 use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
-use surefoot_net::serving::{Endpoint, Shutdown};
+use surefoot_net::serving::Shutdown;
 use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, SettingError};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner_service::{self as planner, PlannerConfig, PlannerStores};
@@ -375,7 +375,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
     args.agones.check()?;
     run_until_signal(|shutdown| async move {
         let pages = surefoot_studio::pages(args.studio.settings(args.studio_planner.clone(), args.listen));
-        let endpoint = Endpoint::open(args.listen, config)?.with_pages(pages);
+        let endpoint = open("--listen", args.listen, config)?.with_pages(pages);
         let config = args.world_config(endpoint.address()).await?;
         info!(address = %endpoint.address(), "world server ready");
         let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown);
@@ -410,7 +410,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         ..PlannerConfig::default()
     };
     run_until_signal(|shutdown| async move {
-        let endpoint = Endpoint::open(args.listen, endpoint_config)?;
+        let endpoint = open("--listen", args.listen, endpoint_config)?;
         let (stores, place): (PlannerStores, _) = match args.store.place(endpoint.address())? {
             Some(place) => (place.planner_stores().await?, place.to_string()),
             None => (Box::new(args.cache.open()?).into(), args.cache.folder()?.display().to_string()),

@@ -1,6 +1,6 @@
 //! `surefoot up`: all services in one process, with a crowd to watch.
 
-use super::endpoint::{CredentialArgs, EndpointArgs};
+use super::endpoint::{CredentialArgs, EndpointArgs, open};
 use super::map::{BodyArg, Generated, LevelArgs, file_name, files_only, parse_maps};
 use super::services::{CacheArgs, GraphArgs, ServerLimits, StudioArgs, run_until_signal};
 use super::{core_count, load_policy};
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_agent::{WorkConfig, measure_capacity, work};
 use surefoot_net::client::{Credentials, Link};
-use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
+use surefoot_net::serving::{EndpointConfig, Shutdown};
 use surefoot_planner_service::{self as planner, PlannerConfig};
 use surefoot_proto::convert::{body_to_wire, map_spec_to_wire};
 use surefoot_proto::reason::Reason;
@@ -190,10 +190,10 @@ async fn scene(args: &Args, setup: Setup, shutdown: Shutdown) -> anyhow::Result<
 
 /// Starts the world server, the planner and the workers, and returns the URI of the server.
 fn start_services(args: &Args, setup: &Setup, shutdown: &Shutdown, parts: &mut Parts) -> anyhow::Result<String> {
-    let plans = Endpoint::open(args.planner_listen, setup.endpoints.clone())?;
+    let plans = open("--planner-listen", args.planner_listen, setup.endpoints.clone())?;
     let planner_address = PlannerAddress::Port(plans.address().port());
     let pages = surefoot_studio::pages(args.studio.settings(planner_address, args.listen));
-    let server = Endpoint::open(args.listen, setup.endpoints.clone())?.with_pages(pages);
+    let server = open("--listen", args.listen, setup.endpoints.clone())?.with_pages(pages);
     let (server_uri, planner_uri) = (server.uri(), plans.uri());
     let policy = load_policy(args.model.as_deref())?;
     let store = args.cache.open()?;

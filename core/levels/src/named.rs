@@ -249,8 +249,8 @@ fn named(
         Word::Mover(kind) => match moving::named_kind(kind, node, extras, paths) {
             Some(kind) => Kind::Mover(kind),
             None => {
-                let lacks = if kind == MoverKind::Conveyor { "a `velocity`" } else { "a path" };
-                return Some(Meaning { reason: format!("it lacks {lacks}"), ..Meaning::default() });
+                let lacks = if kind == MoverKind::Conveyor { "`velocity`" } else { "path to travel on" };
+                return Some(Meaning { reason: format!("it has no {lacks}"), ..Meaning::default() });
             }
         },
         Word::Ladder => Kind::Ladder,

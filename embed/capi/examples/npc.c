@@ -195,11 +195,11 @@ static void show_errors(sf_agents* agents) {
     if (sf_agents_decide(agents, NULL, 1, 2.0f, &action, &error) != SF_INVALID_ARGUMENT) {
         exit(1);
     }
-    printf("wrong noise: %s\n", error.message);
+    printf("\nThese calls are wrong on purpose, to show what they report:\n  wrong noise: %s\n", error.message);
     if (sf_graph_load("no such file", &graph, &error) != SF_NOT_FOUND || graph != NULL) {
         exit(1);
     }
-    printf("no file: %s\n", error.message);
+    printf("  no file: %s\n", error.message);
     if (sf_graph_load_memory("{", 1, &graph, NULL) != SF_BAD_FILE) {
         exit(1);
     }
@@ -229,9 +229,9 @@ int main(int argc, char** argv) {
     sf_map_destroy(map);
     must(sf_graph_load(argv[2], &by.graph, &error), &error);
 
-    show_errors(by.agents);
     arrived = visit(world, &by, goal_count);
     printf("%u of %u arrived\n", arrived, goal_count);
+    show_errors(by.agents);
 
     sf_rehearsals_destroy(by.rehearsals);
     sf_graph_destroy(by.graph);

@@ -32,6 +32,9 @@ const MAPS: &str = "surefoot.world.v1.MapService";
 const JSON_FACTOR: usize = 4;
 /// The same for a message that is mostly base64.
 const BASE64_FACTOR: usize = 2;
+/// What can be sent to a method.
+const CONTENT_TYPES: &str =
+    "application/json, application/proto, application/connect+json, application/connect+proto, application/grpc";
 /// Large messages that are translated at the same time.
 const TRANSLATED_AT_A_TIME: usize = 2;
 
@@ -118,11 +121,33 @@ fn parsed_bytes(json: &[u8]) -> u64 {
 
 /// Answers Connect calls, and passes all other requests on.
 pub(super) async fn serve(State(by): State<Arc<Translator>>, request: Request, next: Next) -> Response<Body> {
-    let Some(connect) = Connect::of(&request) else { return next.run(request).await };
+    let Some(connect) = Connect::of(&request) else {
+        return if is_of_unknown_type(&request) { unknown_type(&request) } else { next.run(request).await };
+    };
     match Call::read(connect, request, &by).await {
         Ok(call) => call.run(next, by).await,
         Err(status) => connect.refuse(&status),
     }
+}
+
+/// Whether a request calls a method with a content type that is neither Connect's nor gRPC's.
+fn is_of_unknown_type(request: &Request) -> bool {
+    let kind = request.headers().get(header::CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
+    request.method() == Method::POST
+        && !kind.starts_with(b"application/grpc")
+        && method_of(request.uri().path()).is_ok()
+}
+
+/// Refuses a request as Connect specifies, with the types that can be sent.
+fn unknown_type(request: &Request) -> Response<Body> {
+    let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
+    let sent = kind.map_or("no content type".to_owned(), |kind| format!("the content type {kind}"));
+    let message = format!("the request has {sent}: send the header `Content-Type: application/json`");
+    let connect = Connect { codec: Codec::Json, is_stream: false };
+    let mut response = connect.refuse(&status::failure(Reason::MalformedRequest, message));
+    *response.status_mut() = StatusCode::UNSUPPORTED_MEDIA_TYPE;
+    response.headers_mut().insert("accept-post", HeaderValue::from_static(CONTENT_TYPES));
+    response
 }
 
 /// A Connect call, translated into a gRPC request.

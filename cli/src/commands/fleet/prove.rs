@@ -1,7 +1,7 @@
 //! `surefoot prove`: runs jobs that planners, evaluations and map generation send over NATS.
 
 use super::{BlobsArg, NatsArg};
-use crate::commands::endpoint::EndpointArgs;
+use crate::commands::endpoint::{EndpointArgs, open};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -51,7 +51,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     use std::sync::Arc;
     use surefoot_fleet::work::compute_class::ComputeClass;
     use surefoot_fleet::work::prover::Prover;
-    use surefoot_net::serving::Endpoint;
     use tracing::info;
 
     let policy = load_policy(args.model.as_deref())?;
@@ -64,7 +63,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = args.endpoint.config()?;
     run_until_signal(|shutdown| async move {
         let shared = Shared::open(nats, args.blobs.blobs.as_deref(), &policy).await?;
-        let endpoint = Endpoint::open(args.listen, config)?;
+        let endpoint = open("--listen", args.listen, config)?;
         info!(address = %endpoint.address(), lane = %shared.lane, nats = %shared.queue.place(), "prover ready");
         let runner = Arc::new(units::Runner::new(policy, shared.maps()));
         let prover = Prover::new(shared.queue, shared.lane, runner);
