@@ -8,6 +8,7 @@ use super::maps::{Arrival, Maps};
 use super::world::{MotionSettings, RehearsalMap, WorldError, WorldMessage, WorldParts, WorldTask, ZoneNews};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
@@ -63,11 +64,18 @@ struct Worlds {
     /// The NPCs of each world.
     npcs: BTreeMap<u64, BTreeSet<u64>>,
     /// By the id of the world and the index of the body.
-    queues: BTreeMap<(u64, u32), mpsc::Sender<WorldMessage>>,
+    queues: BTreeMap<(u64, u32), Queue>,
     /// What each task decides on.
     keys: BTreeMap<(u64, u32), GraphKey>,
     inference: Inference,
     tasks: JoinSet<Result<(), WorldError>>,
+}
+
+/// Messages that wait for a world's task.
+struct Queue {
+    messages: mpsc::Sender<WorldMessage>,
+    /// Tick of the newest observations.
+    newest: Arc<AtomicU64>,
 }
 
 /// An open connection to a server.
@@ -195,6 +203,7 @@ impl Session<'_> {
         let server = &connection.link;
         let body = convert::body(assignment.body.as_ref())?;
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
+        let newest = Arc::new(AtomicU64::new(0));
         let key = GraphKey::of(assignment);
         let map = self.map_of(&key, server).zip(self.maps).map(|(map, maps)| RehearsalMap {
             maps: maps.clone(),
@@ -208,10 +217,11 @@ impl Session<'_> {
             motion: MotionSettings { noise_share: self.config.noise_share, composes: self.config.composes },
             graph: self.graph_of(&key, server),
             map,
+            newest: newest.clone(),
             out: connection.out.clone(),
         };
         worlds.tasks.spawn(WorldTask::new(assignment, parts).run(messages));
-        worlds.queues.insert((assignment.world_id, assignment.body_idx), sender);
+        worlds.queues.insert((assignment.world_id, assignment.body_idx), Queue { messages: sender, newest });
         worlds.keys.insert((assignment.world_id, assignment.body_idx), key);
         Ok(())
     }
@@ -306,7 +316,10 @@ impl Worlds {
         // The server may have sent a message before the world ended.
         let Some(queue) = self.queues.get(&task) else { return Ok(()) };
         let (world_id, _) = task;
-        match queue.try_send(message) {
+        if let WorldMessage::Observations(batch) = &message {
+            queue.newest.store(batch.tick, Ordering::Relaxed);
+        }
+        match queue.messages.try_send(message) {
             Ok(()) => Ok(()),
             Err(TrySendError::Full(WorldMessage::Observations(_))) => {
                 warn!(world_id, "this worker is too slow: a batch of observations is dropped");

@@ -25,12 +25,13 @@ use npc::{Npc, Npcs};
 use planning::{PlanRequest, Planning};
 use standing::Standing;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use surefoot_policy::Policy;
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::follow::scene::Scene;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::rehearse::NoiseStream;
-use surefoot_world::{End, MoverState, Trajectory};
+use surefoot_world::{End, MoverState, TICKS_PER_DECISION, Trajectory};
 use tokio::sync::{mpsc, watch};
 
 /// Why a world's task cannot continue.
@@ -80,6 +81,8 @@ pub(super) struct WorldParts {
     pub graph: Option<Arc<Graph>>,
     /// `None` if NPCs do not rehearse.
     pub map: Option<RehearsalMap>,
+    /// Tick of the newest observations that have arrived.
+    pub newest: Arc<AtomicU64>,
     /// Where answers go.
     pub out: mpsc::Sender<wire::WorkRequest>,
 }
@@ -96,13 +99,16 @@ pub(super) struct WorldTask {
     npcs: Npcs,
     planning: Planning,
     ground: RehearsalGround,
+    newest: Arc<AtomicU64>,
+    /// Whether the last observations were left out.
+    is_behind: bool,
     out: mpsc::Sender<wire::WorkRequest>,
 }
 
 impl WorldTask {
     /// Creates a task for the NPCs of an assignment.
     pub fn new(assignment: &wire::Assignment, parts: WorldParts) -> Self {
-        let WorldParts { policy, inference, motion, graph, map, out } = parts;
+        let WorldParts { policy, inference, motion, graph, map, newest, out } = parts;
         let is_lockstep = assignment.mode() == wire::TimeMode::Lockstep;
         let has_traffic = assignment.solid_npcs && assignment.mode() == wire::TimeMode::Realtime;
         Self {
@@ -115,6 +121,8 @@ impl WorldTask {
             inference,
             motion,
             npcs: Npcs::new(),
+            newest,
+            is_behind: false,
             out,
         }
     }
@@ -131,6 +139,9 @@ impl WorldTask {
                 WorldMessage::Ended(ended) => self.record_ends(&ended),
                 WorldMessage::Edited { map, graph } => self.follow_edit(map, graph),
                 WorldMessage::Observations(batch) => {
+                    if self.leaves_out(batch.tick) {
+                        continue;
+                    }
                     for answer in self.decide(batch).await? {
                         if self.out.send(answer).await.is_err() {
                             return Ok(());
@@ -140,6 +151,15 @@ impl WorldTask {
             }
         }
         Ok(())
+    }
+
+    /// Whether the observations of a tick are left out because the task is behind. The server ignores answers after a
+    /// period of decisions, so a task that is as late as that goes on with observations that it can answer in time.
+    fn leaves_out(&mut self, tick: u64) -> bool {
+        let limit = if self.is_behind { TICKS_PER_DECISION / 2 } else { TICKS_PER_DECISION };
+        let late = self.newest.load(Ordering::Relaxed).saturating_sub(tick);
+        self.is_behind = !self.is_lockstep && late >= u64::from(limit);
+        self.is_behind
     }
 
     /// Answers one batch.
@@ -322,4 +342,55 @@ impl WorldTask {
 /// The first 64 bits of a map's hash; 0 if it is malformed.
 fn seed_of(map_hash: &str) -> u64 {
     map_hash.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefoot_proto::convert;
+
+    /// The ticks that a task answers when the observations of 30 ticks wait for it.
+    async fn answered(mode: wire::TimeMode) -> Vec<u64> {
+        let policy = Policy::shipped().expect("the shipped weights are valid");
+        let (out, mut answers) = mpsc::channel(64);
+        let parts = WorldParts {
+            inference: Inference::start(policy.clone()).expect("a thread"),
+            motion: MotionSettings { noise_share: 0.0, composes: true },
+            graph: None,
+            map: None,
+            newest: Arc::new(AtomicU64::new(29)),
+            policy: policy.clone(),
+            out,
+        };
+        let mut assignment = wire::Assignment::default();
+        assignment.set_mode(mode);
+        let (queue, messages) = mpsc::channel(64);
+        for tick in 0..30 {
+            let batch = wire::ObservationBatch {
+                tick,
+                npc_ids: vec![1],
+                observations: convert::pack(vec![0.0; policy.observation_len()]),
+                positions: convert::pack([0.0; 3]),
+                goals: convert::pack([9.0; 3]),
+                ..Default::default()
+            };
+            queue.try_send(WorldMessage::Observations(batch)).expect("room");
+        }
+        drop(queue);
+        WorldTask::new(&assignment, parts).run(messages).await.expect("answers");
+        let mut ticks = Vec::new();
+        while let Some(answer) = answers.recv().await {
+            match answer.message {
+                Some(wire::work_request::Message::Actions(actions)) => ticks.push(actions.tick),
+                other => panic!("not an answer: {other:?}"),
+            }
+        }
+        ticks
+    }
+
+    #[tokio::test]
+    async fn a_task_that_is_behind_answers_what_it_can_in_time() {
+        assert_eq!(answered(wire::TimeMode::Realtime).await, [25, 26, 27, 28, 29]);
+        assert_eq!(answered(wire::TimeMode::Lockstep).await, (0..30).collect::<Vec<_>>(), "no answer may be missing");
+    }
 }

@@ -7,6 +7,7 @@ pub mod commands;
 pub mod config;
 #[cfg(feature = "otel")]
 mod otel;
+mod priority;
 pub mod programs;
 pub mod signals;
 pub mod terminal;

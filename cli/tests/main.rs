@@ -8,5 +8,6 @@ mod graphs;
 mod kills;
 mod levels;
 mod memory;
+mod priority;
 mod released;
 mod restarts;

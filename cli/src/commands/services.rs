@@ -4,6 +4,7 @@ use super::agones::AgonesArgs;
 use super::endpoint::{CredentialArgs, EndpointArgs, open};
 use super::fleet::{NatsArg, StoreArgs};
 use super::{core_count, load_policy, parse_seconds};
+use crate::priority;
 use crate::signals::shutdown_signal;
 use anyhow::{Context, ensure};
 use std::net::SocketAddr;
@@ -125,6 +126,9 @@ const BESIDE_PROVERS: usize = 1;
 
 /// Default interval at which a server of a fleet saves its worlds.
 const SAVE_EVERY_IN_A_FLEET: Duration = Duration::from_secs(2);
+
+/// Longest delay of the exit by blocking work that is still running.
+pub const EXIT_LIMIT: Duration = Duration::from_secs(1);
 
 const MB: u64 = 1_000_000;
 
@@ -364,8 +368,7 @@ where
         });
         body(shutdown).await
     });
-    // Blocking work that is still running must not delay the exit.
-    runtime.shutdown_timeout(Duration::from_secs(1));
+    runtime.shutdown_timeout(EXIT_LIMIT);
     result
 }
 
@@ -409,6 +412,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         maps: MapPool::within(args.max_memory.saturating_mul(MB)),
         ..PlannerConfig::default()
     };
+    priority::lower();
     run_until_signal(|shutdown| async move {
         let endpoint = open("--listen", args.listen, endpoint_config)?;
         let (stores, place): (PlannerStores, _) = match args.store.place(endpoint.address())? {
@@ -477,5 +481,6 @@ pub fn run_worker(args: &WorkArgs, prepare: impl FnOnce(Policy) -> anyhow::Resul
         composes: args.style.composes(),
         maps: MapPool::within(args.max_memory.saturating_mul(MB)),
     };
+    priority::lower();
     run_until_signal(|shutdown| async move { Ok(work(config, policy, shutdown).await?) })
 }

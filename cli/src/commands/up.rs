@@ -2,8 +2,9 @@
 
 use super::endpoint::{CredentialArgs, EndpointArgs, open};
 use super::map::{BodyArg, Generated, LevelArgs, file_name, files_only, parse_maps};
-use super::services::{CacheArgs, GraphArgs, ServerLimits, StudioArgs, run_until_signal};
+use super::services::{CacheArgs, EXIT_LIMIT, GraphArgs, ServerLimits, StudioArgs, run_until_signal};
 use super::{core_count, load_policy};
+use crate::priority;
 use crate::terminal::{is_interactive, print_json};
 use anyhow::{Context, bail};
 use std::net::SocketAddr;
@@ -21,6 +22,7 @@ use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, WatchStatsResponse, WorldStats};
 use surefoot_studio::PlannerAddress;
 use surefoot_world::{CharacterProfile, MapSpec};
+use tokio::runtime::Handle;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
@@ -107,8 +109,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     let credentials = args.credentials.credentials()?;
-    let setup = Setup { maps, body, endpoints, credentials };
-    run_until_signal(|shutdown| scene(args, setup, shutdown))
+    let background = priority::background()?;
+    let setup = Setup { maps, body, endpoints, credentials, background: background.handle().clone() };
+    let result = run_until_signal(|shutdown| scene(args, setup, shutdown));
+    background.shutdown_timeout(EXIT_LIMIT);
+    result
 }
 
 /// The map of a world of the scene.
@@ -147,6 +152,8 @@ struct Setup {
     body: CharacterProfile,
     endpoints: EndpointConfig,
     credentials: Credentials,
+    /// Where the planner and the workers run.
+    background: Handle,
 }
 
 /// The tasks of the scene; the first that fails ends it.
@@ -214,7 +221,8 @@ fn start_services(args: &Args, setup: &Setup, shutdown: &Shutdown, parts: &mut P
     parts.spawn(async move { Ok(surefoot_server::serve(server, limits, stop).await?) });
     let (prober, stop) = (policy.clone(), shutdown.clone());
     let config = PlannerConfig { threads: core_count(), maps: maps.clone(), ..PlannerConfig::default() };
-    parts.spawn(async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) });
+    let plans = async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) };
+    parts.spawn_on(plans, &setup.background);
     let capacity = worker_capacity(args, measure_capacity(&policy));
     for idx in 0..args.workers {
         let config = WorkConfig {
@@ -231,7 +239,7 @@ fn start_services(args: &Args, setup: &Setup, shutdown: &Shutdown, parts: &mut P
             maps: maps.clone(),
         };
         let (policy, stop) = (policy.clone(), shutdown.clone());
-        parts.spawn(async move { Ok(work(config, policy, stop).await?) });
+        parts.spawn_on(async move { Ok(work(config, policy, stop).await?) }, &setup.background);
     }
     Ok(server_uri)
 }

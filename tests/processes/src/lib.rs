@@ -200,6 +200,18 @@ impl Process {
         stat.rsplit_once(") ").is_some_and(|(_, state)| state.starts_with('T'))
     }
 
+    /// Nice value of a thread whose name begins with `name`; `None` if there is no such thread, or the system is not
+    /// Linux.
+    pub fn nice_of(&self, name: &str) -> Option<i32> {
+        let threads = std::fs::read_dir(format!("/proc/{}/task", self.child.id())).ok()?;
+        threads.flatten().find_map(|thread| {
+            let stat = std::fs::read_to_string(thread.path().join("stat")).ok()?;
+            let (named, rest) = stat.rsplit_once(") ")?;
+            let is_named = named.split_once('(')?.1.starts_with(name);
+            is_named.then(|| rest.split(' ').nth(16)?.parse().ok())?
+        })
+    }
+
     /// Peak of the resident memory, bytes.
     ///
     /// # Panics
