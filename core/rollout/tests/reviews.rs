@@ -3,13 +3,16 @@
 use super::stage::{self, of_boxes};
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
-use surefoot_planner::{LegKey, Plan, Query, Router};
+use surefoot_planner::evidence::Evidence;
+use surefoot_planner::graph::GraphData;
+use surefoot_planner::{Edge, EdgeKey, LegKey, NavGraph, Plan, Query, Router};
 use surefoot_rollout::attempt::{Recovery, RetryBudget};
+use surefoot_rollout::follow::Step;
 use surefoot_rollout::rehearse::RehearsalFailure;
 use surefoot_rollout::{Attempt, FollowConfig, Follower};
 use surefoot_world::character::Body;
 use surefoot_world::map::MapSize;
-use surefoot_world::{Ability, CharacterProfile, Map, Vec3};
+use surefoot_world::{Ability, CharacterProfile, Decisions, Map, Vec3};
 
 const SIDE: u16 = 40;
 
@@ -178,4 +181,42 @@ fn a_leg_behind_a_wall_is_walked_around_until_a_rehearsal_fails() {
     }
     assert_eq!(attempt.follower.ability(), Some(Ability::JUMP));
     assert_eq!(reviewed(false).follower.waypoints_ahead(), [goal], "a zone bars the way around");
+}
+
+/// Plans on a graph of these vertices. Edges lead both ways, and each takes so many decisions.
+fn router_of(vertices: Vec<Vec3>, edges: &[(u32, u32, f64)]) -> Router {
+    let both_ways =
+        edges.iter().flat_map(|&(one, other, decisions)| [(one, other, decisions), (other, one, decisions)]);
+    let edge =
+        |(from, to, decisions)| Edge { key: EdgeKey::new(from, to), evidence: Evidence::forced(Decisions(decisions)) };
+    let edges = both_ways.map(edge).collect();
+    Router::new(NavGraph::check(GraphData { vertices, edges, ..GraphData::default() }).unwrap(), 0, 1)
+}
+
+#[test]
+fn where_legs_through_a_wall_fail_a_long_walk_is_found_before_the_goal_counts_as_unreachable() {
+    // Start and goal are at the closed end of a wall. Beyond it are twenty vertices, on this side there is one, and the
+    // walk to the open end takes long.
+    let wall = [Vec3::new(19.5, 2.0, 0.0), Vec3::new(20.5, 30.0, 37.0)];
+    let map = floor(&[wall]);
+    let (start, goal) = (at(17.0, 4.0), at(38.0, 4.0));
+    let beyond = (0..20u16).map(|idx| at(22.0 + f32::from(idx % 5), 2.0 + 1.5 * f32::from(idx / 5)));
+    let vertices: Vec<Vec3> = [at(16.0, 12.0), at(18.0, 38.5), at(22.0, 38.5)].into_iter().chain(beyond).collect();
+    let to_goal = (3..23).flat_map(|from| (from + 1..23).map(move |to| (from, to, 5.0)));
+    let edges: Vec<_> = [(0, 1, 200.0), (1, 2, 50.0), (2, 3, 200.0)].into_iter().chain(to_goal).collect();
+    let router = router_of(vertices, &edges);
+
+    let mut attempt = planned(&router, start, goal);
+    review(&mut attempt, &map, &router, start, |_, _| true);
+    let mut failed = 0;
+    while attempt.follower.waypoint().unwrap().x > 20.0 {
+        let leg = attempt.follower.leg_key().unwrap();
+        assert_eq!(attempt.follower.avoid(leg, false), Step::Plan, "after {failed} legs the goal is still reachable");
+        failed += 1;
+        attempt.plan(start, |query| router.find_path(query));
+        review(&mut attempt, &map, &router, start, |_, _| true);
+    }
+    assert!(failed >= 1, "a leg through the wall is tried first, because it may be a leap");
+    let plan = attempt.follower.current_plan().unwrap();
+    assert!(plan.no_path.is_none() && plan.waypoints.last() == Some(&goal));
 }

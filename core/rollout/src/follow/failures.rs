@@ -44,6 +44,11 @@ impl Failures {
         self.legs.iter().map(|leg| leg.key).collect()
     }
 
+    /// Number of failed legs that no proof covers.
+    pub fn unproved_count(&self) -> usize {
+        self.legs.iter().filter(|leg| leg.key.edge().is_none()).count()
+    }
+
     /// How often legs without progress got another chance.
     pub fn chances_given(&self) -> u32 {
         self.chances

@@ -4,7 +4,7 @@
 use super::clearance::Clearance;
 use super::ground::Ground;
 use super::moves::SteeredMoves;
-use super::review::{MAX_ROUNDS, PER_AVOIDED_LEAP_S, PER_LEAP_S, leaps_of};
+use super::review::{Effort, leaps_of};
 use super::shortcuts::Shortcuts;
 use super::ways::{lead_around, way_of};
 use super::{Approach, Follower};
@@ -24,11 +24,11 @@ impl Follower {
         let trusts_ways = margin == 0.0 && !self.distrusts_ways;
         let may_look = |plan: &Plan| trusts_ways && plan.needs.is_empty();
         let (leaps, longer_s) = leaps_of(&plan, feet, may_look(&plan), ground);
+        let effort = Effort::after(self.failures.unproved_count(), self.config.gait.avoids_jumps);
         let is_settled =
-            leaps.is_empty() || plan.no_path.is_some() || !plan.needs.is_empty() || self.review.rounds >= MAX_ROUNDS;
+            leaps.is_empty() || plan.no_path.is_some() || !plan.needs.is_empty() || self.review.rounds >= effort.rounds;
         self.review.leaps.extend_from_slice(&leaps);
-        let per_leap = if self.config.gait.avoids_jumps { PER_AVOIDED_LEAP_S } else { PER_LEAP_S };
-        let mut best = self.review.better_of(plan, leaps.len() as f32 * per_leap + longer_s);
+        let mut best = self.review.better_of(plan, leaps.len() as f32 * effort.per_leap_s + longer_s);
         if !is_settled {
             self.review.rounds += 1;
             self.review.best = Some(best);

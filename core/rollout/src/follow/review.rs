@@ -5,12 +5,37 @@ use super::ground::Ground;
 use surefoot_planner::{LegKey, Plan};
 use surefoot_world::{Ability, Vec3};
 
-/// Most further plans that a review asks for.
-pub(super) const MAX_ROUNDS: u32 = 3;
+/// Most further plans that a review asks for, and how many more for each failed leg that no proof covers.
+const MAX_ROUNDS: u32 = 3;
+const MORE_ROUNDS: u32 = 6;
 /// Time for which an NPC walks rather than leaps on a leg that no proof covers, s, and that of an NPC which avoids
 /// jumps.
-pub(super) const PER_LEAP_S: f32 = 3.0;
-pub(super) const PER_AVOIDED_LEAP_S: f32 = 300.0;
+const PER_LEAP_S: f32 = 3.0;
+const PER_AVOIDED_LEAP_S: f32 = 300.0;
+/// Factor on the first time for each failed leg that no proof covers.
+const PER_FAILURE: f32 = 4.0;
+/// Most failed legs that count.
+const MAX_FAILURES: u32 = 4;
+
+/// How thoroughly a review looks for legs that can be walked.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    /// Most further plans.
+    pub rounds: u32,
+    /// Time for which the NPC walks rather than leaps, s.
+    pub per_leap_s: f32,
+}
+
+impl Effort {
+    /// The effort after so many legs have failed that no proof covers. The prices of such legs do not include walls:
+    /// where one fails, the others are as doubtful, and a long walk may be the only way.
+    pub fn after(failure_count: usize, avoids_jumps: bool) -> Self {
+        let failures = (failure_count as u32).min(MAX_FAILURES);
+        let per_leap_s = (0..failures).fold(PER_LEAP_S, |time_s, _| time_s * PER_FAILURE);
+        let per_leap_s = if avoids_jumps { PER_AVOIDED_LEAP_S } else { per_leap_s.min(PER_AVOIDED_LEAP_S) };
+        Self { rounds: MAX_ROUNDS + MORE_ROUNDS * failures, per_leap_s }
+    }
+}
 
 /// The review of a plan.
 #[derive(Debug, Clone, Default)]
