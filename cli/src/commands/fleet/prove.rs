@@ -1,7 +1,7 @@
 //! `surefoot prove`: runs jobs that planners, evaluations and map generation send over NATS.
 
 use super::{BlobsArg, NatsArg};
-use crate::commands::endpoint::{EndpointArgs, open};
+use crate::commands::endpoint::EndpointArgs;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -45,6 +45,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 #[cfg(feature = "fleet")]
 pub fn run(args: &Args) -> anyhow::Result<()> {
     use super::{Shared, units};
+    use crate::commands::endpoint::open;
     use crate::commands::services::run_until_signal;
     use crate::commands::{core_count, load_policy};
     use crate::priority;
