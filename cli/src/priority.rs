@@ -1,5 +1,5 @@
-//! Priority of threads. A tick must end within 16.7 ms, but a decision has ten times as long. So workers, planners and
-//! provers give way to world servers where they share cores.
+//! Priority of threads. A tick must end within 16.7 ms, but a decision has ten times as long. So workers and
+//! planners give way to world servers where they share cores.
 
 use tokio::runtime::{Builder, Runtime};
 

@@ -48,7 +48,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     use crate::commands::endpoint::open;
     use crate::commands::services::run_until_signal;
     use crate::commands::{core_count, load_policy};
-    use crate::priority;
     use anyhow::Context;
     use std::sync::Arc;
     use surefoot_fleet::work::compute_class::ComputeClass;
@@ -63,7 +62,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let nats = args.nats.nats.as_deref().context("--nats is missing: the URL of the queue")?;
     let thread_count = args.threads.unwrap_or_else(core_count).max(1);
     let config = args.endpoint.config()?;
-    priority::lower();
     run_until_signal(|shutdown| async move {
         let shared = Shared::open(nats, args.blobs.blobs.as_deref(), &policy).await?;
         let endpoint = open("--listen", args.listen, config)?;
