@@ -24,15 +24,15 @@ use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
-use surefoot_rollout::{AttemptResult, FollowConfig, Goal, Motion, Rollout};
+use surefoot_rollout::{AttemptResult, Goal, Motion, Rollout};
 use surefoot_world::character::MoveScratch;
 use surefoot_world::reach::Reach;
-use surefoot_world::{Arrival, CharacterProfile, End, Gait, Map, TaskConfig, navigable};
+use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
 
 /// Number of navigable points that the goals of one map are drawn from.
 const POINTS_PER_MAP: usize = 3000;
 /// Version of unit results; incremented when a run would no longer reproduce saved units.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 
 /// A map, its survey, and the graphs that were built on it so far.
 pub struct Surveyed {
@@ -156,60 +156,15 @@ fn save(path: &Path, unit: &Unit) -> Result<(), EvalError> {
         .map_err(|source| EvalError::Io { path: path.to_owned(), source })
 }
 
-/// Rules of following plans, for the file name of a unit. Arrival by touch and the default gait are left out, so that
-/// tables that were made before there was another one keep their units.
-fn rules(follow: &FollowConfig) -> String {
-    let FollowConfig { replan_after, patience, max_replans, remembers, attach, composes, arrival, gait } = follow;
-    let arrival = if *arrival == Arrival::Touch { String::new() } else { format!(", arrival: {arrival:?}") };
-    let gait = if *gait == Gait::DEFAULT { String::new() } else { format!(", gait: {gait:?}") };
-    format!(
-        "FollowConfig {{ replan_after: {replan_after}, patience: {patience}, max_replans: {max_replans}, \
-         remembers: {remembers}, attach: {attach:?}, composes: {composes}{arrival}{gait} }}"
-    )
-}
-
-/// First version of the builder whose settings say what counts as an arrival. Units of older tables have names without
-/// it.
-const SETTINGS_HAVE_ARRIVAL: u32 = 13;
-/// First version of the builder whose bodies climb and mantle, and get no jumps from walls. Units of older tables have
-/// names without what they can do since then, and the version before.
-const BODIES_CLIMB: u32 = 16;
-
-/// The text of a body without the fields that say what it climbs.
-fn without_climbing(body: &str) -> String {
-    const NEW: [&str; 9] = [
-        "climb_speed",
-        "mantle_height",
-        "swim_speed",
-        "crouch_height",
-        "dash_speed",
-        "wall_run_seconds",
-        "slide_seconds",
-        "dive_seconds",
-        "moves",
-    ];
-    let is_new = |field: &str| field.split_once(": ").is_some_and(|(name, _)| NEW.contains(&name));
-    body.split(", ").filter(|field| !is_new(field)).collect::<Vec<_>>().join(", ")
-}
-
 /// File name of a unit, which depends on everything that determines its result, the version of the builder included.
 fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64, builder: u32) -> String {
     let EvalConfig { goals, method, distance, noise_share, rehearses, follow, price, profile, .. } = config;
     let map = choice.identity();
-    let way = match format!("{method:?}") {
-        text if builder < SETTINGS_HAVE_ARRIVAL => text.replace(", arrival: Stand", "").replace(", arrival: Touch", ""),
-        text => text,
-    };
-    let (version, body) = match format!("{profile:?}") {
-        text if builder < BODIES_CLIMB => (VERSION - 1, without_climbing(&text)),
-        text => (VERSION, text),
-    };
     let text = format!(
-        "{version} {} {} {map} {seed} {goals} {way} {distance:?} {noise_share} {rehearses} {} {price:?} \
-         {:?} {body}{}",
+        "{VERSION} {} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {follow:?} {price:?} \
+         {:?} {profile:?}{}",
         policy.weights_hash(),
         policy.senses_transports(),
-        rules(follow),
         TaskConfig::default(),
         if *method == Method::Policy { String::new() } else { format!(" {builder}") },
     );
