@@ -19,7 +19,7 @@ const LEVEL_LIMIT: Duration = Duration::from_secs(60);
 /// Share of all cores that rehearsals of realtime worlds may take.
 const PACE: f64 = 0.3;
 /// Most seconds of rehearsals that can be saved up.
-const MAX_SAVED_S: f64 = 0.05;
+const MAX_SAVED_S: f64 = 0.025;
 /// Estimated seconds of a rehearsal.
 const REHEARSAL_S: f64 = 0.002;
 
@@ -180,7 +180,7 @@ mod tests {
     #[test]
     fn what_was_spent_must_be_saved_up_again() {
         let pace = Pace::default();
-        assert!(pace.affordable() > 10);
+        assert!(pace.affordable() > 5);
         pace.spend(Duration::from_secs(3600));
         assert_eq!(pace.affordable(), 0);
     }

@@ -8,7 +8,6 @@ use super::maps::{Arrival, Maps};
 use super::world::{MotionSettings, RehearsalMap, WorldError, WorldMessage, WorldParts, WorldTask, ZoneNews};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
@@ -64,18 +63,11 @@ struct Worlds {
     /// The NPCs of each world.
     npcs: BTreeMap<u64, BTreeSet<u64>>,
     /// By the id of the world and the index of the body.
-    queues: BTreeMap<(u64, u32), Queue>,
+    queues: BTreeMap<(u64, u32), mpsc::Sender<WorldMessage>>,
     /// What each task decides on.
     keys: BTreeMap<(u64, u32), GraphKey>,
     inference: Inference,
     tasks: JoinSet<Result<(), WorldError>>,
-}
-
-/// Messages that wait for a world's task.
-struct Queue {
-    messages: mpsc::Sender<WorldMessage>,
-    /// Tick of the newest observations.
-    newest: Arc<AtomicU64>,
 }
 
 /// An open connection to a server.
@@ -163,7 +155,10 @@ impl Session<'_> {
             }
             Message::Ended(ended) => worlds.pass_to_all(ended.world_id, || WorldMessage::Ended(ended.clone()))?,
             Message::Observations(batch) => {
-                worlds.pass((batch.world_id, batch.body_idx), WorldMessage::Observations(batch))?;
+                worlds.pass(
+                    (batch.world_id, batch.body_idx),
+                    WorldMessage::Observations(Box::new(batch), Instant::now()),
+                )?;
             }
             Message::Edited(edited) => self.edit_world(worlds, &connection.link, &edited)?,
             Message::ZonesChanged(wire::ZonesChanged { world_id, changed }) => {
@@ -203,7 +198,6 @@ impl Session<'_> {
         let server = &connection.link;
         let body = convert::body(assignment.body.as_ref())?;
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
-        let newest = Arc::new(AtomicU64::new(0));
         let key = GraphKey::of(assignment);
         let map = self.map_of(&key, server).zip(self.maps).map(|(map, maps)| RehearsalMap {
             maps: maps.clone(),
@@ -217,11 +211,10 @@ impl Session<'_> {
             motion: MotionSettings { noise_share: self.config.noise_share, composes: self.config.composes },
             graph: self.graph_of(&key, server),
             map,
-            newest: newest.clone(),
             out: connection.out.clone(),
         };
         worlds.tasks.spawn(WorldTask::new(assignment, parts).run(messages));
-        worlds.queues.insert((assignment.world_id, assignment.body_idx), Queue { messages: sender, newest });
+        worlds.queues.insert((assignment.world_id, assignment.body_idx), sender);
         worlds.keys.insert((assignment.world_id, assignment.body_idx), key);
         Ok(())
     }
@@ -316,12 +309,9 @@ impl Worlds {
         // The server may have sent a message before the world ended.
         let Some(queue) = self.queues.get(&task) else { return Ok(()) };
         let (world_id, _) = task;
-        if let WorldMessage::Observations(batch) = &message {
-            queue.newest.store(batch.tick, Ordering::Relaxed);
-        }
-        match queue.messages.try_send(message) {
+        match queue.try_send(message) {
             Ok(()) => Ok(()),
-            Err(TrySendError::Full(WorldMessage::Observations(_))) => {
+            Err(TrySendError::Full(WorldMessage::Observations(..))) => {
                 warn!(world_id, "this worker is too slow: a batch of observations is dropped");
                 Ok(())
             }

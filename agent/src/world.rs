@@ -25,13 +25,13 @@ use npc::{Npc, Npcs};
 use planning::{PlanRequest, Planning};
 use standing::Standing;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 use surefoot_policy::Policy;
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::follow::scene::Scene;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::rehearse::NoiseStream;
-use surefoot_world::{End, MoverState, TICKS_PER_DECISION, Trajectory};
+use surefoot_world::{End, MoverState, TICKS_PER_DECISION, TICKS_PER_SECOND, Trajectory};
 use tokio::sync::{mpsc, watch};
 
 /// Why a world's task cannot continue.
@@ -48,11 +48,15 @@ pub(super) enum WorldError {
     Inference,
 }
 
+/// Period of decisions. After half of it, the task of a realtime world answers without what takes longer.
+const PERIOD: Duration = Duration::from_millis(1000 * TICKS_PER_DECISION as u64 / TICKS_PER_SECOND as u64);
+
 /// Messages to a world's task.
 pub(super) enum WorldMessage {
     Release(Vec<u64>),
     Ended(wire::AttemptsEnded),
-    Observations(wire::ObservationBatch),
+    /// Observations, and when they arrived.
+    Observations(Box<wire::ObservationBatch>, Instant),
     /// Zones or tags have changed.
     Zones(ZoneNews),
     /// The pieces on the map have changed: the new map, and its graph.
@@ -81,8 +85,6 @@ pub(super) struct WorldParts {
     pub graph: Option<Arc<Graph>>,
     /// `None` if NPCs do not rehearse.
     pub map: Option<RehearsalMap>,
-    /// Tick of the newest observations that have arrived.
-    pub newest: Arc<AtomicU64>,
     /// Where answers go.
     pub out: mpsc::Sender<wire::WorkRequest>,
 }
@@ -99,7 +101,6 @@ pub(super) struct WorldTask {
     npcs: Npcs,
     planning: Planning,
     ground: RehearsalGround,
-    newest: Arc<AtomicU64>,
     /// Whether the last observations were left out.
     is_behind: bool,
     out: mpsc::Sender<wire::WorkRequest>,
@@ -108,7 +109,7 @@ pub(super) struct WorldTask {
 impl WorldTask {
     /// Creates a task for the NPCs of an assignment.
     pub fn new(assignment: &wire::Assignment, parts: WorldParts) -> Self {
-        let WorldParts { policy, inference, motion, graph, map, newest, out } = parts;
+        let WorldParts { policy, inference, motion, graph, map, out } = parts;
         let is_lockstep = assignment.mode() == wire::TimeMode::Lockstep;
         let has_traffic = assignment.solid_npcs && assignment.mode() == wire::TimeMode::Realtime;
         Self {
@@ -121,7 +122,6 @@ impl WorldTask {
             inference,
             motion,
             npcs: Npcs::new(),
-            newest,
             is_behind: false,
             out,
         }
@@ -138,11 +138,12 @@ impl WorldTask {
                 WorldMessage::Zones(news) => self.follow_zones(news),
                 WorldMessage::Ended(ended) => self.record_ends(&ended),
                 WorldMessage::Edited { map, graph } => self.follow_edit(map, graph),
-                WorldMessage::Observations(batch) => {
-                    if self.leaves_out(batch.tick) {
+                WorldMessage::Observations(batch, arrived) => {
+                    if self.leaves_out(arrived.elapsed()) {
                         continue;
                     }
-                    for answer in self.decide(batch).await? {
+                    self.planning.wait_until = arrived + PERIOD / 2;
+                    for answer in self.decide(*batch).await? {
                         if self.out.send(answer).await.is_err() {
                             return Ok(());
                         }
@@ -153,12 +154,11 @@ impl WorldTask {
         Ok(())
     }
 
-    /// Whether the observations of a tick are left out because the task is behind. The server ignores answers after a
+    /// Whether observations of this age are left out because the task is behind. The server ignores answers after a
     /// period of decisions, so a task that is as late as that goes on with observations that it can answer in time.
-    fn leaves_out(&mut self, tick: u64) -> bool {
-        let limit = if self.is_behind { TICKS_PER_DECISION / 2 } else { TICKS_PER_DECISION };
-        let late = self.newest.load(Ordering::Relaxed).saturating_sub(tick);
-        self.is_behind = !self.is_lockstep && late >= u64::from(limit);
+    fn leaves_out(&mut self, age: Duration) -> bool {
+        let limit = if self.is_behind { PERIOD / 2 } else { PERIOD };
+        self.is_behind = !self.is_lockstep && age >= limit;
         self.is_behind
     }
 
@@ -358,13 +358,13 @@ mod tests {
             motion: MotionSettings { noise_share: 0.0, composes: true },
             graph: None,
             map: None,
-            newest: Arc::new(AtomicU64::new(29)),
             policy: policy.clone(),
             out,
         };
         let mut assignment = wire::Assignment::default();
         assignment.set_mode(mode);
         let (queue, messages) = mpsc::channel(64);
+        let now = Instant::now();
         for tick in 0..30 {
             let batch = wire::ObservationBatch {
                 tick,
@@ -374,7 +374,8 @@ mod tests {
                 goals: convert::pack([9.0; 3]),
                 ..Default::default()
             };
-            queue.try_send(WorldMessage::Observations(batch)).expect("room");
+            let age = Duration::from_secs(29 - tick) / TICKS_PER_SECOND;
+            queue.try_send(WorldMessage::Observations(Box::new(batch), now - age)).expect("room");
         }
         drop(queue);
         WorldTask::new(&assignment, parts).run(messages).await.expect("answers");

@@ -4,7 +4,7 @@ use super::npc::{Npc, Npcs};
 use super::zones::ZoneRules;
 use crate::graph::{Graph, Plans};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{Plan, Query, Traffic};
@@ -25,8 +25,6 @@ const MAX_QUERIES: usize = 1024;
 const GRAPH_LIMIT: Duration = Duration::from_secs(120);
 /// Longest silence of a planner that builds the graph for which a lockstep world waits.
 const PLANNER_SILENCE: Duration = Duration::from_secs(15);
-/// Longest wait of a realtime world for plans after a failed rehearsal.
-const URGENT_LIMIT: Duration = Duration::from_millis(40);
 
 /// The graph of an edited map.
 enum NextGraph {
@@ -73,6 +71,8 @@ pub(super) struct Planning {
     traffic: Option<CountedTraffic>,
     /// Tick of the batch.
     pub tick: u64,
+    /// Until when a realtime world waits for urgent plans.
+    pub wait_until: Instant,
     /// Whether NPCs plan on a graph whose build is running.
     pub takes_interim: bool,
     /// Whether a lockstep world has waited for the graph in vain.
@@ -97,6 +97,7 @@ impl Planning {
             next_graph: NextGraph::None,
             traffic: has_traffic.then(CountedTraffic::default),
             tick: 0,
+            wait_until: Instant::now(),
             takes_interim: false,
             has_waited: false,
             rules: ZoneRules::default(),
@@ -218,7 +219,7 @@ impl Planning {
         });
         let mut planned = None;
         if is_urgent {
-            planned = tokio::time::timeout(URGENT_LIMIT, &mut soon).await.ok().and_then(Result::ok);
+            planned = tokio::time::timeout_at(self.wait_until.into(), &mut soon).await.ok().and_then(Result::ok);
         }
         soon.close();
         let planned = planned.or_else(|| soon.try_recv().ok());

@@ -7,6 +7,7 @@ use super::planning::PlanRequest;
 use super::{WorldError, WorldTask};
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
+use std::time::Instant;
 use surefoot_rollout::attempt::AfterRehearsal;
 use surefoot_rollout::rehearse::RehearsalStart;
 use surefoot_world::{End, MoverState, Npc as State};
@@ -24,7 +25,8 @@ const RETRY_DECISIONS: u32 = 12;
 
 impl WorldTask {
     /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more. In realtime the pace limits
-    /// the number; the other NPCs have their turn at a later decision.
+    /// the number, and the age of the observations how often a rehearsal that failed is followed by another; the rest
+    /// has its turn at a later decision.
     pub(super) async fn rehearse(
         &mut self,
         batch: &Batch,
@@ -38,7 +40,7 @@ impl WorldTask {
         let mut due = self.choose_due(batch);
         let chosen = due.clone();
         self.review(&due).await;
-        while !due.is_empty() {
+        while !due.is_empty() && !self.is_late() {
             let starts: Vec<RehearsalStart> = due
                 .iter()
                 .map(|seen| {
@@ -53,6 +55,7 @@ impl WorldTask {
                 let result = results.next().expect("a result for each rehearsal");
                 // Its next plan is on its way, so a failure of the present one is no reason to give up or plan again.
                 if npc.planning.is_requested && result.is_err() {
+                    seen.state.iter().for_each(|state| npc.wait_for_turn(state));
                     return false;
                 }
                 match npc.attempt.record_rehearsal(result, &mut npc.noise) {
@@ -73,12 +76,23 @@ impl WorldTask {
             self.review(&replanned).await;
             due.retain(|seen| self.npcs.get(&seen.id).is_some_and(|npc| npc.has_waypoint()));
         }
+        for seen in due {
+            if let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) {
+                npc.attempt.defer_rehearsals();
+                npc.wait_for_turn(&state);
+            }
+        }
         for seen in chosen {
             if let Some((state, npc)) = seen.state.zip(self.npcs.get_mut(&seen.id)) {
                 npc.news.waypoint = npc.attempt.changed_waypoint(&state).or(npc.news.waypoint);
             }
         }
         Ok(())
+    }
+
+    /// Whether a realtime world must answer now, and leave the rehearsals that remain to the next decision.
+    fn is_late(&self) -> bool {
+        !self.is_lockstep && Instant::now() >= self.planning.wait_until
     }
 
     /// Reviews the new plans of NPCs, and requests the further ones that the reviews ask for.
@@ -143,8 +157,7 @@ impl WorldTask {
                 npc.attempt.begin_rehearsals();
                 (npc.hold.holds, npc.hold.turn_waited) = (false, 0);
             } else if npc.attempt.must_rehearse_from_here() {
-                npc.hold.turn_waited = npc.hold.turn_waited.saturating_add(1);
-                npc.hold.holds = state.body.is_at_rest() && npc.hold.turn_waited <= TURN_DECISIONS;
+                npc.wait_for_turn(state);
             }
         }
         due
@@ -196,6 +209,12 @@ impl WorldTask {
 }
 
 impl Npc {
+    /// Lets an NPC in this state wait for a later decision to rehearse.
+    fn wait_for_turn(&mut self, state: &State) {
+        self.hold.turn_waited = self.hold.turn_waited.saturating_add(1);
+        self.hold.holds = state.body.is_at_rest() && self.hold.turn_waited <= TURN_DECISIONS;
+    }
+
     /// The rehearsal of the straight way to the goal, with other noise each time.
     fn straight_rehearsal(&mut self, npc: State) -> RehearsalStart {
         self.noise.change();

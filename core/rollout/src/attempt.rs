@@ -42,6 +42,8 @@ pub struct Attempt {
     slack_m: f32,
     must_rehearse: bool,
     retries: RetryBudget,
+    /// Whether the next decision continues the rehearsals of this one.
+    are_deferred: bool,
 }
 
 /// What follows a rehearsal.
@@ -60,7 +62,14 @@ pub enum AfterRehearsal {
 impl Attempt {
     /// Starts an attempt, which rehearses before its first decision.
     pub fn new(follower: Follower) -> Self {
-        Self { follower, forecast: None, slack_m: 0.0, must_rehearse: false, retries: RetryBudget::default() }
+        Self {
+            follower,
+            forecast: None,
+            slack_m: 0.0,
+            must_rehearse: false,
+            retries: RetryBudget::default(),
+            are_deferred: false,
+        }
     }
 
     /// The same attempt in another simulation, where forecasts hold while the body keeps within `slack_m`, m.
@@ -202,9 +211,19 @@ impl Attempt {
         }
     }
 
-    /// Begins the rehearsals before a decision, whose retries are counted together.
+    /// Begins the rehearsals before a decision, whose retries are counted together, with those of the decision before
+    /// if that deferred some.
     pub fn begin_rehearsals(&mut self) {
-        (self.must_rehearse, self.retries) = (false, RetryBudget::default());
+        self.must_rehearse = false;
+        if !std::mem::take(&mut self.are_deferred) {
+            self.retries = RetryBudget::default();
+        }
+    }
+
+    /// Lets the NPC go on with its rehearsals at its next decision.
+    pub fn defer_rehearsals(&mut self) {
+        self.forget_forecast();
+        self.are_deferred = true;
     }
 
     /// The rehearsal of an NPC in this state, with its row of the policy's hidden state.
