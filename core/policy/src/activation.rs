@@ -16,10 +16,11 @@ pub fn exp(x: f32) -> f32 {
         terms
     };
     let scaled = x.clamp(-80.0, 80.0) * std::f32::consts::LOG2_E;
-    let whole = (scaled + ROUND) - ROUND;
-    let rest = scaled - whole;
+    let rounded = scaled + ROUND;
+    let rest = scaled - (rounded - ROUND);
     let power = TAYLOR.iter().rev().fold(0.0, |sum, term| (sum + term) * rest) + 1.0;
-    let exponent = ((whole as i32 + 127) << 23) as u32;
+    // The integer is in the lowest bits. Neither a conversion nor a checked sum would be vectorised.
+    let exponent = (rounded.to_bits() << 23).wrapping_add(127 << 23);
     power * f32::from_bits(exponent)
 }
 
@@ -48,6 +49,8 @@ pub fn lstm_step(gates: &mut [f32], cell: &mut [f32], hidden: &mut [f32]) {
     }
     let (input, rest) = open.split_at(size);
     let (forget, output) = rest.split_at(size);
+    // Slices of one known length need no checks within the loop.
+    let (output, candidate, hidden) = (&output[..size], &candidate[..size], &mut hidden[..size]);
     for idx in 0..size {
         cell[idx] = forget[idx] * cell[idx] + input[idx] * candidate[idx];
         hidden[idx] = output[idx] * tanh(cell[idx]);

@@ -3,7 +3,7 @@
     pip install torch onnxruntime onnx numpy
     python learn/train/benches/peers.py target/release/surefoot
 
-The networks, batch shapes and losses are those of agent/src/train/sac.rs with its defaults: separate encoders for actor and
+The networks, batch shapes and losses are those of learn/train/src/sac.rs with its defaults: separate encoders for actor and
 twin critics, an actor update at every second critic update, no gradients for the critics' weights in the actor's loss,
 Polyak averaging. Everything is run in one go, so that a noisy machine is noisy for all. Ratios above 1: surefoot is faster.
 It also holds the exported ONNX models against surefoot's own decisions on 1,000 observations.
@@ -22,7 +22,7 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-RAYS, STATE, ACTIONS = 320, 35, 4
+RAYS, STATE, ACTIONS = 320, 49, 4
 OBSERVATION = RAYS + STATE
 RAY_FEATURES, HIDDEN = 128, 256
 
