@@ -31,7 +31,7 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::follow::scene::Scene;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::rehearse::NoiseStream;
-use surefoot_world::{End, MoverState, TICKS_PER_DECISION, TICKS_PER_SECOND, Trajectory};
+use surefoot_world::{End, MoverState, OBSERVATION_LEN, TICKS_PER_DECISION, TICKS_PER_SECOND, Trajectory};
 use tokio::sync::{mpsc, watch};
 
 /// Why a world's task cannot continue.
@@ -175,6 +175,8 @@ impl WorldTask {
         let is_urgent = std::mem::take(&mut self.planning.rules.are_new);
         self.planning.request(&requests, &mut self.npcs, is_urgent).await;
         self.ground.read_states(&mut batch).await;
+        // Its map may have arrived with this batch.
+        let movers = if movers.is_empty() { self.ground.movers(&batch.movers) } else { movers };
         self.planning.takes_interim = self.takes_interim();
         self.rehearse(&batch, &movers, &mut answer).await?;
         if self.ground.awaits_map() {
@@ -184,8 +186,8 @@ impl WorldTask {
         } else {
             self.rehearse_straight(&batch, &movers).await?;
         }
-        self.show_new_waypoints(&mut batch);
-        answer.actions = self.act(&batch).await?;
+        answer.actions = self.act(&batch, &movers).await?;
+        answer.observes = self.observes();
         answer.standings = self.standings(&batch);
         answer.trajectories = self.trajectories(&batch);
         let plans_failed = std::mem::take(&mut self.planning.failed_count);
@@ -329,6 +331,13 @@ impl WorldTask {
             npc.attempt.follower.drop_plan();
             npc.attempt.forget_forecast();
         }
+    }
+
+    /// Whether this task observes NPCs itself: most are steered, and need no observation. A policy with a memory needs
+    /// all of them, and others cannot be seen from here.
+    fn observes(&self) -> bool {
+        let is_plain = self.policy.memory_len() == 0 && self.policy.observation_len() == OBSERVATION_LEN;
+        is_plain && self.ground.is_ready()
     }
 
     /// Whether NPCs plan on a graph whose build is running. Lockstep worlds do not: their results must not depend on

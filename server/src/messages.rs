@@ -96,7 +96,7 @@ pub struct ObservationBatch {
     pub npcs: Vec<NpcId>,
     /// Number of values of an observation.
     pub observation_len: usize,
-    /// The observation of each NPC.
+    /// The observation of each NPC; empty if the worker observes them itself.
     pub observations: Vec<f32>,
     /// Position of each NPC's feet, m.
     pub positions: Vec<Vec3>,
@@ -199,6 +199,8 @@ pub struct Answer {
     pub mover_calls: Vec<MoverAt>,
     /// What is predicted of NPCs, and the attempts for which that holds.
     pub predictions: Vec<(NpcId, u32, Trajectory)>,
+    /// Whether the worker observes the NPCs of the decisions itself from now on.
+    pub observes: bool,
     /// Actions, waypoints, plans and predictions that were left out because a number was invalid.
     pub invalid: u64,
 }

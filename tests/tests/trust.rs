@@ -6,6 +6,7 @@ use e2e::{
     start_planner, start_server, start_server_at, start_worker, start_worker_as, start_worker_with, stats_until,
     until_metrics_say, watch_until, world_client,
 };
+use std::sync::Arc;
 use std::time::Duration;
 use surefoot_agent::WorkError;
 use surefoot_net::client::{ClientTlsFiles, Credentials, Link};
@@ -15,6 +16,7 @@ use surefoot_net::serving::tokens::Tokens;
 use surefoot_net::serving::{EndpointConfig, Limits, Security};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_policy::Policy;
+use surefoot_proto::convert;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
@@ -22,9 +24,10 @@ use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_proto::world::v1::work_request::Message as Request;
 use surefoot_proto::world::v1::work_response::Message as Response;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_rollout::rehearse::Rehearsal;
 use surefoot_server::ServerConfig;
 use surefoot_world::sense::OBSERVATION_VERSION;
-use surefoot_world::{MapSpec, OBSERVATION_LEN};
+use surefoot_world::{CharacterProfile, MapSpec, Npc, OBSERVATION_LEN, TaskConfig};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt;
@@ -75,6 +78,11 @@ impl Puppet {
     }
 
     async fn answer(&self, batch: &wire::ObservationBatch, row: [f32; 4]) {
+        self.answer_and_observe(batch, row, false).await;
+    }
+
+    /// Answers, and says whether it observes the NPCs itself from now on.
+    async fn answer_and_observe(&self, batch: &wire::ObservationBatch, row: [f32; 4], observes: bool) {
         let rows = vec![row; batch.npc_ids.len()];
         let answer = wire::ActionBatch {
             world_id: batch.world_id,
@@ -82,6 +90,7 @@ impl Puppet {
             npc_ids: batch.npc_ids.clone(),
             attempts: batch.attempts.clone(),
             actions: rows.iter().flatten().flat_map(|value| value.to_le_bytes()).collect(),
+            observes,
             ..Default::default()
         };
         self.requests.send(wire::WorkRequest { message: Some(Request::Actions(answer)) }).await.unwrap();
@@ -214,6 +223,30 @@ async fn a_decision_that_is_not_finite_is_counted_and_its_worker_goes_on() {
     puppet.observations().await;
     let figures = stats_until(&mut client, world.world_id, |stats| stats.decisions_answered >= 1).await;
     assert_eq!(figures.answers_invalid, 1);
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_observes_itself_sees_what_the_server_would_have_sent() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let mut puppet = Puppet::join(&server, 64).await;
+    let world = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await;
+    let places = ground(&mut client, world.world_id, 2).await;
+    let npc = spawn(&mut client, world.world_id, places[0]).await;
+    set_goal(&mut client, npc, places[1]).await;
+    let spec = convert::map_spec(world.map.as_ref()).unwrap();
+    let (map, policy) = (Arc::new(surefoot_generate::generate(&spec)), Policy::shipped().unwrap());
+    let mut copy = Rehearsal::new(map, CharacterProfile::default(), TaskConfig::default(), &policy);
+    for decision in 0..20 {
+        let sent = puppet.observations().await;
+        let state = Npc::from_bytes(&sent.states[0], 1, 0).expect("a state");
+        assert_eq!(convert::pack(copy.observe(&[state], &[])), sent.observations, "decision {decision}");
+        puppet.answer_and_observe(&sent, [1.0, 0.5, 0.2, 0.0], true).await;
+        let unsent = puppet.observations().await;
+        assert_eq!((unsent.npc_ids.len(), unsent.states.len(), unsent.observations.len()), (1, 1, 0));
+        puppet.answer_and_observe(&unsent, [1.0, 0.5, -0.2, 0.0], false).await;
+    }
     server.stop().await;
 }
 

@@ -48,7 +48,7 @@ pub(super) struct Sighting {
 pub(super) struct Batch {
     pub tick: u64,
     pub sightings: Vec<Sighting>,
-    /// One row for each NPC.
+    /// One row for each NPC; empty if the worker observes them itself.
     pub observations: Vec<f32>,
     /// Packed states of the movers.
     pub movers: Vec<u8>,
@@ -64,8 +64,8 @@ impl Batch {
         let malformed = |_| Malformed;
         let positions = convert::unpack_points(&batch.positions, count, "positions").map_err(malformed)?;
         let goals = convert::unpack_points(&batch.goals, count, "goals").map_err(malformed)?;
-        let observations =
-            convert::unpack(&batch.observations, count * observation_len, "observations").map_err(malformed)?;
+        let len = if batch.observations.is_empty() { 0 } else { count * observation_len };
+        let observations = convert::unpack(&batch.observations, len, "observations").map_err(malformed)?;
         let gaits: Vec<Gait> = batch.gaits.iter().map(convert::gait).collect::<Result<_, _>>().map_err(malformed)?;
         let sighting = |(idx, &id)| Sighting {
             id,
@@ -96,6 +96,8 @@ pub(super) struct Answer {
     pub standings: Vec<Option<Standing>>,
     /// What is predicted of each NPC of the batch.
     pub trajectories: Vec<Trajectory>,
+    /// Whether the worker observes these NPCs itself from now on.
+    pub observes: bool,
 }
 
 impl Answer {
@@ -110,6 +112,7 @@ impl Answer {
             actions: convert::pack(self.actions.iter().flat_map(|action| action.to_array())),
             plans_failed,
             standings: pack(&self.standings),
+            observes: self.observes,
             ..wire::ActionBatch::default()
         };
         for (&Sighting { id: npc_id, attempt, .. }, trajectory) in batch.sightings.iter().zip(&self.trajectories) {
@@ -150,7 +153,8 @@ fn split(mut answer: wire::ActionBatch, limit: usize) -> Vec<wire::ActionBatch> 
     if answer.encoded_len() <= limit {
         return vec![answer];
     }
-    let empty = || wire::ActionBatch { world_id: answer.world_id, tick: answer.tick, ..wire::ActionBatch::default() };
+    let (world_id, tick, observes) = (answer.world_id, answer.tick, answer.observes);
+    let empty = || wire::ActionBatch { world_id, tick, observes, ..wire::ActionBatch::default() };
     let mut parts = Vec::new();
     let mut part = empty();
     let mut part_len = 0;
@@ -219,13 +223,14 @@ mod tests {
             predictions: (0..count)
                 .map(|npc_id| prediction_to_wire(npc_id, 1, &Trajectory::at_rest(&Body::default())))
                 .collect(),
+            observes: true,
         };
         assert!(answer.encoded_len() > 2 << 20);
         let parts = split(answer.clone(), MAX_ANSWER_BYTES);
         assert!(parts.len() > 3 && parts.iter().all(|part| part.encoded_len() <= MAX_ANSWER_BYTES));
         let mut whole = parts[0].clone();
         for part in &parts[1..] {
-            assert_eq!((part.world_id, part.tick), (7, 9));
+            assert_eq!((part.world_id, part.tick, part.observes), (7, 9, true));
             whole.npc_ids.extend(&part.npc_ids);
             whole.actions.extend(&part.actions);
             whole.attempts.extend(&part.attempts);

@@ -140,6 +140,11 @@ impl RehearsalGround {
         Ok(results)
     }
 
+    /// Observes NPCs in these states; no rows if NPCs cannot rehearse.
+    pub fn observe(&mut self, states: &[State], movers: &[MoverState]) -> Vec<f32> {
+        self.rehearsal.as_mut().map(|rehearsal| rehearsal.observe(states, movers)).unwrap_or_default()
+    }
+
     /// Lets the observation of an NPC show its new waypoint.
     pub fn aim_at(&self, state: &State, waypoint: surefoot_world::Vec3, row: &mut [f32]) {
         if let Some(rehearsal) = &self.rehearsal {

@@ -182,6 +182,24 @@ impl Rehearsal {
             .copy_from_slice(&state_vector(context, &npc.body, &episode, &npc.last));
     }
 
+    /// Observes NPCs in these states among movers in these states: one row of [`OBSERVATION_LEN`] values for each.
+    ///
+    /// # Panics
+    /// If the states do not fit the movers of the map.
+    pub fn observe(&mut self, npcs: &[Npc], movers: &[MoverState]) -> Vec<f32> {
+        let [world] = &mut self.worlds;
+        world.clear();
+        if !movers.is_empty() {
+            world.set_movers(movers.to_vec());
+        }
+        let mut rows = vec![0.0; npcs.len() * OBSERVATION_LEN];
+        for (npc, row) in npcs.iter().zip(rows.chunks_exact_mut(OBSERVATION_LEN)) {
+            let slot = world.adopt(*npc);
+            world.observe(slot, row);
+        }
+        rows
+    }
+
     /// The map.
     pub fn map(&self) -> &Arc<Map> {
         self.worlds[0].map()

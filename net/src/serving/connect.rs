@@ -32,9 +32,6 @@ const MAPS: &str = "surefoot.world.v1.MapService";
 const JSON_FACTOR: usize = 4;
 /// The same for a message that is mostly base64.
 const BASE64_FACTOR: usize = 2;
-/// What can be sent to a method.
-const CONTENT_TYPES: &str =
-    "application/json, application/proto, application/connect+json, application/connect+proto, application/grpc";
 /// Large messages that are translated at the same time.
 const TRANSLATED_AT_A_TIME: usize = 2;
 
@@ -146,7 +143,8 @@ fn unknown_type(request: &Request) -> Response<Body> {
     let connect = Connect { codec: Codec::Json, is_stream: false };
     let mut response = connect.refuse(&status::failure(Reason::MalformedRequest, message));
     *response.status_mut() = StatusCode::UNSUPPORTED_MEDIA_TYPE;
-    response.headers_mut().insert("accept-post", HeaderValue::from_static(CONTENT_TYPES));
+    let types = format!("{}, application/grpc", Connect::ALL.map(Connect::content_type).join(", "));
+    response.headers_mut().insert("accept-post", HeaderValue::try_from(types).expect("content types are plain text"));
     response
 }
 

@@ -39,23 +39,25 @@ pub(super) struct Connect {
 }
 
 impl Connect {
+    /// Every codec and framing.
+    pub const ALL: [Self; 4] = [
+        Self { codec: Codec::Json, is_stream: false },
+        Self { codec: Codec::Proto, is_stream: false },
+        Self { codec: Codec::Json, is_stream: true },
+        Self { codec: Codec::Proto, is_stream: true },
+    ];
+
     /// Returns the codec and framing of a request; `None` if it is not a Connect call.
     pub fn of(request: &Request) -> Option<Self> {
         if request.method() != Method::POST {
             return None;
         }
         let kind = request.headers().get(header::CONTENT_TYPE)?.to_str().ok()?;
-        let (codec, is_stream) = match kind.split(';').next()?.trim() {
-            "application/json" => (Codec::Json, false),
-            "application/proto" => (Codec::Proto, false),
-            "application/connect+json" => (Codec::Json, true),
-            "application/connect+proto" => (Codec::Proto, true),
-            _ => return None,
-        };
-        Some(Self { codec, is_stream })
+        let kind = kind.split(';').next()?.trim();
+        Self::ALL.into_iter().find(|call| call.content_type() == kind)
     }
 
-    /// Content type of the call's answers.
+    /// Content type of the call and of its answers.
     pub fn content_type(self) -> &'static str {
         match (self.codec, self.is_stream) {
             (Codec::Json, false) => "application/json",

@@ -129,9 +129,6 @@ impl HostedWorld {
             };
             let batch = self.batches.entry((worker, npc.profile.0)).or_insert_with(new_batch);
             batch.npcs.push(id);
-            let start = batch.observations.len();
-            batch.observations.resize(start + batch.observation_len, 0.0);
-            self.world.observe(record.slot, &mut batch.observations[start..]);
             batch.positions.push(npc.body.feet);
             batch.goals.push(goal);
             batch.touches.push(record.pursuit.arrival == Arrival::Pass);
@@ -149,8 +146,20 @@ impl HostedWorld {
         }
         // A worker must receive assignments before the observations of the assigned NPCs.
         self.flush();
-        for ((worker, _), batch) in std::mem::take(&mut self.batches) {
+        for ((worker, _), mut batch) in std::mem::take(&mut self.batches) {
+            self.observe(worker, &mut batch);
             self.registry.try_observe(worker, ToWorker::Observations(batch));
+        }
+    }
+
+    /// Observes the NPCs of a batch, unless its worker observes all of them itself.
+    fn observe(&self, worker: WorkerId, batch: &mut ObservationBatch) {
+        if batch.npcs.iter().all(|id| self.records[id].observer == Some(worker)) {
+            return;
+        }
+        batch.observations.resize(batch.npcs.len() * batch.observation_len, 0.0);
+        for (id, row) in batch.npcs.iter().zip(batch.observations.chunks_exact_mut(batch.observation_len)) {
+            self.world.observe(self.records[id].slot, row);
         }
     }
 
@@ -169,6 +178,7 @@ impl HostedWorld {
             };
             record.awaiting = None;
             record.misses = 0;
+            record.observer = answer.observes.then_some(worker);
             record.stand.reported = standing;
             let Some(action) = action else {
                 // The NPC comes to rest; other NPCs of the answer are not affected.

@@ -59,6 +59,8 @@ pub(super) struct NpcRecord {
     pub next_worker: Option<WorkerId>,
     /// Tick of the observation that has not been answered yet.
     pub awaiting: Option<Tick>,
+    /// The worker that observes the NPC itself.
+    pub observer: Option<WorkerId>,
     pub misses: u8,
     /// The plan of the NPC, as its worker reported it.
     pub plan: Option<Arc<NpcPlan>>,
@@ -104,6 +106,7 @@ impl NpcRecord {
             worker: None,
             next_worker: None,
             awaiting: None,
+            observer: None,
             misses: 0,
             plan: None,
             prediction: None,

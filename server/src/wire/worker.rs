@@ -40,7 +40,12 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
         let message = format!("actions.standings has {} values for {count} NPCs", batch.standings.len());
         return Err(status::invalid("actions.standings", message));
     }
-    let mut answer = Answer { tick: Tick(batch.tick), plans_failed: batch.plans_failed, ..Answer::default() };
+    let mut answer = Answer {
+        tick: Tick(batch.tick),
+        plans_failed: batch.plans_failed,
+        observes: batch.observes,
+        ..Answer::default()
+    };
     for (idx, (npc, attempt)) in batch.npc_ids.into_iter().zip(batch.attempts).enumerate() {
         let row = std::array::from_fn(|at| values[idx * ACTION_LEN + at]);
         let action = Action::from_array(row).ok();
