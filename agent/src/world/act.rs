@@ -7,8 +7,8 @@ use surefoot_rollout::Style;
 use surefoot_world::{Action, MoverState, Npc as State};
 
 impl WorldTask {
-    /// The observations of these NPCs of a batch, by index, which see their new waypoints. The task observes them itself
-    /// unless the server did.
+    /// The observations of these NPCs of a batch, by index, which see their new waypoints. The task observes them if
+    /// the server did not.
     fn observations(&mut self, batch: &Batch, movers: &[MoverState], deciding: &[usize]) -> Vec<f32> {
         let len = self.policy.observation_len();
         let mut rows = if batch.observations.is_empty() {
