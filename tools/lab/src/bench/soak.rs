@@ -45,9 +45,6 @@ const LONG_MIN: f64 = 30.0;
 const MAX_SHORT_SLOPE_MIB: f64 = 20.0;
 /// Least tolerated growth of a service's descriptors and threads, from the first third of the samples to the last.
 const MAX_GROWTH: f64 = 16.0;
-/// The same for threads in short runs, in which a burst of blocking calls keeps its threads to the end. A client makes
-/// hundreds of rounds in that time.
-const MAX_SHORT_THREADS: f64 = 64.0;
 
 /// What the system reports about a process.
 #[derive(Debug, Clone, Copy, Default)]
@@ -141,8 +138,7 @@ fn summary(samples: &[Sample], panics: f64, rounds: u64) -> Vec<Figure> {
     let p99 = |samples: &[Sample]| super::median(samples.iter().map(|sample| sample.p99_ms).collect());
     let minutes = samples[samples.len() - 1].minutes;
     let is_long = minutes >= LONG_MIN * 0.99;
-    let (max_slope, max_threads) =
-        if is_long { (MAX_SLOPE_MIB, MAX_GROWTH) } else { (MAX_SHORT_SLOPE_MIB, MAX_SHORT_THREADS) };
+    let max_slope = if is_long { MAX_SLOPE_MIB } else { MAX_SHORT_SLOPE_MIB };
     let p99_ratio = Figure::new("tick_p99_ratio", p99(rest) / p99(first), "");
     let worker_slope = (2..rest[0].usage.len()).map(slope).fold(f64::NEG_INFINITY, f64::max);
     vec![
@@ -152,7 +148,7 @@ fn summary(samples: &[Sample], panics: f64, rounds: u64) -> Vec<Figure> {
         Figure::new("planner_mib_per_min", slope(1), "MiB/min").at_most(max_slope),
         Figure::new("worker_mib_per_min", worker_slope, "MiB/min").at_most(max_slope),
         Figure::new("descriptors_growth", growth(|usage| usage.descriptors), "").at_most(MAX_GROWTH),
-        Figure::new("threads_growth", growth(|usage| usage.threads), "").at_most(max_threads),
+        Figure::new("threads_growth", growth(|usage| usage.threads), "").at_most(MAX_GROWTH),
         Figure::new("worlds_panicked", panics, "").at_most(0.0),
         if is_long { p99_ratio.at_most(MAX_P99_RATIO) } else { p99_ratio },
     ]
